@@ -1,0 +1,24 @@
+"""Every error a user can cause.  The command line prints its text as one paragraph and exits with status 1.
+
+A text says what was expected, what came (path, shape, value) and what to do about it.
+"""
+
+
+class PlnerfError(Exception):
+    """Base of all errors that bad input, a full disk or a wrong option can cause."""
+
+
+class SceneError(PlnerfError):
+    """The scene folder, its images or its camera poses cannot be used."""
+
+
+class ConfigError(PlnerfError):
+    """A setting is unknown, of the wrong type, or contradicts another."""
+
+
+class CheckpointError(PlnerfError):
+    """A checkpoint cannot be written, read, or continued from."""
+
+
+class TrainingError(PlnerfError):
+    """Training cannot go on: a loss term is no longer finite."""

@@ -1,0 +1,1 @@
+"""Rays, frustums, contraction and step functions along a ray."""

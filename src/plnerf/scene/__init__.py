@@ -1,0 +1,1 @@
+"""The scene folder: images, cameras, frames."""

@@ -1,0 +1,1 @@
+"""A span of known geometry, rendered with its exact truth."""
