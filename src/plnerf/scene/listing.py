@@ -1,0 +1,106 @@
+"""What a format's reader hands over: the images of a capture, with poses and intrinsics as the file states
+them.
+
+Poses are camera-to-world in the world frame, OpenCV axes, float64; intrinsics are those of the full-size
+image.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.errors import SceneError
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole with OpenCV's distortion; pixels from the image's top-left corner."""
+
+    width: int
+    height: int
+    fl_x: float
+    fl_y: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float]
+    """k1 k2 p1 p2 k3."""
+    owner: str
+    """Who states them, for error texts: "the whole file", "this frame" or "COLMAP camera 1"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One image."""
+
+    name: str
+    """Path below the scene folder, with slashes."""
+    path: Path
+    T_world_camera: Float[np.ndarray, "4 4"]
+    intrinsics: Intrinsics
+    mask: Path | None = None
+    wire_mask: Path | None = None
+    depth: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Listing:
+    """All images of a capture, sorted by name, and what the file says about the scene as a whole."""
+
+    root: Path
+    shots: tuple[Shot, ...]
+    format: str
+    train: tuple[str, ...] | None = None
+    """Names the file wants trained on; None: all that are not held out."""
+    test: tuple[str, ...] | None = None
+    """Names the file wants held out; None: all not in ``train``, or without ``train`` every eighth."""
+    up: Float[np.ndarray, "3"] | None = None
+    line_axis: Float[np.ndarray, "3"] | None = None
+    span: Float[np.ndarray, "2 3"] | None = None
+    """World box of interest: its lower and upper corner."""
+    unit: Literal["m", "unscaled"] = "unscaled"
+    crs: str | None = None
+    truth: Path | None = None
+    left_out: tuple[str, ...] = ()
+
+
+def some(names: Iterable[str], limit: int = 3) -> str:
+    """ "a, b, c and 4 more": enough names to look for, on one line."""
+    every = list(names)
+    more = f" and {len(every) - limit} more" if len(every) > limit else ""
+    return ", ".join(every[:limit]) + more
+
+
+def check_present(listed: int, missing: Sequence[str], source: Path, *, may_leave_out: bool) -> None:
+    """Raise SceneError when images that ``source`` lists are not on disk and cannot be left out.
+
+    ``may_leave_out``: instant-ngp skips frames whose file is absent; that is followed as long as two images
+    and at least half of all are there.
+    """
+    if not missing:
+        return
+    usable = listed - len(missing)
+    names = f"{len(missing)} of the {listed} images that {source} lists are not there ({some(missing)})"
+    if not may_leave_out:
+        raise SceneError(f"{names}. Copy them into the scene folder, or take their frames out of the file.")
+    if usable < 2 or 2 * len(missing) > listed:
+        raise SceneError(
+            f"{names}. Absent images of an instant-ngp file are left out, but at least two and no fewer than "
+            "half must be there: copy the images into the scene folder, below which the file's paths are "
+            "looked up."
+        )
+
+
+def check_unique(shots: Sequence[Shot], source: Path) -> None:
+    """Raise SceneError when two frames are the same file on disk."""
+    seen: dict[Path, Shot] = {}
+    for shot in shots:
+        first = seen.setdefault(shot.path.resolve(), shot)
+        if first is not shot:
+            raise SceneError(
+                f"{source} lists the file {shot.path} twice (as {first.name} and as {shot.name}), so one "
+                "picture would have two poses. Take one of the two frames out of the file."
+            )

@@ -1,0 +1,130 @@
+"""Chooses the scene frame: which way is up, along which direction the line runs, what fills [-1, 1]^3.
+
+Letters: n cameras.  World frame, float64, camera axes OpenCV's (x right, y down, z forward).
+"""
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.errors import SceneError
+from plnerf.scene.transforms import Frames
+
+ELONGATED = 3.0
+"""Camera tracks this many times longer than wide give the line's direction."""
+
+PARALLEL = 0.1
+"""Camera x axes whose second singular value is below this share of the first are called parallel (about 6
+degrees)."""
+
+LOOKS_DOWN = 0.2
+"""Cameras whose mean up has less than this component along the vertical are taken to look down (78
+degrees)."""
+
+FROM_FILE = "file"
+FROM_X_AXES = "estimated from the cameras' x axes"
+FROM_MEAN_UP = "mean camera up (the cameras' x axes do not determine it)"
+FROM_FORWARD = "opposite to the mean view direction (the cameras' x axes do not determine it)"
+
+
+def frames_for(
+    T_world_camera: Float[np.ndarray, "n 4 4"],
+    *,
+    up: Float[np.ndarray, "3"] | None,
+    line_axis: Float[np.ndarray, "3"] | None,
+    span: Float[np.ndarray, "2 3"] | None,
+    unit: Literal["m", "unscaled"],
+    crs: str | None,
+) -> Frames:
+    """The scene frame for these cameras (OpenCV axes).
+
+    up: the file's, else ``estimate_up``.  x: the file's line axis made horizontal, else ``estimate_line``.
+    Shift and scale: the world box ``span`` (its centre to 0, its longest side after rotation to [-1, 1]),
+    else as in nerfacto: mean camera centre to 0, largest absolute camera coordinate to 1.
+    """
+    rotations, centres = T_world_camera[:, :3, :3], T_world_camera[:, :3, 3]
+    z, up_source = (up, FROM_FILE) if up is not None else estimate_up(rotations, centres)
+    z = _unit(z)
+    along = line_axis if line_axis is not None else estimate_line(rotations, centres, z)
+    flat = along - z * (along @ z)
+    if np.linalg.norm(flat) < 1e-6 * np.linalg.norm(along):
+        raise SceneError(
+            f"The scene's line_axis {along.tolist()} points along its up direction {z.round(6).tolist()}, so "
+            "it gives no horizontal direction. Correct plnerf.line_axis or plnerf.up in transforms.json."
+        )
+    x = _unit(flat)
+    R_scene_world = np.stack([x, np.cross(z, x), z])
+    if span is not None:
+        shift = span.mean(0)
+        scale = 2.0 / float((np.abs(R_scene_world) @ (span[1] - span[0])).max())
+    else:
+        shift = centres.mean(0)
+        reach = float(np.abs((centres - shift) @ R_scene_world.T).max())
+        if reach <= 1e-9 * max(1.0, float(np.abs(shift).max())):
+            raise SceneError(
+                f"All {len(centres)} cameras stand at the same point {shift.tolist()}, so nothing can be "
+                "triangulated. Photograph from several places, or correct the positions in the file."
+            )
+        scale = 1.0 / reach
+    return Frames(R_scene_world, scale, shift, unit, crs, up_source)
+
+
+def estimate_up(
+    R_world_camera: Float[np.ndarray, "n 3 3"], centres: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "3"], str]:
+    """Gravity's opposite, and how it was found.
+
+    People and gimbals hold cameras level, so the cameras' x axes are horizontal: up is the unit vector most
+    orthogonal to all of them.  Its sign is the mean camera up's, or for cameras that look straight down
+    (their up directions are horizontal) the opposite of the mean view direction's.  Where the x axes do not
+    span a plane (parallel, or in all directions), up is the mean camera up, except for cameras that must be
+    looking down, for which it is minus the mean view direction: when their own up directions cancel (strips
+    flown to and fro), or when the track runs along camera up much further than along the view (one strip:
+    aircraft climb less than they travel).
+    """
+    x_axes, ups, views = R_world_camera[:, :, 0], -R_world_camera[:, :, 1], R_world_camera[:, :, 2]
+    mean_up, mean_view = ups.mean(0), views.mean(0)
+    _, singular, directions = np.linalg.svd(x_axes)
+    singular = np.append(singular, [0.0, 0.0])[:3]  # one or two cameras have fewer than three
+    normal = directions[2]
+    if singular[1] > PARALLEL * singular[0] and singular[2] < 0.5 * singular[1]:
+        by_up, by_view = float(mean_up @ normal), -float(mean_view @ normal)
+        return normal * np.copysign(1.0, by_up if abs(by_up) > LOOKS_DOWN else by_view), FROM_X_AXES
+    along_up, along_view = np.ptp(centres @ mean_up), np.ptp(centres @ mean_view)
+    if np.linalg.norm(mean_view) > 0.5 and (
+        np.linalg.norm(mean_up) < 0.5 or along_up > ELONGATED * max(float(along_view), 1e-12)
+    ):
+        return -_unit(mean_view), FROM_FORWARD
+    if np.linalg.norm(mean_up) > 1e-3:
+        return _unit(mean_up), FROM_MEAN_UP
+    return ups[0].copy(), FROM_MEAN_UP
+
+
+def estimate_line(
+    R_world_camera: Float[np.ndarray, "n 3 3"], centres: Float[np.ndarray, "n 3"], up: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3"]:
+    """A horizontal direction for the scene's x axis, in world coordinates.
+
+    The track's principal horizontal direction, from the first camera to the last, when the track is
+    ``ELONGATED``; else the mean of the cameras' x axes; else (they cancel, as on an orbit) the world axis
+    that is most horizontal.
+    """
+    level: Float[np.ndarray, "3 3"] = np.eye(3) - np.outer(up, up)
+    track = (centres - centres.mean(0)) @ level
+    _, singular, directions = np.linalg.svd(track)
+    singular = np.append(singular, [0.0, 0.0])[:3]
+    if singular[0] > 1e-12 and singular[0] >= ELONGATED * singular[1]:
+        direction: Float[np.ndarray, 3] = directions[0]
+        travel = float((centres[-1] - centres[0]) @ direction)
+        if (travel or direction[np.abs(direction).argmax()]) < 0:
+            return -direction
+        return direction
+    right: Float[np.ndarray, 3] = level @ R_world_camera[:, :, 0].mean(0)
+    level_axis: Float[np.ndarray, 3] = level[np.abs(up).argmin()]
+    return right if np.linalg.norm(right) > 0.1 else level_axis
+
+
+def _unit(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    unit: Float[np.ndarray, 3] = vector / np.linalg.norm(vector)
+    return unit

@@ -1,0 +1,125 @@
+"""A scene ready to train on: cameras in the scene frame, pixels, frames, and which images are held out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from plnerf.errors import SceneError
+from plnerf.scene.build_store import Progress, open_store, reduced_sizes_px
+from plnerf.scene.cameras import Cameras
+from plnerf.scene.formats import read_listing
+from plnerf.scene.images import ImageStore
+from plnerf.scene.listing import Listing, some
+from plnerf.scene.orientation import frames_for
+from plnerf.scene.transforms import Frames
+
+HOLD_OUT_EVERY = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One capture; all per-image tuples and keys follow the sorted image names."""
+
+    root: Path
+    names: tuple[str, ...]
+    """Image paths below ``root``, with slashes, sorted."""
+    cameras: Cameras
+    """Scene frame, intrinsics at the training resolution."""
+    frames: Frames
+    images: ImageStore
+    train: tuple[int, ...]
+    test: tuple[int, ...]
+    """Held-out images: never trained on."""
+    wire_masks: Mapping[int, Path]
+    """Full-size uint8 images, 255 = wire."""
+    depths: Mapping[int, Path]
+    """Full-size uint16 images, millimetres along the camera's z axis, 0 = no surface."""
+    truth: Path | None
+    """Exact geometry, of synthetic scenes only."""
+    format: str
+    """"nerfstudio", "instant-ngp" or "colmap"."""
+    left_out: tuple[str, ...]
+    """Images that the source lists and that are not used (no file, or no pose)."""
+
+
+def load_scene(source: Path, *, store: Path, downscale: int = 1, progress: Progress | None = None) -> Scene:
+    """Reads a scene folder, a COLMAP folder or a transforms.json.
+
+    store: folder for the reduced pixels, built on the first call and reused after.  downscale: integer factor
+    by which width and height shrink.  Raises SceneError for whatever cannot be used; warns when images are
+    left out.
+    """
+    listing = read_listing(source)
+    train, test = split(listing)
+    T_world_camera = np.stack([shot.T_world_camera for shot in listing.shots])
+    frames = frames_for(
+        T_world_camera,
+        up=listing.up,
+        line_axis=listing.line_axis,
+        span=listing.span,
+        unit=listing.unit,
+        crs=listing.crs,
+    )
+    return Scene(
+        root=listing.root,
+        names=tuple(shot.name for shot in listing.shots),
+        cameras=scene_cameras(listing, frames, downscale),
+        frames=frames,
+        images=open_store(listing.shots, listing.root, store, downscale=downscale, progress=progress),
+        train=train,
+        test=test,
+        wire_masks={i: shot.wire_mask for i, shot in enumerate(listing.shots) if shot.wire_mask is not None},
+        depths={i: shot.depth for i, shot in enumerate(listing.shots) if shot.depth is not None},
+        truth=listing.truth,
+        format=listing.format,
+        left_out=listing.left_out,
+    )
+
+
+def scene_cameras(listing: Listing, frames: Frames, downscale: int) -> Cameras:
+    """The listing's cameras in the scene frame; intrinsics scaled per axis by the true ratio of the sizes."""
+    T_world_camera = np.stack([shot.T_world_camera for shot in listing.shots])
+    lenses = [shot.intrinsics for shot in listing.shots]
+    sizes = reduced_sizes_px(listing.shots, downscale)
+    ratio = sizes / np.array([[lens.width, lens.height] for lens in lenses])
+    focal = np.array([[lens.fl_x, lens.fl_y] for lens in lenses]) * ratio
+    principal = np.array([[lens.cx, lens.cy] for lens in lenses]) * ratio
+    return Cameras(
+        R_scene_camera=torch.from_numpy(frames.R_scene_world @ T_world_camera[:, :3, :3]).float(),
+        centre=torch.from_numpy(frames.to_scene(T_world_camera[:, :3, 3])).float(),
+        focal_px=torch.from_numpy(focal).float(),
+        principal_px=torch.from_numpy(principal).float(),
+        distortion=torch.tensor([lens.distortion for lens in lenses], dtype=torch.float32),
+        size_px=torch.from_numpy(sizes),
+    )
+
+
+def split(listing: Listing) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Indices of training and held-out images: the file's lists, else every eighth by name is held out."""
+    position = {shot.name: i for i, shot in enumerate(listing.shots)}
+    everything = range(len(listing.shots))
+    train, test = listing.train, listing.test
+    if train is None and test is None:
+        held = set(everything[::HOLD_OUT_EVERY])
+        chosen = set(everything) - held
+    else:
+        held = {position[name] for name in test} if test is not None else set()
+        chosen = {position[name] for name in train} if train is not None else set(everything) - held
+        held = held if test is not None else set(everything) - chosen
+    both = sorted(held & chosen)
+    if both:
+        raise SceneError(
+            f"{len(both)} images are both trained on and held out "
+            f"({some(listing.shots[i].name for i in both)}), so the evaluation would be of no worth. Take "
+            "them out of one of the file's two lists."
+        )
+    if not chosen or not held:
+        raise SceneError(
+            f"Of the {len(listing.shots)} images in {listing.root}, {len(chosen)} are for training and "
+            f"{len(held)} held out; each needs at least one. Correct the lists in the file (train_filenames, "
+            "test_filenames, plnerf.test), remove them (then every eighth image is held out), or add images."
+        )
+    return tuple(sorted(chosen)), tuple(sorted(held))

@@ -1,0 +1,138 @@
+"""The only place where frames change: file to world, world to scene, OpenGL to OpenCV.
+
+Frames.  ``world``: the file's own frame, metric east-north-up when the file says unit "m", else the unscaled
+frame of structure from motion.  ``scene``: world rotated (x along the line, z up), shifted and scaled
+isotropically, so that the region of interest fills [-1, 1]^3.  Camera axes: OpenCV's (x right, y down, z
+forward) inside, OpenGL's (x right, y up, z backward) in transforms.json.  Everything here is float64;
+letters: n cameras, R rotations, T rigid 4x4.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.errors import SceneError
+
+MAX_DRIFT = 1e-3
+"""How far a pose's singular values may be from 1: below, it is rounding and is removed; above, it is an
+error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The similarity between scene and world: x_scene = scale * R_scene_world (x_world - shift_world)."""
+
+    R_scene_world: Float[np.ndarray, "3 3"]
+    scale: float
+    """Scene units per world unit."""
+    shift_world: Float[np.ndarray, "3"]
+    """The world point that is the scene's origin."""
+    unit: Literal["m", "unscaled"]
+    crs: str | None
+    """Coordinate reference system of the survey (such as "EPSG:25832"), or None."""
+    up_source: str
+    """How gravity was found: "file", or the name of the estimate."""
+
+    def to_scene(self, x_world: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
+        """World coordinates to scene coordinates, float64."""
+        turned: Float[np.ndarray, "*b 3"] = (x_world - self.shift_world) @ self.R_scene_world.T
+        scaled: Float[np.ndarray, "*b 3"] = turned * self.scale
+        return scaled
+
+    def to_world(self, x_scene: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
+        """Scene coordinates to world coordinates, float64."""
+        turned: Float[np.ndarray, "*b 3"] = x_scene.astype(np.float64) @ self.R_scene_world
+        shifted: Float[np.ndarray, "*b 3"] = turned / self.scale + self.shift_world
+        return shifted
+
+    def to_json(self) -> dict[str, object]:
+        """Plain JSON values; ``from_json`` gives back the same bits, also through ``json.dumps``."""
+        return {
+            "R_scene_world": self.R_scene_world.tolist(),
+            "scale": self.scale,
+            "shift_world": self.shift_world.tolist(),
+            "unit": self.unit,
+            "crs": self.crs,
+            "up_source": self.up_source,
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, object]) -> "Frames":
+        """The inverse of ``to_json``.  Raises SceneError when a value is absent or of the wrong kind."""
+        try:
+            rotation = np.array(data["R_scene_world"], dtype=np.float64).reshape(3, 3)
+            shift = np.array(data["shift_world"], dtype=np.float64).reshape(3)
+            scale = float(str(data["scale"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise SceneError(
+                "The stored frames need R_scene_world (3x3), shift_world (3) and scale as numbers, but hold "
+                f"{sorted(data)} ({error!r}). They were edited or written by another program: make them "
+                "again by loading the scene folder."
+            ) from error
+        unit, crs = data.get("unit"), data.get("crs")
+        return cls(
+            R_scene_world=rotation,
+            scale=scale,
+            shift_world=shift,
+            unit="m" if unit == "m" else "unscaled",
+            crs=None if crs is None else str(crs),
+            up_source=str(data.get("up_source", "unknown")),
+        )
+
+
+def flip_camera_axes(T_world_camera: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 4 4"]:
+    """OpenGL camera axes to OpenCV's, and back: y and z turn round, so the function is its own inverse."""
+    flipped: Float[np.ndarray, "*b 4 4"] = T_world_camera * np.array([1.0, -1.0, -1.0, 1.0])
+    return flipped
+
+
+def rigid_pose(matrix: Float[np.ndarray, "r 4"], where: str) -> Float[np.ndarray, "4 4"]:
+    """The rigid 4x4 transform that a file's 3x4 or 4x4 matrix states.
+
+    Singular values of the 3x3 part within ``MAX_DRIFT`` of 1 are rounding: the nearest rotation (in the
+    Frobenius norm, U V^T of its SVD) takes its place.  Raises SceneError, naming ``where``, for anything
+    further away.
+    """
+    shape = tuple(matrix.shape)
+    if shape not in {(3, 4), (4, 4)}:
+        raise SceneError(
+            f"{where}: a camera-to-world matrix has 4 rows of 4 numbers (or 3 of 4), but this one has shape "
+            f"{shape}. Correct the file, or run the pose estimation again."
+        )
+    if not np.isfinite(matrix).all():
+        raise SceneError(
+            f"{where}: the camera-to-world matrix holds NaN or infinity, so this image has no position. "
+            "Remove the image from the file, or run the pose estimation again."
+        )
+    if shape == (4, 4) and not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-9):
+        raise SceneError(
+            f"{where}: the last row of a camera-to-world matrix is 0 0 0 1, but here it is "
+            f"{' '.join(f'{v:g}' for v in matrix[3])}. Is the matrix transposed? It is read row by row."
+        )
+    left, singular, right = np.linalg.svd(matrix[:3, :3])
+    values = ", ".join(f"{v:.4g}" for v in singular)
+    if singular[2] <= 1e-6 * singular[0]:
+        raise SceneError(
+            f"{where}: the camera-to-world matrix is singular (singular values {values}; a rotation has 1, "
+            "1, 1), so it has no direction of view. Remove the image from the file, or run the pose "
+            "estimation again."
+        )
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        raise SceneError(
+            f"{where}: the camera-to-world matrix mirrors space (its determinant is negative), which no "
+            "camera does. Usually one axis was negated or two were exchanged in a conversion: "
+            "transforms.json wants OpenGL camera axes (x right, y up, z backward)."
+        )
+    if np.abs(singular - 1).max() > MAX_DRIFT:
+        raise SceneError(
+            f"{where}: the camera-to-world matrix is not rigid (singular values {values}; each must be "
+            f"within {MAX_DRIFT:g} of 1). Take scale and shear out of the rotations; a scale of the whole "
+            "scene belongs in the positions alone."
+        )
+    rigid = np.eye(4)
+    rigid[:3, :3] = left @ right
+    rigid[:3, 3] = matrix[:3, 3]
+    return rigid
