@@ -69,7 +69,7 @@ def open_store(
             _build(shots, folder, sizes, fingerprint, progress)
         except OSError as error:
             raise SceneError(
-                f"The image store in {folder} cannot be written ({error.strerror}); it needs "
+                f"The image store in {folder} cannot be written ({error.strerror or error}); it needs "
                 f"{_pixel_count(sizes) * 4 / 1e6:.0f} MB. Make room, choose another folder, or a larger "
                 "downscale."
             ) from error

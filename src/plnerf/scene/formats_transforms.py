@@ -10,7 +10,6 @@ depth_path.
 import json
 import math
 import posixpath
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
@@ -53,17 +52,10 @@ def read_transforms(path: Path) -> Listing:
     missing = sorted(name for name, file in files.items() if file is None)
     may_leave_out = "aabb_scale" in data
     check_present(len(frames), missing, path, may_leave_out=may_leave_out)
-    if missing:
-        warnings.warn(
-            f"{len(missing)} of the {len(frames)} images in {path} are not there and were left out "
-            f"({some(missing)}).",
-            stacklevel=3,
-        )
-    shots = []
-    for name, frame in sorted(located, key=lambda pair: pair[0]):
-        file = files[name]
-        if file is not None:
-            shots.append(_shot(root, file, frame, data, f"{path}, frame {name}"))
+    present = [(name, frame, file) for name, frame in located if (file := files[name]) is not None]
+    present.sort(key=lambda entry: entry[0])
+    data = {**data, **_shared_size(data, present[0][2])}
+    shots = [_shot(root, file, frame, data, f"{path}, frame {name}") for name, frame, file in present]
     check_unique(shots, path)
     return Listing(
         root=root,
@@ -117,6 +109,20 @@ def _locate(root: Path, name: str) -> Path | None:
     return None
 
 
+def _shown(root: Path, file: Path) -> str:
+    """The image's name: its path below the scene folder, or the whole path when it lies elsewhere."""
+    return (file.relative_to(root) if file.is_relative_to(root) else file).as_posix()
+
+
+def _shared_size(data: Json, first: Path) -> Json:
+    """w and h for the whole file: as stated, else those of the first image (all must then be of that
+    size)."""
+    if data.get("w") is not None and data.get("h") is not None:
+        return {}
+    width, height = stored_size_px(first)
+    return {"w": width, "h": height}
+
+
 def _shot(root: Path, file: Path, frame: Json, data: Json, where: str) -> Shot:
     try:
         matrix = np.array(frame.get("transform_matrix"), dtype=np.float64)
@@ -130,7 +136,7 @@ def _shot(root: Path, file: Path, frame: Json, data: Json, where: str) -> Shot:
             "the file."
         )
     return Shot(
-        name=file.relative_to(root).as_posix(),
+        name=_shown(root, file),
         path=file,
         T_world_camera=flip_camera_axes(rigid_pose(matrix, where)),
         intrinsics=_intrinsics(frame, data, file, where),
@@ -141,11 +147,13 @@ def _shot(root: Path, file: Path, frame: Json, data: Json, where: str) -> Shot:
 
 
 def _intrinsics(frame: Json, data: Json, file: Path, where: str) -> Intrinsics:
-    """The frame's own values before the file's; width and height from the image where nobody states them."""
+    """The frame's own values before the file's.  A frame with intrinsics but without w and h has its image's
+    size."""
     both = {**data, **frame}
     _check_model(both, where)
     own = not _INTRINSIC_KEYS.isdisjoint(frame)
-    width, height = number_of(both, "w", where), number_of(both, "h", where)
+    sized = frame if own else data
+    width, height = number_of(sized, "w", where), number_of(sized, "h", where)
     if width is None or height is None:
         width, height = stored_size_px(file)
     fl_x, fl_y = _focal(both, "x", width, where), _focal(both, "y", height, where)
@@ -234,7 +242,7 @@ def _names(
             f'{path}: "{key}" names {len(unknown)} images that are no frames of the file ({some(unknown)}). '
             "Use the file_path of the frames."
         )
-    return tuple(file.relative_to(root).as_posix() for name in wanted if (file := files[name]) is not None)
+    return tuple(_shown(root, file) for name in wanted if (file := files[name]) is not None)
 
 
 def _span(values: Json, path: Path) -> Float[np.ndarray, "2 3"] | None:

@@ -85,8 +85,7 @@ def estimate_up(
     """
     x_axes, ups, views = R_world_camera[:, :, 0], -R_world_camera[:, :, 1], R_world_camera[:, :, 2]
     mean_up, mean_view = ups.mean(0), views.mean(0)
-    _, singular, directions = np.linalg.svd(x_axes)
-    singular = np.append(singular, [0.0, 0.0])[:3]  # one or two cameras have fewer than three
+    singular, directions = _principal(x_axes)
     normal = directions[2]
     if singular[1] > PARALLEL * singular[0] and singular[2] < 0.5 * singular[1]:
         by_up, by_view = float(mean_up @ normal), -float(mean_view @ normal)
@@ -112,19 +111,27 @@ def estimate_line(
     """
     level: Float[np.ndarray, "3 3"] = np.eye(3) - np.outer(up, up)
     track = (centres - centres.mean(0)) @ level
-    _, singular, directions = np.linalg.svd(track)
-    singular = np.append(singular, [0.0, 0.0])[:3]
+    singular, directions = _principal(track)
     if singular[0] > 1e-12 and singular[0] >= ELONGATED * singular[1]:
-        direction: Float[np.ndarray, 3] = directions[0]
+        direction: Float[np.ndarray, " 3"] = directions[0]
         travel = float((centres[-1] - centres[0]) @ direction)
         if (travel or direction[np.abs(direction).argmax()]) < 0:
             return -direction
         return direction
-    right: Float[np.ndarray, 3] = level @ R_world_camera[:, :, 0].mean(0)
-    level_axis: Float[np.ndarray, 3] = level[np.abs(up).argmin()]
+    right: Float[np.ndarray, " 3"] = level @ R_world_camera[:, :, 0].mean(0)
+    level_axis: Float[np.ndarray, " 3"] = level[np.abs(up).argmin()]
     return right if np.linalg.norm(right) > 0.1 else level_axis
 
 
+def _principal(
+    vectors: Float[np.ndarray, "n 3"],
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    """Singular values, largest first, and right singular vectors (rows) of n rows, without an n x n
+    matrix."""
+    squares, columns = np.linalg.eigh(vectors.T @ vectors)
+    return np.sqrt(np.maximum(squares[::-1], 0.0)), columns.T[::-1]
+
+
 def _unit(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    unit: Float[np.ndarray, 3] = vector / np.linalg.norm(vector)
+    unit: Float[np.ndarray, " 3"] = vector / np.linalg.norm(vector)
     return unit

@@ -1,5 +1,6 @@
 """A scene ready to train on: cameras in the scene frame, pixels, frames, and which images are held out."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,6 +54,12 @@ def load_scene(source: Path, *, store: Path, downscale: int = 1, progress: Progr
     left out.
     """
     listing = read_listing(source)
+    if listing.left_out:
+        warnings.warn(
+            f"{len(listing.left_out)} images that {source} lists are left out, having no file or no pose "
+            f"({some(listing.left_out)}).",
+            stacklevel=2,
+        )
     train, test = split(listing)
     T_world_camera = np.stack([shot.T_world_camera for shot in listing.shots])
     frames = frames_for(

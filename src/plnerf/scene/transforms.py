@@ -65,7 +65,7 @@ class Frames:
         try:
             rotation = np.array(data["R_scene_world"], dtype=np.float64).reshape(3, 3)
             shift = np.array(data["shift_world"], dtype=np.float64).reshape(3)
-            scale = float(str(data["scale"]))
+            scale = float(np.array(data["scale"], dtype=np.float64).reshape(()))
         except (KeyError, TypeError, ValueError) as error:
             raise SceneError(
                 "The stored frames need R_scene_world (3x3), shift_world (3) and scale as numbers, but hold "
