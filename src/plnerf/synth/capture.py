@@ -1,0 +1,111 @@
+"""The flight: where each image is taken from, as an inspection robot films a span at close range.
+
+Letters: R_world_camera maps OpenCV camera axes (x right, y down, z forward) to the world frame (metres, z up).
+Three passes: left of the line flying forth, right of it flying back, and between the outer phase and the
+shield wire flying forth again.  A camera that moves along a wire sees nothing of the wire's depth, so it is the
+passes' different sides and heights that fix the wires.
+
+The passes form a closed loop that begins a few images into the first pass.  Held-out images are every 8th by
+name; so cut, each of them has its neighbours in time on both sides among the training images.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.synth.span import Conductor, Span
+
+
+@dataclass(frozen=True)
+class View:
+    """One image's camera: pinhole, principal point in the middle of the image."""
+
+    name: str  # without folder and suffix, "0012"
+    flight_pass: str
+    R_world_camera: Float[np.ndarray, "3 3"]
+    centre: Float[np.ndarray, "3"]  # world, metres
+
+    def T_world_camera_opengl(self) -> Float[np.ndarray, "4 4"]:
+        """Camera to world with OpenGL camera axes (x right, y up, z backward), as transforms.json wants it."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.R_world_camera * np.array([1.0, -1.0, -1.0])
+        matrix[:3, 3] = self.centre
+        return matrix
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One flight along the span; lengths relative to the conductor it follows."""
+
+    name: str
+    follows: int  # index of the conductor
+    across_m: float  # camera's offset from that conductor across the line, left positive
+    above_m: float
+    start_m: float  # along the line as a fraction of half the span: -1 is the west tower
+    end_m: float
+    toward_deg: float  # camera turned from the flight direction to the left
+    pitch_deg: float  # upwards positive
+
+
+def flight_passes() -> tuple[Pass, ...]:
+    """The default three passes around the default conductors."""
+    return (
+        Pass("right", 0, -2.5, 0.8, -1.2, 0.74, 40.0, -2.0),
+        Pass("left", 1, 2.4, 1.0, 1.2, -0.74, 38.0, 4.0),
+        Pass("above", 0, -0.5, 2.6, -1.2, 0.74, 27.0, -3.0),
+    )
+
+
+def plan_flight(span: Span) -> tuple[View, ...]:
+    """Camera poses of all passes, named in time order."""
+    rng = np.random.default_rng([span.config.seed, 2])
+    poses: list[tuple[str, np.ndarray, np.ndarray]] = []
+    count = span.config.views_per_pass
+    for leg in flight_passes():
+        phases = rng.uniform(0, 2 * math.pi, 5)
+        for i in range(count):
+            poses.append((leg.name, *_pose(span, leg, i / (count - 1), phases, rng)))
+    cut = 4 if count > 8 else 1
+    loop = poses[cut:] + poses[:cut]
+    return tuple(View(f"{i:04d}", name, R, centre) for i, (name, R, centre) in enumerate(loop))
+
+
+def _pose(
+    span: Span, leg: Pass, progress: float, phases: Float[np.ndarray, "5"], rng: np.random.Generator
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """Camera at `progress` (0..1) of a pass: a slow wobble of position and view, and a little shake."""
+    half = span.config.span_length_m / 2
+    slow = np.sin(2 * math.pi * np.array([1.0, 1.6, 1.3, 2.2, 1.9]) * progress + phases)
+    shake = rng.normal(0.0, 1.0, 3)
+    along = half * (leg.start_m + (leg.end_m - leg.start_m) * progress)
+    wire = _follow(span.conductors[leg.follows], along, half)
+    base_across = span.config.phase_offsets_m[leg.follows][0]
+    across = base_across + leg.across_m + 0.30 * slow[0]
+    x, y = span.at(along, across)
+    centre = np.array([x, y, wire + leg.above_m + 0.35 * slow[1]])
+
+    forth = math.copysign(1.0, leg.end_m - leg.start_m)
+    azimuth = math.radians(span.config.line_azimuth_deg + leg.toward_deg + 11.0 * slow[2] + 0.8 * shake[0])
+    azimuth += 0.0 if forth > 0 else math.pi
+    pitch = math.radians(leg.pitch_deg + 9.0 * slow[3] + 0.6 * shake[1])
+    roll = math.radians(3.0 * slow[4] + 0.5 * shake[2])
+    return look(azimuth, pitch, roll), centre
+
+
+def _follow(conductor: Conductor, along_m: float, half_m: float) -> float:
+    """Height of the conductor at this place along the line, held constant beyond the towers."""
+    s = np.clip((along_m + half_m) / (2 * half_m), 0.0, 1.0) * conductor.curve.span_m
+    return float(conductor.curve.heights(np.array([s]))[0])
+
+
+def look(azimuth_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
+    """R_world_camera of a camera that looks along azimuth (from +x to +y) and pitch (up), rolled clockwise."""
+    ca, sa = math.cos(azimuth_rad), math.sin(azimuth_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    forward = np.array([ca * cp, sa * cp, sp])
+    right = np.array([sa, -ca, 0.0])
+    down = np.cross(forward, right)
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    return np.stack([cr * right + sr * down, -sr * right + cr * down, forward], axis=1)

@@ -1,0 +1,70 @@
+"""Trees and bushes down to the leaf.  Metres, world frame; colours are linear reflectance per vertex."""
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.synth.meshes import Mesh, join, tube
+from plnerf.synth.span import Plant
+
+
+def plant_meshes(plant: Plant) -> tuple[Mesh | None, Mesh]:
+    """The wood (a bush has none to show) and the leaves; both inside the plant's cylinder."""
+    rng = np.random.default_rng(plant.seed)
+    foot = np.array(plant.foot)
+    tree = plant.kind != "bush"
+    base = 0.30 * plant.height_m if tree else 0.0  # where the crown begins
+    half_height = (plant.height_m - base) / 2
+    centre = foot + [0, 0, base + half_height]
+    size = {"tree": 0.085, "bush": 0.05, "background tree": 0.24}[plant.kind]
+    count = {"tree": 11000, "bush": 2600, "background tree": 2200}[plant.kind]
+    reach = np.array([plant.radius_m, plant.radius_m, half_height]) - size
+
+    lumps = int(rng.integers(14, 22)) if tree else 7
+    directions = rng.normal(size=(lumps, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    twigs = centre + directions * reach * rng.uniform(0.35, 0.72, (lumps, 1))
+    which = rng.integers(lumps, size=count)
+    spread = rng.normal(size=(count, 3))
+    spread /= np.linalg.norm(spread, axis=1, keepdims=True)
+    lump_size = rng.uniform(0.28, 0.46, lumps)[which, None]
+    at = twigs[which] + spread * reach * lump_size * rng.uniform(0.3, 1.0, (count, 1)) ** 0.5
+    relative = (at - centre) / reach
+    norm = np.linalg.norm(relative, axis=1, keepdims=True)
+    at = centre + relative / np.maximum(norm, 1.0) * reach
+    tint = rng.uniform(0.75, 1.25, lumps)[which] * rng.uniform(0.7, 1.3, count)
+    depth = np.clip(norm[:, 0], 0.0, 1.0)
+    green = np.array([0.105, 0.17, 0.04]) * rng.uniform(0.75, 1.2, 3)
+    colour = green * (tint * (0.55 + 0.45 * depth))[:, None]
+    leaves = _leaves(at, size * rng.uniform(0.6, 1.2, count), colour, rng)
+    if not tree:
+        return None, leaves
+
+    lean = rng.normal(0, 0.08, 2) * plant.radius_m
+    heights = np.linspace(-0.3, base + 1.3 * half_height, 8)
+    axis = np.stack([np.full(8, foot[0]), np.full(8, foot[1]), foot[2] + heights], axis=1)
+    axis[:, :2] += (np.clip(heights, 0, None) / plant.height_m)[:, None] ** 2 * lean
+    thickness = 0.018 * plant.height_m
+    wood = [tube(axis, thickness * np.linspace(1.15, 0.25, 8), 9)]
+    for tip in twigs:
+        start = axis[int(rng.integers(3, 7))]
+        middle = (start + tip) / 2 + [0, 0, -0.06 * plant.radius_m]
+        wood.append(tube(np.stack([start, middle, tip]), thickness * np.array([0.35, 0.22, 0.08]), 6))
+    return join(wood), leaves
+
+
+def _leaves(
+    at: Float[np.ndarray, "n 3"], size_m: Float[np.ndarray, "n"], colour: Float[np.ndarray, "n 3"],
+    rng: np.random.Generator,
+) -> Mesh:
+    """One rhombus per leaf, turned at random but rather facing the sky."""
+    n = len(at)
+    normal = rng.normal(size=(n, 3)) + [0, 0, 0.6]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    long = np.cross(normal, rng.normal(size=(n, 3)))
+    long /= np.linalg.norm(long, axis=1, keepdims=True)
+    wide = np.cross(normal, long)
+    half = size_m[:, None] / 2
+    corners = np.stack([at - long * half, at - 0.5 * wide * half, at + long * half, at + 0.5 * wide * half], axis=1)
+    first = 4 * np.arange(n)[:, None]
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    return Mesh(corners.reshape(-1, 3), faces, colour=np.repeat(colour, 4, axis=0))

@@ -1,0 +1,143 @@
+"""Pictures of parts by Mitsuba 3: photographs, wire coverage and depth.  The only file that knows Mitsuba.
+
+The scalar variant is used: it needs nothing but the wheel (the LLVM variant asks for a system library) and uses
+all cores.  Pixel (0, 0) covers [0, 1] x [0, 1] of the image plane and is the plain mean of its samples (box filter).
+"""
+
+import importlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from plnerf.errors import ConfigError
+from plnerf.synth.capture import View
+from plnerf.synth.meshes import write_ply
+from plnerf.synth.parts import Part, Surface
+from plnerf.synth.span import SpanConfig
+
+COVERAGE_SAMPLES = 36  # per pixel, one in each cell of a 6 x 6 grid
+BOUNCES = 4
+
+
+@dataclass(frozen=True)
+class Studio:
+    """The loaded scenes of one span; nothing in it changes between pictures."""
+
+    mi: Any
+    config: SpanConfig
+    lit: Any
+    wires_only: Any  # wires shine, all else is black: what is left of them is what is seen of them
+
+    def photo(self, view: View, seed: int) -> UInt8[np.ndarray, "h w 3"]:
+        """The view in sRGB at the fixed exposure."""
+        integrator = self.mi.load_dict({"type": "path", "max_depth": BOUNCES})
+        sampler = {"type": "multijitter", "sample_count": self.config.samples_per_pixel, "seed": seed}
+        radiance = self._render(self.lit, integrator, view, sampler)[..., :3]
+        return to_srgb(radiance * self.config.exposure)
+
+    def wire_coverage(self, view: View) -> Float[np.ndarray, "h w"]:
+        """The fraction of each pixel's area in which a conductor or shield wire is seen."""
+        integrator = self.mi.load_dict({"type": "path", "max_depth": 1})
+        sampler = {"type": "stratified", "sample_count": COVERAGE_SAMPLES, "seed": 0}
+        return self._render(self.wires_only, integrator, view, sampler)[..., 0]
+
+    def depth_m(self, view: View) -> Float[np.ndarray, "h w"]:
+        """Distance along the camera's z axis of what each pixel's centre sees; 0 for the sky."""
+        integrator = self.mi.load_dict({"type": "aov", "aovs": "t:depth"})
+        sampler = {"type": "stratified", "sample_count": 1, "jitter": False}
+        along_ray = self._render(self.wires_only, integrator, view, sampler)[..., -1]
+        height, width = along_ray.shape
+        x = (np.arange(width) + 0.5 - width / 2) / self.config.focal_px
+        y = (np.arange(height) + 0.5 - height / 2) / self.config.focal_px
+        return along_ray / np.sqrt(1 + x[None] ** 2 + y[:, None] ** 2)
+
+    def _render(
+        self, scene: Any, integrator: Any, view: View, sampler: dict[str, object]
+    ) -> Float[np.ndarray, "h w c"]:
+        config = self.config
+        pose = np.eye(4)
+        pose[:3, :3] = view.R_world_camera * np.array([-1.0, -1.0, 1.0])  # Mitsuba's camera: x left, y up
+        pose[:3, 3] = view.centre
+        sensor = self.mi.load_dict({
+            "type": "perspective",
+            "fov_axis": "x",
+            "fov": math.degrees(2 * math.atan(config.width_px / 2 / config.focal_px)),
+            "near_clip": 0.05,
+            "far_clip": 5000.0,
+            "to_world": self.mi.ScalarTransform4f(pose),
+            "sampler": sampler,
+            "film": {
+                "type": "hdrfilm", "width": config.width_px, "height": config.height_px,
+                "pixel_format": "rgb", "component_format": "float32", "rfilter": {"type": "box"},
+            },
+        })
+        seed = sampler.get("seed", 0)
+        image = self.mi.render(scene, sensor=sensor, integrator=integrator, spp=sampler["sample_count"], seed=seed)
+        return np.array(image, dtype=np.float64)
+
+
+def require_mitsuba() -> Any:
+    """The mitsuba module with its variant set."""
+    try:
+        mi = importlib.import_module("mitsuba")
+    except ImportError as error:
+        raise ConfigError(
+            "plnerf synth renders with Mitsuba 3, which is not installed. "
+            'Run: pip install "plnerf[synth]"'
+        ) from error
+    mi.set_variant("scalar_rgb")
+    return mi
+
+
+def open_studio(parts: Sequence[Part], config: SpanConfig, scratch: Path) -> Studio:
+    """Load all parts; `scratch` is an existing folder for meshes, needed only during this call."""
+    mi = require_mitsuba()
+    lit: dict[str, object] = {"type": "scene", "sky": _sky(mi, config)}
+    marked: dict[str, object] = {"type": "scene"}
+    for i, part in enumerate(parts):
+        path = scratch / f"{i}.ply"
+        write_ply(part.mesh, path)
+        shape = {"type": "ply", "filename": str(path), "face_normals": not part.mesh.smooth}
+        lit[f"part{i}"] = shape | {"bsdf": _bsdf(mi, part.surface)}
+        dark = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+        shining = {"emitter": {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}} if part.wire else {}
+        marked[f"part{i}"] = shape | {"bsdf": dark} | shining
+    return Studio(mi, config, mi.load_dict(lit), mi.load_dict(marked))
+
+
+def to_srgb(linear: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """IEC 61966-2-1, clipped at 1."""
+    x = np.clip(linear, 0.0, 1.0)
+    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    return np.rint(255 * encoded).astype(np.uint8)
+
+
+def _sky(mi: Any, config: SpanConfig) -> dict[str, object]:
+    azimuth, elevation = math.radians(config.sun_azimuth_deg), math.radians(config.sun_elevation_deg)
+    direction = [
+        math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation), math.sin(elevation),
+    ]
+    return {"type": "sunsky", "sun_direction": direction, "turbidity": 3.5, "albedo": 0.2}
+
+
+def _bsdf(mi: Any, surface: Surface) -> dict[str, object]:
+    colour: dict[str, object]
+    if surface.colour is None:
+        colour = {"type": "mesh_attribute", "name": "vertex_color"}
+    elif isinstance(surface.colour, np.ndarray):
+        bitmap = mi.Bitmap(surface.colour.astype(np.float16))
+        colour = {"type": "bitmap", "bitmap": bitmap, "raw": True, "wrap_mode": "clamp"}
+    else:
+        colour = {"type": "rgb", "value": list(surface.colour)}
+    if surface.kind in ("matt", "leaf"):
+        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": colour}}
+    metallic, specular = (0.75, 0.5) if surface.kind == "metal" else (0.0, 0.6)
+    return {"type": "twosided", "bsdf": {
+        "type": "principled", "base_color": colour, "metallic": metallic, "roughness": surface.roughness,
+        "specular": specular,
+    }}

@@ -1,0 +1,86 @@
+"""truth.json: what is exactly where in a synthetic span.  World frame, metres, z up, everywhere."""
+
+from dataclasses import asdict
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.span import Conductor, Plant, Span, ground_height
+
+FORMAT_VERSION = 1
+GENERATOR = "plnerf synth 1"
+POLYLINE_STEP_M = 0.25
+MASK_COVERAGE = 0.1  # of a pixel's area, seen
+CLEARANCE_RANGE_M = 40.0
+
+
+def truth_of(span: Span, images: int) -> dict[str, object]:
+    """The content of truth.json."""
+    return {
+        "format_version": FORMAT_VERSION,
+        "generator": GENERATOR,
+        "world": "local east-north-up, metres, z up, origin on the ground at mid-span",
+        "unit": "m",
+        "seed": span.config.seed,
+        "config": asdict(span.config),
+        "images": images,
+        "wire_mask_rule": (
+            f"255 where a conductor or shield wire is seen in at least {MASK_COVERAGE:.0%} of the pixel's area, "
+            "by 36 samples, one in each cell of a 6 x 6 grid; insulators, clamps and dampers are not wires"
+        ),
+        "depth_rule": "along the camera's z axis at the pixel's centre, uint16 millimetres; 0: sky or beyond 65.535 m",
+        "catenary": "z(s) = z0 + p (cosh((s - s0)/p) - 1), s: horizontal distance from a along direction",
+        "conductors": [_conductor(wire) for wire in span.conductors],
+        "towers": [
+            {"name": tower.name, "foot": tower.foot, "height_m": tower.height_m, "attachments": tower.attachments}
+            for tower in span.towers
+        ],
+        "ground": _ground(span),
+        "vegetation": _vegetation(span),
+    }
+
+
+def _conductor(wire: Conductor) -> dict[str, object]:
+    curve = wire.curve
+    return {
+        "name": wire.name, "kind": wire.kind, "diameter_m": wire.diameter_m,
+        "a": curve.a, "b": curve.b, "direction": curve.direction, "span_m": curve.span_m,
+        "p_m": curve.p_m, "s0_m": curve.s0_m, "z0_m": curve.z0_m, "lowest": curve.lowest,
+        "sag_m": curve.sag_m, "length_m": curve.length_m,
+        "polyline": np.round(curve.polyline(POLYLINE_STEP_M), 6).tolist(),
+    }
+
+
+def _ground(span: Span) -> dict[str, object]:
+    """Heights at 1 m steps along the line, and at the same steps 5 m and 10 m to either side."""
+    half = span.config.span_length_m / 2 + 5
+    along = np.arange(-np.floor(half), np.floor(half) + 1)
+    rows = []
+    for across in (-10.0, -5.0, 0.0, 5.0, 10.0):
+        x, y = np.array([span.at(float(distance), across) for distance in along]).T
+        points = np.stack([x, y, ground_height(x, y)], axis=1)
+        rows.append({"across_m": across, "points": np.round(points, 4).tolist()})
+    return {"rule": "1 m steps along the line, 0 at mid-span; across_m to the left positive", "rows": rows}
+
+
+def _vegetation(span: Span) -> list[dict[str, object]]:
+    """Every plant; near ones with the clearance: leaf to conductor surface, over all leaves and conductors."""
+    axes = [wire.curve.polyline(0.02) for wire in span.conductors]
+    radii = np.repeat([wire.diameter_m / 2 for wire in span.conductors], [len(axis) for axis in axes])
+    tree = cKDTree(np.concatenate(axes))
+
+    def entry(plant: Plant) -> dict[str, object]:
+        found: dict[str, object] = {
+            "kind": plant.kind, "foot": plant.foot, "radius_m": plant.radius_m, "height_m": plant.height_m,
+        }
+        if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M:
+            distance, nearest = tree.query(plant_meshes(plant)[1].vertices)
+            best = int(np.argmin(distance))
+            owners = np.cumsum([len(axis) for axis in axes])
+            owner = int(np.searchsorted(owners, nearest[best], side="right"))
+            found["clearance_m"] = round(float(distance[best] - radii[nearest[best]]), 4)
+            found["nearest_conductor"] = span.conductors[owner].name
+        return found
+
+    return [entry(plant) for plant in span.plants]

@@ -1,0 +1,155 @@
+"""The span as geometry: plants keep their places, meshes keep their shapes, the same seed gives the same span."""
+
+import numpy as np
+import pytest
+
+from plnerf.errors import ConfigError
+from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.meshes import beam, grid, lathe, tube, without, write_ply
+from plnerf.synth.span import SpanConfig, build_span, ground_height, track_offset
+from plnerf.synth.texture import ground_texture, noise, strand_texture
+from plnerf.synth.tower import insulators, steel
+from plnerf.synth.truth import truth_of
+
+SMALL = SpanConfig(background_trees=6)
+
+
+def volume(mesh) -> float:
+    """Signed volume of a closed mesh, positive when its faces look outwards."""
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    return float((np.cross(a, b) * c).sum() / 6)
+
+
+def test_the_same_seed_gives_the_same_span_and_another_another():
+    assert build_span(SMALL) == build_span(SMALL)
+    assert build_span(SMALL).plants != build_span(SpanConfig(seed=8, background_trees=6)).plants
+
+
+def test_origin_is_on_the_ground_at_mid_span_and_towers_are_a_span_apart():
+    span = build_span(SMALL)
+    west, east = (np.array(tower.foot) for tower in span.towers)
+    assert ground_height(np.zeros(1), np.zeros(1))[0] == 0.0
+    np.testing.assert_allclose((west + east)[:2], 0.0, atol=1e-12)
+    assert np.hypot(*(east - west)[:2]) == pytest.approx(SMALL.span_length_m)
+
+
+def test_wires_keep_their_sags_and_stay_clear_of_each_other_and_of_the_ground():
+    span = build_span(SMALL)
+    lines = [wire.curve.polyline(0.1) for wire in span.conductors]
+    for i, wire in enumerate(span.conductors):
+        asked = SMALL.phase_sag_m if wire.kind == "phase" else SMALL.shield_sag_m
+        assert abs(wire.curve.sag_m - asked) < 1e-9
+        assert (lines[i][:, 2] - ground_height(lines[i][:, 0], lines[i][:, 1])).min() > 6.0
+        for other in lines[:i]:
+            assert np.linalg.norm(lines[i][:, None] - other[None], axis=2).min() > 1.2
+
+
+def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their_cylinders():
+    span = build_span(SMALL)
+    assert len(span.plants) == SMALL.trees + SMALL.bushes + SMALL.background_trees
+    for plant in span.plants:
+        foot = np.array(plant.foot)
+        assert foot[2] == ground_height(foot[:1], foot[1:2])[0]
+        assert abs(track_offset(foot[:1], foot[1:2])[0]) > plant.radius_m
+        for mesh in plant_meshes(plant):
+            if mesh is not None:
+                away = mesh.vertices - foot
+                assert np.hypot(away[:, 0], away[:, 1]).max() <= plant.radius_m
+                assert away[:, 2].max() <= plant.height_m
+
+
+def test_clearances_agree_with_brute_force():
+    span = build_span(SMALL)
+    listed = truth_of(span, 0)["vegetation"]
+    near = [i for i, entry in enumerate(listed) if "clearance_m" in entry]
+    assert len(near) >= SMALL.trees
+    for i in near[:3]:
+        leaves = plant_meshes(span.plants[i])[1].vertices
+        gaps = {
+            wire.name: min(
+                np.linalg.norm(leaves[:, None] - part[None], axis=2).min()
+                for part in np.array_split(wire.curve.polyline(0.05), 40)
+            ) - wire.diameter_m / 2
+            for wire in span.conductors
+        }
+        best = min(gaps, key=gaps.get)
+        assert listed[i]["nearest_conductor"] == best
+        assert listed[i]["clearance_m"] == pytest.approx(gaps[best], abs=1e-3)
+
+
+def test_towers_are_as_tall_as_stated_and_strings_end_at_the_clamps():
+    span = build_span(SMALL)
+    for tower in span.towers:
+        top = steel(span, tower).vertices[:, 2].max() - tower.foot[2]
+        assert top == pytest.approx(tower.height_m, abs=0.1)
+        discs, metal = insulators(span, tower)
+        for clamp, wire in zip(tower.attachments, span.conductors, strict=True):
+            assert np.linalg.norm(metal.vertices - np.array(clamp), axis=1).min() < 0.05
+            ends = wire.curve.points(np.array([0.0, wire.curve.span_m]))
+            assert np.linalg.norm(ends - np.array(clamp), axis=1).min() < 1e-9
+            if wire.kind == "phase":
+                above = discs.vertices[np.linalg.norm((discs.vertices - clamp)[:, :2], axis=1) < 0.2]
+                assert 0 < (above[:, 2] - clamp[2]).min() < (above[:, 2] - clamp[2]).max() < SMALL.string_length_m
+
+
+def test_bodies_have_the_volume_and_the_outside_of_what_they_stand_for():
+    axis = np.stack([np.linspace(0, 3, 7), np.zeros(7), np.zeros(7)], axis=1)
+    pipe = tube(axis, 0.5, 12)
+    assert volume(pipe) == pytest.approx(2 / 3 * np.pi * 0.25 * 3, rel=1e-9)  # without its two lids
+    box = beam(np.zeros(3), np.array([0, 0, 2.0]), np.array([1.0, 0, 0]), 0.3, 0.1)
+    assert volume(box) == pytest.approx(0.3 * 0.1 * 2)
+    cone = lathe(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([5.0, 6.0, 7.0]), 64)
+    assert volume(cone) == pytest.approx(np.pi / 3, rel=5e-3)
+
+
+def test_ground_faces_the_sky_and_a_hole_is_cut_exactly():
+    x = y = np.linspace(-4.0, 4.0, 9)
+    mesh = grid(x, y, np.zeros((9, 9)))
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    areas = np.cross(b - a, c - a)[:, 2] / 2
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx(64.0)
+    ring = without(mesh, (-2.0, 2.0), (-1.0, 1.0))
+    a, b, c = (ring.vertices[ring.faces[:, i]] for i in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] / 2).sum() == pytest.approx(64.0 - 8.0)
+    assert set(ring.faces.ravel()) == set(range(len(ring.vertices)))
+
+
+def test_ply_holds_every_vertex_and_face(tmp_path):
+    mesh = tube(np.array([[0.0, 0, 0], [1, 0, 0]]), 0.1, 6)
+    write_ply(mesh, tmp_path / "a.ply")
+    header, body = (tmp_path / "a.ply").read_bytes().split(b"end_header\n", 1)
+    assert f"element vertex {len(mesh.vertices)}".encode() in header
+    table = np.frombuffer(body[: len(mesh.vertices) * 20], "<f4").reshape(-1, 5)
+    np.testing.assert_allclose(table[:, :3], mesh.vertices, atol=1e-6)
+    assert len(body) == len(mesh.vertices) * 20 + len(mesh.faces) * 13
+
+
+def test_ground_colour_belongs_to_the_place_not_to_the_patch():
+    """Two overlapping patches of the same texel agree where they overlap."""
+    large, small = ground_texture((-4.0, 4.0), (-3.0, 3.0), 0.1, 7), ground_texture((-1.0, 2.0), (0.0, 3.0), 0.1, 7)
+    np.testing.assert_allclose(large[:30, 30:60], small, atol=2e-3)
+    x, y = np.meshgrid(np.linspace(0, 900, 300), np.linspace(0, 900, 300))
+    values = noise(x, y, 2.0, 5)
+    assert abs(values.mean()) < 0.05
+    assert 0.5 < values.std() < 1.5
+
+
+def test_textures_are_reflectances():
+    for texture in (ground_texture((-30.0, 30.0), (-20.0, 20.0), 0.2, 7), strand_texture(10.0, 7)):
+        assert 0.0 < texture.min() < texture.max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"span_length_m": 0.0}, "span_length_m must be greater than 0, got 0.0"),
+        ({"phase_offsets_m": ()}, "at least one phase conductor"),
+        ({"tower_height_m": 9.0}, "Raise the tower or lower the conductor"),
+        ({"views_per_pass": 1}, "views_per_pass must be at least 4, got 1"),
+        ({"sun_elevation_deg": -3.0}, "sun_elevation_deg must be in 5 to 85"),
+    ],
+)
+def test_impossible_spans_are_refused_in_words(change, text):
+    with pytest.raises(ConfigError, match=text):
+        SpanConfig(**change)
