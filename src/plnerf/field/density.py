@@ -1,0 +1,32 @@
+"""The proposal field: density only, coarse and cheap.  Mip-NeRF 360, section 3; nerfacto."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Generator, Tensor, nn
+
+from plnerf.field.hashgrid import HashGrid
+from plnerf.field.networks import density_activation, mlp
+from plnerf.ops.dispatch import Backend
+from plnerf.ops.grid import GridShape
+
+
+@dataclass(frozen=True)
+class DensityConfig:
+    """Sizes of a proposal field."""
+
+    grid: GridShape
+    hidden: int = 16
+    """Width of the only hidden layer."""
+
+
+class DensityField(nn.Module):
+    """Contracted positions to density."""
+
+    def __init__(self, config: DensityConfig, backend: Backend, generator: Generator) -> None:
+        super().__init__()
+        self.grid = HashGrid(config.grid, backend, generator)
+        self.network = mlp([config.grid.width, config.hidden, 1], generator)
+
+    def forward(self, contracted: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n"]:
+        return density_activation(self.network(self.grid(contracted))[..., 0])

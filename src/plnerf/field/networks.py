@@ -1,0 +1,47 @@
+"""The small networks of a field, initialised from an explicit generator."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor, nn
+
+
+def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
+    """Fully connected layers of the given widths with ReLU between them, He-uniform weights and zero biases."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
+        linear = nn.Linear(inputs, outputs, device="meta").to_empty(device="cpu")
+        with torch.no_grad():
+            bound = math.sqrt(6 / inputs)
+            linear.weight.copy_(torch.rand(outputs, inputs, generator=generator) * 2 * bound - bound)
+            linear.bias.zero_()
+        layers += [linear, nn.ReLU()]
+    return nn.Sequential(*layers[:-1])
+
+
+class _DensityActivation(torch.autograd.Function):
+    """exp(x), with the exponent bounded by 15 where float32 or the gradient would overflow.  Instant-NGP's exp."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:
+        ctx.save_for_backward(x)
+        return x.clamp(max=15).exp()
+
+    @staticmethod
+    def backward(ctx: Any, *g_outputs: Tensor) -> Tensor:
+        (x,) = ctx.saved_tensors
+        # Not zero beyond the bound: a cell that became too dense must find its way back.
+        return g_outputs[0] * x.clamp(max=15).exp()
+
+
+def density_activation(x: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
+    """Density in 1/length of a network's raw output, exp(x): about 1 per scene unit in a new field.
+
+    An emptier start (nerfacto: 0.01) leaves the density without a gradient for thousands of steps, since it is
+    proportional to the density itself: after 20 s on one core the fox scene stood at 10 dB with it, and at 20 dB so.
+    """
+    density: Tensor = _DensityActivation.apply(x)
+    return density

@@ -1,0 +1,39 @@
+"""Small corrections of the training cameras' poses.  NeRF--, section 3.2.
+
+A correction is a rotation vector about the camera's centre and a shift, both in the scene frame, of zero at the start.
+"""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from plnerf.rays.rays import Rays
+
+
+def rotation_matrix(vector: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3 3"]:
+    """Rotation by |vector| radians about vector: exp of the cross product matrix."""
+    x, y, z = vector.unbind(-1)
+    zero = torch.zeros_like(x)
+    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
+    return torch.linalg.matrix_exp(cross)
+
+
+class PoseCorrections(nn.Module):
+    """One correction per camera: (rotation vector in radians, shift in scene units)."""
+
+    def __init__(self, cameras: int) -> None:
+        super().__init__()
+        self.correction = nn.Parameter(torch.zeros(cameras, 6))
+
+    def forward(self, rays: Rays) -> Rays:
+        """The rays of the corrected cameras."""
+        unique, inverse = torch.unique(rays.camera, return_inverse=True)
+        rotation = rotation_matrix(self.correction[unique, :3])[inverse]
+        directions = torch.einsum("rij,rj->ri", rotation, rays.directions)
+        return Rays(rays.origins + self.correction[rays.camera, 3:], directions, rays.radius, rays.camera)
+
+    def size(self, cameras: Int[Tensor, " n"]) -> tuple[float, float]:
+        """Root mean square rotation in degrees and shift in scene units of some cameras, for the log."""
+        correction = self.correction.detach()[cameras]
+        rotation = correction[:, :3].norm(dim=-1).square().mean().sqrt().rad2deg()
+        return float(rotation), float(correction[:, 3:].norm(dim=-1).square().mean().sqrt())

@@ -1,0 +1,104 @@
+"""The PL-NeRF field (seed 4.2.2, fig. 18): position by hash encoding, direction by IPE, two networks.
+
+    density network:  hash(x)                                          -> density, feature
+    colour network:   feature, direction encoding, appearance          -> colour
+    normal network:   feature                                          -> unit normal          (Ref-NeRF, section 4)
+
+A bare direction has no frustum to integrate over, so the `direction_encoding`
+    ipe   is the IPE of the contracted frustum beside the positional encoding of the view direction (the paper)
+    sh    is the spherical harmonics of the view direction (nerfacto)
+    both  is the IPE of the frustum beside the spherical harmonics
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor, nn
+
+from plnerf.errors import ConfigError
+from plnerf.field.encodings import integrated_positional_encoding, positional_encoding, spherical_harmonics
+from plnerf.field.hashgrid import HashGrid
+from plnerf.field.networks import density_activation, mlp
+from plnerf.ops.dispatch import Backend
+from plnerf.ops.grid import GridShape
+
+DirectionEncoding = Literal["ipe", "sh", "both"]
+
+
+@dataclass(frozen=True)
+class RadianceConfig:
+    """Sizes and switches of the PL-NeRF field."""
+
+    grid: GridShape
+    hidden: int = 64
+    """Width of the hidden layers of both networks."""
+    feature: int = 15
+    """Length of the feature vector from the density network to the others."""
+    colour_layers: int = 2
+    """Hidden layers of the colour network."""
+    direction_encoding: DirectionEncoding = "ipe"
+    ipe_octaves: int = 6
+    """Octaves of the frustum's IPE, in contracted units."""
+    direction_octaves: int = 4
+    """Octaves of the view direction's positional encoding (NeRF 2020: 4)."""
+    appearance: int = 16
+    """Length of the appearance vector of an image; 0 turns it off."""
+    normals: bool = True
+    """Whether the field predicts normals."""
+
+    def __post_init__(self) -> None:
+        if self.direction_encoding not in {"ipe", "sh", "both"}:
+            raise ConfigError(f"direction_encoding must be ipe, sh or both, but got {self.direction_encoding!r}.")
+
+
+class RadianceField(nn.Module):
+    """Positions, frustums and directions to density, colour and normals."""
+
+    def __init__(self, config: RadianceConfig, backend: Backend, generator: Generator) -> None:
+        super().__init__()
+        self.config = config
+        self.grid = HashGrid(config.grid, backend, generator)
+        self.density_network = mlp([config.grid.width, config.hidden, 1 + config.feature], generator)
+        ipe = 6 * config.ipe_octaves if config.direction_encoding != "sh" else 0
+        direction = 6 * config.direction_octaves if config.direction_encoding == "ipe" else 16
+        inputs = config.feature + ipe + direction + config.appearance
+        self.colour_network = mlp([inputs, *[config.hidden] * config.colour_layers, 3], generator)
+        self.normal_network = mlp([config.feature, 32, 3], generator) if config.normals else None
+
+    def raw_density(self, contracted: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
+        """The density before its activation, whose gradient gives the normals, and the feature vector."""
+        out = self.density_network(self.grid(contracted))
+        return out[..., 0], out[..., 1:]
+
+    def density(self, contracted: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
+        """Density in 1/length of the scene frame, and the feature vector."""
+        raw, feature = self.raw_density(contracted)
+        return density_activation(raw), feature
+
+    def colour(
+        self,
+        feature: Float[Tensor, "r S G"],
+        mean: Float[Tensor, "r S 3"],
+        variance: Float[Tensor, "r S 3"],
+        directions: Float[Tensor, "r 3"],
+        appearance: Float[Tensor, "r A"],
+    ) -> Float[Tensor, "r S 3"]:
+        """Colour in [0, 1] of contracted frustums (mean, variance) seen along unit directions."""
+        config, parts = self.config, [feature]
+        if config.direction_encoding != "sh":
+            parts.append(integrated_positional_encoding(mean, variance, config.ipe_octaves))
+        if config.direction_encoding == "ipe":
+            view = positional_encoding(directions, config.direction_octaves)
+        else:
+            view = spherical_harmonics(directions)
+        per_ray = torch.cat([view, appearance], -1)
+        parts.append(per_ray[:, None].expand(-1, feature.shape[1], -1))
+        return torch.sigmoid(self.colour_network(torch.cat(parts, -1)))
+
+    def predicted_normals(self, feature: Float[Tensor, "*n G"]) -> Float[Tensor, "*n 3"]:
+        """Unit normals in the scene frame, as the network predicts them.  Raises ConfigError without normals."""
+        if self.normal_network is None:
+            raise ConfigError("This field was built with normals=False: it predicts none. Train with field.normals=true.")
+        return nn.functional.normalize(self.normal_network(feature), dim=-1)

@@ -1,0 +1,236 @@
+"""Numba twins of the ops for a CPU: forward, backward, and the backward of the backward that normals need.
+
+Numba brings its own LLVM, so nothing is compiled at install time; a kernel is compiled on its first call and kept in
+Numba's cache on disk.  Gradients of the table are summed by one thread per level, in the order of the points, so that
+results do not depend on the number of threads.
+
+Letters as in `reference.py`.  Per axis a: weight s(u) of the upper vertex, its slope s'(u) N and curvature s''(u) N^2.
+"""
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import torch
+from jaxtyping import Float
+from numba import njit, prange
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from plnerf.ops.grid import HASH_PRIMES, GridShape
+
+_PRIME_Y, _PRIME_Z = HASH_PRIMES[1], HASH_PRIMES[2]
+_FAST = {"contract", "nsz", "arcp"}  # fused multiply-add, but infinities and NaN keep their meaning
+
+
+@njit(inline="always")
+def weight(u, cubic):  # type: ignore[no-untyped-def]
+    return u * u * (3 - 2 * u) if cubic else u
+
+
+@njit(inline="always")
+def slope(u, cubic):  # type: ignore[no-untyped-def]
+    return 6 * u * (1 - u) if cubic else u * 0 + 1
+
+
+@njit(inline="always")
+def curvature(u, cubic):  # type: ignore[no-untyped-def]
+    return 6 - 12 * u if cubic else u * 0
+
+
+@njit(inline="always")
+def locate(value, n):  # type: ignore[no-untyped-def]
+    scaled = value * n
+    cell = min(max(np.int64(np.floor(scaled)), 0), n - 1)
+    return cell, scaled - cell
+
+
+@njit(inline="always")
+def row(i, j, k, n, start, dense, mask):  # type: ignore[no-untyped-def]
+    if dense:
+        return start + i + (n + 1) * (j + (n + 1) * k)
+    return start + ((i ^ (j * _PRIME_Y) ^ (k * _PRIME_Z)) & mask)
+
+
+class _Kernels(NamedTuple):
+    forward: Any
+    table_gradient: Any
+    position_gradient: Any
+    position_gradient_backward: Any
+
+
+@cache
+def _kernels(features: int, cubic: bool) -> _Kernels:
+    """Kernels for a fixed number of features, so that LLVM unrolls the loops over them."""
+    F = features
+
+    @njit(parallel=True, cache=True, fastmath=_FAST)
+    def forward(x, table, layout, out, parts):  # type: ignore[no-untyped-def]
+        points, levels = x.shape[0], layout.shape[0]
+        for part in prange(parts):
+            for level in range(levels):
+                n, start, dense, mask = layout[level]
+                for p in range(points * part // parts, points * (part + 1) // parts):
+                    i, u = locate(x[p, 0], n)
+                    j, v = locate(x[p, 1], n)
+                    k, w = locate(x[p, 2], n)
+                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    for f in range(F):
+                        out[p, level * F + f] = 0
+                    for c in range(8):
+                        a, b, d = c & 1, c >> 1 & 1, c >> 2
+                        share = (u if a else 1 - u) * (v if b else 1 - v) * (w if d else 1 - w)
+                        r = row(i + a, j + b, k + d, n, start, dense, mask)
+                        for f in range(F):
+                            out[p, level * F + f] += share * table[r, f]
+
+    @njit(parallel=True, cache=True, fastmath=_FAST)
+    def table_gradient(x, g_out, layout, g_table, parts):  # type: ignore[no-untyped-def]
+        points, levels = x.shape[0], layout.shape[0]
+        for part in prange(parts):
+            for level in range(part, levels, parts):
+                n, start, dense, mask = layout[level]
+                for p in range(points):
+                    i, u = locate(x[p, 0], n)
+                    j, v = locate(x[p, 1], n)
+                    k, w = locate(x[p, 2], n)
+                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    for c in range(8):
+                        a, b, d = c & 1, c >> 1 & 1, c >> 2
+                        share = (u if a else 1 - u) * (v if b else 1 - v) * (w if d else 1 - w)
+                        r = row(i + a, j + b, k + d, n, start, dense, mask)
+                        for f in range(F):
+                            g_table[r, f] += share * g_out[p, level * F + f]
+
+    @njit(parallel=True, cache=True, fastmath=_FAST)
+    def position_gradient(x, g_out, table, layout, g_x, parts):  # type: ignore[no-untyped-def]
+        points, levels = x.shape[0], layout.shape[0]
+        for part in prange(parts):
+            for level in range(levels):
+                n, start, dense, mask = layout[level]
+                for p in range(points * part // parts, points * (part + 1) // parts):
+                    i, u = locate(x[p, 0], n)
+                    j, v = locate(x[p, 1], n)
+                    k, w = locate(x[p, 2], n)
+                    du, dv, dw = slope(u, cubic) * n, slope(v, cubic) * n, slope(w, cubic) * n
+                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    for c in range(8):
+                        a, b, d = c & 1, c >> 1 & 1, c >> 2
+                        r = row(i + a, j + b, k + d, n, start, dense, mask)
+                        value = x[p, 0] * 0
+                        for f in range(F):
+                            value += g_out[p, level * F + f] * table[r, f]
+                        pu, pv, pw = (u if a else 1 - u), (v if b else 1 - v), (w if d else 1 - w)
+                        g_x[p, 0] += value * (du if a else -du) * pv * pw
+                        g_x[p, 1] += value * pu * (dv if b else -dv) * pw
+                        g_x[p, 2] += value * pu * pv * (dw if d else -dw)
+
+    @njit(parallel=True, cache=True, fastmath=_FAST)
+    def position_gradient_backward(x, g_out, table, layout, q, parts_x, g_g_out, g_table, parts):  # type: ignore[no-untyped-def]
+        # q = gradient of the position gradient; with m_c = sum_i q_i d(share_c)/dx_i the scalar to differentiate is
+        # sum_c m_c <g_out, table_c>.  parts_x has one slab per level, added up by the caller.
+        points, levels = x.shape[0], layout.shape[0]
+        for part in prange(parts):
+            for level in range(part, levels, parts):
+                n, start, dense, mask = layout[level]
+                for p in range(points):
+                    i, u = locate(x[p, 0], n)
+                    j, v = locate(x[p, 1], n)
+                    k, w = locate(x[p, 2], n)
+                    du, dv, dw = slope(u, cubic) * n, slope(v, cubic) * n, slope(w, cubic) * n
+                    ddu, ddv, ddw = curvature(u, cubic) * n * n, curvature(v, cubic) * n * n, curvature(w, cubic) * n * n
+                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    q0, q1, q2 = q[p, 0], q[p, 1], q[p, 2]
+                    for c in range(8):
+                        a, b, d = c & 1, c >> 1 & 1, c >> 2
+                        r = row(i + a, j + b, k + d, n, start, dense, mask)
+                        pu, pv, pw = (u if a else 1 - u), (v if b else 1 - v), (w if d else 1 - w)
+                        su, sv, sw = (du if a else -du), (dv if b else -dv), (dw if d else -dw)
+                        tu, tv, tw = (ddu if a else -ddu), (ddv if b else -ddv), (ddw if d else -ddw)
+                        m = q0 * su * pv * pw + q1 * pu * sv * pw + q2 * pu * pv * sw
+                        value = x[p, 0] * 0
+                        for f in range(F):
+                            value += g_out[p, level * F + f] * table[r, f]
+                            g_g_out[p, level * F + f] += m * table[r, f]
+                            g_table[r, f] += m * g_out[p, level * F + f]
+                        parts_x[level, p, 0] += value * (q0 * tu * pv * pw + q1 * su * sv * pw + q2 * su * pv * sw)
+                        parts_x[level, p, 1] += value * (q0 * su * sv * pw + q1 * pu * tv * pw + q2 * pu * sv * sw)
+                        parts_x[level, p, 2] += value * (q0 * su * pv * sw + q1 * pu * sv * sw + q2 * pu * pv * tw)
+
+    return _Kernels(forward, table_gradient, position_gradient, position_gradient_backward)
+
+
+def _parts() -> int:
+    """Into how many parts a kernel splits its work.  Asked outside of the kernels: inside, they could not be cached."""
+    return int(numba.get_num_threads())
+
+
+def _array(tensor: Tensor) -> np.ndarray:
+    return tensor.detach().contiguous().numpy()
+
+
+def _kernels_of(grid: GridShape) -> _Kernels:
+    return _kernels(grid.features, grid.interpolation == "cubic")
+
+
+class _HashEncode(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, table: Tensor, grid: GridShape) -> Tensor:
+        out = x.new_empty(x.shape[0], grid.width)
+        _kernels_of(grid).forward(_array(x), _array(table), grid.layout, out.numpy(), _parts())
+        ctx.save_for_backward(x, table)
+        ctx.grid = grid
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        (g_out,) = g_outputs
+        x, table = ctx.saved_tensors
+        g_x = _PositionGradient.apply(x, g_out, table, ctx.grid) if ctx.needs_input_grad[0] else None
+        g_table = _TableGradient.apply(x, g_out, table, ctx.grid) if ctx.needs_input_grad[1] else None
+        return g_x, g_table, None
+
+
+class _TableGradient(torch.autograd.Function):
+    """Not differentiable again: no loss here asks for the derivative of a table's gradient."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
+        g_table = torch.zeros_like(table)
+        _kernels_of(grid).table_gradient(_array(x), _array(g_out), grid.layout, g_table.numpy(), _parts())
+        return g_table
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *g_outputs: Tensor) -> tuple[None, None, None, None]:
+        raise NotImplementedError("The gradient of a hash table's gradient is not implemented; use the reference.")
+
+
+class _PositionGradient(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
+        g_x = torch.zeros_like(x)
+        _kernels_of(grid).position_gradient(_array(x), _array(g_out), _array(table), grid.layout, g_x.numpy(), _parts())
+        ctx.save_for_backward(x, g_out, table)
+        ctx.grid = grid
+        return g_x
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor, Tensor, Tensor, None]:
+        (q,) = g_outputs
+        x, g_out, table = ctx.saved_tensors
+        parts_x = x.new_zeros(ctx.grid.levels, *x.shape)
+        g_g_out, g_table = torch.zeros_like(g_out, memory_format=torch.contiguous_format), torch.zeros_like(table)
+        _kernels_of(ctx.grid).position_gradient_backward(
+            _array(x), _array(g_out), _array(table), ctx.grid.layout, _array(q),
+            parts_x.numpy(), g_g_out.numpy(), g_table.numpy(), _parts(),
+        )  # fmt: skip
+        return parts_x.sum(0), g_g_out, g_table, None
+
+
+def hash_encode(x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape) -> Float[Tensor, "n LF"]:
+    """Twin of `reference.hash_encode`: same values and gradients, including those of the gradient of x."""
+    out: Tensor = _HashEncode.apply(x, table, grid)
+    return out

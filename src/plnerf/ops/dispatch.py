@@ -1,0 +1,43 @@
+"""Which implementation of an op runs.  Chosen once, printed, written into the run; never changed silently."""
+
+from collections.abc import Callable
+from typing import Literal
+
+from jaxtyping import Float
+from torch import Tensor, device
+
+from plnerf.errors import ConfigError
+from plnerf.ops import reference
+from plnerf.ops.grid import GridShape
+
+Backend = Literal["torch", "numba"]
+BackendChoice = Literal["auto", "torch", "numba"]
+
+
+def resolve_backend(choice: BackendChoice, on: device) -> Backend:
+    """The backend for a device: Numba's twins on a CPU, plain torch elsewhere, unless one is asked for.
+
+    Raises ConfigError where the asked-for backend cannot run on the device.
+    """
+    if choice == "auto":
+        return "numba" if on.type == "cpu" else "torch"
+    if choice == "numba" and on.type != "cpu":
+        raise ConfigError(
+            f"The backend 'numba' runs on a CPU, but the device is {on}. Choose --backend torch or --device cpu."
+        )
+    return choice
+
+
+def hash_encode(
+    x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape, backend: Backend
+) -> Float[Tensor, "n LF"]:
+    """Multi-resolution hash encoding of points in [0, 1]^3; see `reference.hash_encode`."""
+    return _hash_encode(backend)(x, table, grid)
+
+
+def _hash_encode(backend: Backend) -> Callable[[Tensor, Tensor, GridShape], Tensor]:
+    if backend == "torch":
+        return reference.hash_encode
+    from plnerf.ops import cpu  # Numba takes a third of a second to import: only where it is used
+
+    return cpu.hash_encode

@@ -1,0 +1,82 @@
+"""The shape of a multi-resolution hash grid, shared by the reference and its twins.  Instant-NGP, section 3.
+
+Letters: L levels, N_l cells along each axis of level l, F features of a vertex, T entries of a hashed level.
+A level is a dense array while its (N_l + 1)^3 vertices fit into T entries, and hashed beyond.
+All levels lie one after another in one table of shape (rows, F).
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from plnerf.errors import ConfigError
+
+Interpolation = Literal["linear", "cubic"]
+
+# Teschner et al. 2003, as in Instant-NGP eq. 4; the first factor is 1 so that neighbours along x stay neighbours.
+HASH_PRIMES = (1, 2654435761, 805459861)
+
+
+@dataclass(frozen=True)
+class GridShape:
+    """Levels growing geometrically from `coarsest` to `finest` cells an axis.  b = exp((ln N_max - ln N_min)/(L-1))."""
+
+    levels: int
+    coarsest: int
+    finest: int
+    features: int
+    log2_table: int
+    interpolation: Interpolation = "linear"
+
+    def __post_init__(self) -> None:
+        if self.levels < 1 or self.features < 1 or not 1 <= self.coarsest <= self.finest or not 1 <= self.log2_table <= 30:
+            raise ConfigError(
+                f"A hash grid needs levels >= 1, features >= 1, 1 <= coarsest <= finest and 1 <= log2_table <= 30, "
+                f"but got levels={self.levels}, features={self.features}, coarsest={self.coarsest}, "
+                f"finest={self.finest}, log2_table={self.log2_table}. Change these settings of the grid."
+            )
+        if self.interpolation not in {"linear", "cubic"}:
+            raise ConfigError(f"interpolation must be 'linear' or 'cubic', but got {self.interpolation!r}.")
+
+    @cached_property
+    def resolutions(self) -> tuple[int, ...]:
+        """N_l of every level, cells along an axis."""
+        if self.levels == 1:
+            return (self.coarsest,)
+        growth = math.log(self.finest / self.coarsest) / (self.levels - 1)
+        return tuple(round(self.coarsest * math.exp(growth * level)) for level in range(self.levels))
+
+    @cached_property
+    def sizes(self) -> tuple[int, ...]:
+        """Table rows of every level."""
+        return tuple(min((n + 1) ** 3, 1 << self.log2_table) for n in self.resolutions)
+
+    @cached_property
+    def dense(self) -> tuple[bool, ...]:
+        """Whether a level is a plain array, each vertex with a row of its own."""
+        return tuple((n + 1) ** 3 <= 1 << self.log2_table for n in self.resolutions)
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """First row of every level."""
+        return tuple(int(start) for start in np.cumsum((0, *self.sizes[:-1])))
+
+    @property
+    def rows(self) -> int:
+        """Rows of the whole table."""
+        return sum(self.sizes)
+
+    @property
+    def width(self) -> int:
+        """Length of an encoded vector, L F."""
+        return self.levels * self.features
+
+    @cached_property
+    def layout(self) -> np.ndarray:
+        """int64 (L, 4): cells an axis, first row, 1 if dense, hash mask (T - 1).  What a kernel needs to know."""
+        mask = (1 << self.log2_table) - 1
+        rows = zip(self.resolutions, self.starts, self.dense, strict=True)
+        return np.array([(n, start, int(dense), mask) for n, start, dense in rows], dtype=np.int64)

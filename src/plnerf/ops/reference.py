@@ -1,0 +1,49 @@
+"""The truth: every op in plain torch, for any float dtype, differentiable to any order.  Slow, and meant to be read.
+
+Letters: n points, L levels, F features, N_l cells an axis of level l.
+"""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from plnerf.ops.grid import HASH_PRIMES, GridShape, Interpolation
+
+
+def interpolation_weight(u: Float[Tensor, "*n"], interpolation: Interpolation) -> Float[Tensor, "*n"]:
+    """Weight of the upper of two vertices at fraction u in [0, 1] of the cell between them.
+
+    linear: u.  cubic: the Hermite weight u^2 (3 - 2u), whose derivative vanishes at the vertices, so that encoded
+    features have a continuous first derivative (seed 4.2.2, "cubic interpolation"; Instant-NGP, appendix A).
+    """
+    return u * u * (3 - 2 * u) if interpolation == "cubic" else u
+
+
+def vertex_row(vertex: Int[Tensor, "*n 3"], level: int, grid: GridShape) -> Int[Tensor, "*n"]:
+    """Row of the table that holds a vertex of a level.  Instant-NGP eq. 4 where the level is hashed."""
+    n, start, dense, mask = (int(value) for value in grid.layout[level])
+    x, y, z = vertex.unbind(-1)
+    if dense:
+        return start + x + (n + 1) * (y + (n + 1) * z)
+    return start + ((x * HASH_PRIMES[0] ^ y * HASH_PRIMES[1] ^ z * HASH_PRIMES[2]) & mask)
+
+
+def hash_encode(x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape) -> Float[Tensor, "n LF"]:
+    """Multi-resolution hash encoding of points in [0, 1]^3.  Instant-NGP, section 3.
+
+    Features of the eight vertices of the cell around x, weighted by the interpolation of each axis, for every level
+    side by side.  Points outside the cube continue the border cell's interpolant.
+    """
+    encoded = []
+    for level, n in enumerate(grid.resolutions):
+        scaled = x * n
+        cell = scaled.detach().floor().clamp(0, n - 1)
+        upper = interpolation_weight(scaled - cell, grid.interpolation)
+        cell_index = cell.long()
+        feature = torch.zeros(x.shape[0], grid.features, dtype=table.dtype, device=table.device)
+        for corner in range(8):
+            step = torch.tensor([corner & 1, corner >> 1 & 1, corner >> 2 & 1], device=x.device)
+            weight = torch.where(step.bool(), upper, 1 - upper).prod(-1, keepdim=True)
+            feature = feature + weight * table[vertex_row(cell_index + step, level, grid)]
+        encoded.append(feature)
+    return torch.cat(encoded, -1)

@@ -1,0 +1,95 @@
+"""Step functions along rays.  Mip-NeRF 360, section 3 and supplement A; NeRF 2020, section 5.2.
+
+Letters, always in the last axis: s the S+1 edges in [0, 1], increasing; w the S weights of the intervals, >= 0 and
+summing to at most 1; pdf the S weights normalised to sum to 1.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor
+
+
+def even_edges(
+    rays: int, intervals: int, generator: Generator | None, like: Float[Tensor, "..."]
+) -> Float[Tensor, "{rays} {intervals}+1"]:
+    """Edges of equal intervals in [0, 1]; the inner ones moved at random by up to half an interval with a generator.
+
+    The stratified sampling of NeRF 2020 eq. 2, for edges.
+    """
+    edges = torch.linspace(0, 1, intervals + 1, dtype=like.dtype, device=like.device).expand(rays, -1)
+    if generator is None:
+        return edges.contiguous()
+    jitter = torch.rand(rays, intervals + 1, generator=generator, dtype=like.dtype, device=like.device) - 0.5
+    return (edges + jitter / intervals).clamp(0, 1)
+
+
+def resample_edges(
+    s: Float[Tensor, "r S+1"], w: Float[Tensor, "r S"], intervals: int, generator: Generator | None
+) -> Float[Tensor, "r {intervals}+1"]:
+    """Edges of `intervals` intervals of equal probability, by inverse transform sampling of the histogram w.
+
+    NeRF 2020, section 5.2.  With a generator the levels of the distribution function are jittered, one a stratum.
+    Each interval also gets a share of 1e-2/S, so that no place is lost for good and 0/0 cannot arise.
+    """
+    padded = w + 1e-2 / w.shape[-1]
+    cdf = torch.nn.functional.pad(padded.cumsum(-1), (1, 0))
+    cdf = cdf / cdf[..., -1:]
+    count = intervals + 1
+    if generator is None:
+        u = ((torch.arange(count, dtype=s.dtype, device=s.device) + 0.5) / count).expand(s.shape[0], -1)
+    else:
+        jitter = torch.rand(s.shape[0], count, generator=generator, dtype=s.dtype, device=s.device)
+        u = (torch.arange(count, dtype=s.dtype, device=s.device) + jitter) / count
+    return interpolate(u.contiguous(), cdf, s)
+
+
+def interpolate(
+    x: Float[Tensor, "r n"], xs: Float[Tensor, "r S+1"], ys: Float[Tensor, "r S+1"]
+) -> Float[Tensor, "r n"]:
+    """The piecewise linear function through (xs, ys), xs increasing, at x; constant beyond the ends."""
+    upper = torch.searchsorted(xs.contiguous(), x, right=True).clamp(1, xs.shape[-1] - 1)
+    x0, x1 = xs.gather(-1, upper - 1), xs.gather(-1, upper)
+    y0, y1 = ys.gather(-1, upper - 1), ys.gather(-1, upper)
+    width = x1 - x0
+    share = torch.where(width > 0, (x - x0) / torch.where(width > 0, width, 1), 0.5).clamp(0, 1)
+    return y0 + share * (y1 - y0)
+
+
+def outer_measure(
+    s: Float[Tensor, "r S+1"], s_other: Float[Tensor, "r P+1"], w_other: Float[Tensor, "r P"]
+) -> Float[Tensor, "r S"]:
+    """Most weight that the histogram (s_other, w_other) can have inside each interval of s.  Mip-NeRF 360 eq. 12."""
+    total = torch.nn.functional.pad(w_other.cumsum(-1), (1, 0))
+    edges = s_other.contiguous()
+    low = torch.searchsorted(edges, s[..., :-1].contiguous(), right=True) - 1
+    high = torch.searchsorted(edges, s[..., 1:].contiguous(), right=False)
+    last = total.shape[-1] - 1
+    return total.gather(-1, high.clamp(0, last)) - total.gather(-1, low.clamp(0, last))
+
+
+def interlevel_loss(
+    s: Float[Tensor, "r S+1"],
+    w: Float[Tensor, "r S"],
+    s_proposal: Float[Tensor, "r P+1"],
+    w_proposal: Float[Tensor, "r P"],
+) -> Float[Tensor, " r"]:
+    """How much weight w lies where the proposal could not have it.  Mip-NeRF 360 eq. 13; w and s are constants.
+
+    sum_i max(0, w_i - bound_i)^2 / w_i
+    """
+    s, w = s.detach(), w.detach()
+    excess = (w - outer_measure(s, s_proposal, w_proposal)).clamp_min(0)
+    return (excess**2 / (w + torch.finfo(w.dtype).eps)).sum(-1)
+
+
+def distortion_loss(s: Float[Tensor, "r S+1"], w: Float[Tensor, "r S"]) -> Float[Tensor, " r"]:
+    """How spread out the weight of a ray is.  Mip-NeRF 360 eq. 15.
+
+    sum_ij w_i w_j |m_i - m_j| + 1/3 sum_i w_i^2 (s_{i+1} - s_i),  m the middles; the double sum in linear time:
+    for sorted m it is 2 sum_i w_i (m_i W_i - M_i), W and M the exclusive sums of w and w m.
+    """
+    middle, width = (s[..., 1:] + s[..., :-1]) / 2, s.diff()
+    weight_before = w.cumsum(-1) - w
+    moment_before = (w * middle).cumsum(-1) - w * middle
+    between = 2 * (w * (middle * weight_before - moment_before)).sum(-1)
+    return between + (w**2 * width).sum(-1) / 3

@@ -1,0 +1,86 @@
+"""Where to look along a ray: two small density fields narrow even samples down.  Mip-NeRF 360, section 3; nerfacto.
+
+Letters: t distances along rays in the scene frame, s in [0, 1] the warped distances, in which the first samples are
+even: linear in t up to the knee, in 1/t beyond, half of the range to each.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor
+
+from plnerf.errors import ConfigError
+from plnerf.rays.rays import Rays
+from plnerf.rays.stepfun import even_edges, resample_edges
+from plnerf.render.volume import weights_from_density
+
+
+@dataclass(frozen=True)
+class SamplerConfig:
+    """How rays are sampled; lengths in units of the scene frame."""
+
+    proposals: tuple[int, ...] = (64, 32)
+    """Intervals of each proposal round."""
+    final: int = 24
+    """Intervals that are given colour."""
+    near: float = 0.05
+    """Where rays begin."""
+    far: float = 1000.0
+    """Where rays end."""
+    knee: float = 1.0
+    """Where even samples in t give way to even samples in 1/t."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.near < self.far or self.knee <= 0 or self.final < 1 or any(n < 1 for n in self.proposals):
+            raise ConfigError(
+                f"A sampler needs 0 < near < far, knee > 0 and at least one interval a round, but got near={self.near}, "
+                f"far={self.far}, knee={self.knee}, proposals={self.proposals}, final={self.final}."
+            )
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """What a round of sampling found: edges s (r, S+1) in [0, 1] and weights w (r, S)."""
+
+    s: Float[Tensor, "r S+1"]
+    w: Float[Tensor, "r S"]
+
+
+def _warp(t: Tensor | float, knee: float) -> Tensor:
+    t = torch.as_tensor(t)
+    return torch.where(t < knee, t / (2 * knee), 1 - knee / (2 * t.clamp_min(knee)))
+
+
+def to_distance(s: Float[Tensor, "*n"], config: SamplerConfig) -> Float[Tensor, "*n"]:
+    """Distance t of warped distance s: near at 0, far at 1."""
+    low, high = _warp(config.near, config.knee).item(), _warp(config.far, config.knee).item()
+    g = low + s * (high - low)
+    return torch.where(g < 0.5, 2 * config.knee * g, config.knee / (2 * (1 - g.clamp(0.5, high))))
+
+
+def sample_along_rays(
+    rays: Rays,
+    densities: Sequence[Callable[[Rays, Tensor], Tensor]],
+    config: SamplerConfig,
+    anneal: float,
+    generator: Generator | None,
+    train_proposals: bool,
+) -> tuple[Float[Tensor, "r S+1"], tuple[Histogram, ...]]:
+    """Edges s of the final intervals, and the histograms of the proposal rounds that led to them.
+
+    `densities` maps rays and edges t (r, P+1) to densities (r, P), one for each round.  `anneal` in (0, 1] flattens
+    the histograms early in training (w^anneal), so that a first wrong guess does not blind the sampler.
+    """
+    history: list[Histogram] = []
+    s = even_edges(len(rays), config.proposals[0] if config.proposals else config.final, generator, rays.origins)
+    rounds = (*config.proposals[1:], config.final)
+    for density, intervals in zip(densities, rounds, strict=True):
+        with nullcontext() if train_proposals else torch.no_grad():
+            t = to_distance(s, config)
+            w = weights_from_density(density(rays, t), t)
+        history.append(Histogram(s, w))
+        s = resample_edges(s, w.detach().pow(anneal), intervals, generator)
+    return s, tuple(history)

@@ -1,0 +1,63 @@
+"""The loss terms and their weights.
+
+Letters: r rays, S intervals; p the importance weight of a ray, 1 where pixels are drawn uniformly.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from plnerf.rays.stepfun import distortion_loss, interlevel_loss
+from plnerf.render.model import NormalSamples, RenderedRays
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """What each term counts for; 0 turns it off."""
+
+    colour: float = 1.0
+    """Mean squared error of the colour (NeRF 2020)."""
+    interlevel: float = 1.0
+    """Proposals must cover the final histogram (Mip-NeRF 360)."""
+    distortion: float = 0.01
+    """Weight of a ray gathers in one place (Mip-NeRF 360)."""
+    normals: float = 1e-3
+    """Predicted normals follow the density's gradient (Ref-NeRF R_p; nerfacto's value)."""
+    orientation: float = 1e-3
+    """Normals that face away from the camera (Ref-NeRF R_o)."""
+
+
+def loss_terms(
+    out: RenderedRays,
+    colour: Float[Tensor, "r 3"],
+    importance: Float[Tensor, " r"],
+    weights: LossWeights,
+    train_proposals: bool,
+) -> dict[str, Tensor]:
+    """Weighted terms by name; their sum is what is minimised."""
+    final = out.histograms[-1]
+    terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
+    if train_proposals:
+        rounds = out.histograms[:-1]
+        terms["interlevel"] = sum(
+            (interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in rounds), torch.zeros(())
+        )
+    if weights.distortion:
+        terms["distortion"] = distortion_loss(final.s, final.w).mean()
+    if out.normal_samples is not None:
+        terms["normals"] = normal_loss(out.normal_samples).mean()
+        terms["orientation"] = orientation_loss(out.normal_samples).mean()
+    return {name: getattr(weights, name) * term for name, term in terms.items()}
+
+
+def normal_loss(samples: NormalSamples) -> Float[Tensor, " q"]:
+    """R_p = sum_i w_i |n_i - n'_i|^2: the density's normals n and the predicted n' agree.  Ref-NeRF eq. 10."""
+    return (samples.weights * (samples.from_density - samples.predicted).square().sum(-1)).sum(-1)
+
+
+def orientation_loss(samples: NormalSamples) -> Float[Tensor, " q"]:
+    """R_o = sum_i w_i max(0, n'_i . d)^2: no visible surface faces away.  Ref-NeRF eq. 11."""
+    facing_away = (samples.predicted * samples.directions[:, None]).sum(-1).clamp_min(0)
+    return (samples.weights * facing_away**2).sum(-1)

@@ -1,0 +1,77 @@
+"""Which pixels a step looks at.
+
+A wire is a thousandth of an image, so a share of the pixels is drawn from the *detail pixels*: those with the
+strongest ridges (thin bright or dark lines) of each training image.  Importance weights keep the loss unbiased:
+with N pixels in all and D detail pixels, a pixel is drawn with probability
+    q = (1 - share)/N + share/D [is detail]        and counts for        (1/N) / q.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int, UInt8
+from skimage.feature import hessian_matrix, hessian_matrix_eigvals
+from torch import Generator, Tensor
+
+from plnerf.scene.images import ImageStore
+
+
+@dataclass(frozen=True)
+class PixelBatch:
+    """r pixels drawn from the training images."""
+
+    camera: Int[Tensor, " r"]
+    pixel_px: Float[Tensor, "r 2"]
+    colour: Float[Tensor, "r 3"]
+    importance: Float[Tensor, " r"]  # 0 where a mask says "ignore"
+
+
+def ridge_strength(image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"]:
+    """Largest absolute curvature of the brightness at a scale of one and of two pixels (Lindeberg's normalisation)."""
+    grey = image.astype(np.float32).mean(-1) / 255
+    strength = np.zeros_like(grey)
+    for sigma in (1.0, 2.0):
+        hessian = hessian_matrix(grey, sigma, mode="nearest", use_gaussian_derivatives=False)
+        curvature = np.abs(hessian_matrix_eigvals(hessian)).max(0) * sigma**2
+        strength = np.maximum(strength, curvature.astype(np.float32))
+    return strength
+
+
+def detail_pixels(store: ImageStore, images: tuple[int, ...], part: float) -> Int[np.ndarray, " d"]:
+    """Flat indices of the `part` of each image's pixels with the strongest ridges, in increasing order."""
+    chosen = []
+    for image in images:
+        strength = ridge_strength(store.image(image)).ravel()
+        count = max(1, round(part * strength.size))
+        chosen.append(store.starts[image] + np.sort(np.argpartition(strength, -count)[-count:]))
+    return np.concatenate(chosen).astype(np.int64)
+
+
+class PixelSampler:
+    """Draws pixels of the training images; holds no random state of its own."""
+
+    def __init__(self, store: ImageStore, images: tuple[int, ...], share: float, part: float) -> None:
+        """`share` of the draws go to the detail pixels, which are a `part` of all pixels; share 0 draws uniformly."""
+        self.store, self.share = store, share
+        sizes = np.diff(store.starts)[list(images)]
+        self._firsts = torch.from_numpy(store.starts[list(images)])
+        self._ends = torch.from_numpy(np.cumsum(sizes))
+        self.total = int(sizes.sum())
+        self._detail = torch.from_numpy(detail_pixels(store, images, part)) if share else None
+
+    def draw(self, rays: int, generator: Generator) -> PixelBatch:
+        """A batch of pixels, drawn with replacement."""
+        within = torch.randint(self.total, (rays,), generator=generator)
+        slot = torch.searchsorted(self._ends, within, right=True)
+        flat = self._firsts[slot] + within - torch.where(slot > 0, self._ends[slot - 1], 0)
+        importance = torch.ones(rays)
+        if self._detail is not None:
+            count = len(self._detail)
+            pick = self._detail[torch.randint(count, (rays,), generator=generator)]
+            flat = torch.where(torch.rand(rays, generator=generator) < self.share, pick, flat)
+            found = torch.searchsorted(self._detail, flat).clamp(max=count - 1)
+            is_detail = self._detail[found] == flat
+            importance = 1 / (1 - self.share + self.share * self.total / count * is_detail)
+        camera, pixel_px = self.store.locate(flat)
+        return PixelBatch(camera, pixel_px, self.store.colours(flat), importance * self.store.valid_flat(flat))
