@@ -4,6 +4,8 @@ COLMAP poses are world-to-camera with OpenCV axes, and its pixels count from the
 the first pixel's centre at (0.5, 0.5): only the inverse of each pose is taken here.
 """
 
+import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +91,10 @@ def write_colmap(listing: Listing, folder: Path, *, text: bool = False) -> None:
         )
         reconstruction.add_image_with_trivial_frame(image, pycolmap.Rigid3d(T_camera_world[:3]))
     folder.mkdir(parents=True, exist_ok=True)
-    (reconstruction.write_text if text else reconstruction.write_binary)(folder)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f"{folder.name}.partial-") as beside:
+        (reconstruction.write_text if text else reconstruction.write_binary)(beside)
+        for file in Path(beside).iterdir():
+            os.replace(file, folder / file.name)
 
 
 def _find_images(source: Path, model: Path) -> Path:
