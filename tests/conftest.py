@@ -1,4 +1,5 @@
-"""Fixtures that several test files share: a tiny scene on disk, the shared real data, error-text snapshots."""
+"""Fixtures that several test files share: a tiny scene on disk, the shared real data, error-text
+snapshots."""
 
 import json
 import shutil
@@ -55,7 +56,8 @@ def built_tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tiny_scene(built_tiny_scene: Path, tmp_path: Path) -> Iterator[Path]:
     """A scene folder of the test's own: 12 images of 48x32, a ball on a chequered floor, metric, z up.
 
-    World truth: the ball has its centre at (0, 0, 0.5) and radius 0.5; the floor is z = 0, its squares 0.5 wide.
+    World truth: the ball has its centre at (0, 0, 0.5) and radius 0.5; the floor is z = 0, its squares 0.5
+    wide.
     """
     folder = tmp_path / "tiny"
     shutil.copytree(built_tiny_scene, folder)

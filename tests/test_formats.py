@@ -106,14 +106,20 @@ def test_masks_depths_truth_span_and_lists_are_found(tiny_scene: Path) -> None:
     def extend(data: dict[str, Any]) -> None:
         data["frames"][2].update(mask_path="mask.png", wire_mask_path="wire.png", depth_path="depth.png")
         data["plnerf"].update(
-            truth="truth.json", span_min=[-1, -2, 0], span_max=[1, 2, 3], line_axis=[0, 1, 0], crs="EPSG:25832",
+            truth="truth.json",
+            span_min=[-1, -2, 0],
+            span_max=[1, 2, 3],
+            line_axis=[0, 1, 0],
+            crs="EPSG:25832",
             test=["images/0001.png", "./images/0005.png"],
         )
 
     edit(tiny_scene, extend)
     listing = read_listing(tiny_scene)
     shot = listing.shots[2]
-    assert (shot.mask, shot.wire_mask, shot.depth) == tuple(tiny_scene / f"{n}.png" for n in ("mask", "wire", "depth"))
+    assert (shot.mask, shot.wire_mask, shot.depth) == tuple(
+        tiny_scene / f"{n}.png" for n in ("mask", "wire", "depth")
+    )
     assert listing.shots[1].mask is None and listing.truth == tiny_scene / "truth.json"
     assert listing.span is not None and listing.span.tolist() == [[-1, -2, 0], [1, 2, 3]]
     assert listing.line_axis is not None and listing.line_axis.tolist() == [0, 1, 0]

@@ -1,6 +1,7 @@
 """The image store holds exactly what a direct read and resize gives, and is built once."""
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import cv2
@@ -142,14 +143,12 @@ def test_progress_counts_every_image_once(tmp_path: Path) -> None:
 
 
 def test_downscale_below_one_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="1 .full size. or more"):
+    with pytest.raises(SceneError, match=r"1 \(full size\) or more"):
         reduced_sizes_px(make_shots(tmp_path), 0)
 
 
 def test_building_holds_only_the_images_in_work(tmp_path: Path) -> None:
     """Forty images of 3 MB each raise the peak by far less than their sum."""
-    import tracemalloc
-
     lens = Intrinsics(1000, 1000, 1.0, 1.0, 500.0, 500.0, (0.0,) * 5, "all")
     Image.new("RGB", (1000, 1000)).save(tmp_path / "a.png")
     shots = [Shot(f"{i}.png", tmp_path / "a.png", np.eye(4), lens) for i in range(40)]

@@ -46,7 +46,9 @@ def test_no_distortion_is_the_identity() -> None:
     torch.testing.assert_close(distort(plane, torch.zeros(9, 5)), plane, atol=0, rtol=0)
 
 
-@pytest.mark.parametrize("index", [slice(1, 4), [3, 0], torch.tensor([2, 2]), torch.tensor([True, False] * 3)])
+@pytest.mark.parametrize(
+    "index", [slice(1, 4), [3, 0], torch.tensor([2, 2]), torch.tensor([True, False] * 3)]
+)
 def test_indexing_takes_every_field_in_the_order_given(index: slice | list[int] | torch.Tensor) -> None:
     cameras = random_cameras(6, seed=2)
     chosen = cameras[index]

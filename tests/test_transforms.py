@@ -1,4 +1,5 @@
-"""Frames invert exactly, cameras point where they should, and the scene frame does not depend on the world's."""
+"""Frames invert exactly, cameras point where they should, and the scene frame does not depend on the
+world's."""
 
 import json
 
@@ -33,9 +34,7 @@ def plain(poses: np.ndarray) -> Frames:
 
 def ring(count: int, arc_rad: float = 2 * np.pi, height: float = 1.0) -> np.ndarray:
     angles = np.arange(count) * arc_rad / count
-    return np.stack(
-        [look_at(np.array([2 * np.cos(a), 2 * np.sin(a), height]), np.zeros(3)) for a in angles]
-    )
+    return np.stack([look_at(np.array([2 * np.cos(a), 2 * np.sin(a), height]), np.zeros(3)) for a in angles])
 
 
 def test_opengl_to_opencv_is_its_own_inverse_and_keeps_rotations() -> None:
@@ -89,14 +88,18 @@ def test_to_world_inverts_to_scene_also_at_utm_coordinates(seed: int, log_scale:
 @given(seed=st.integers(0, 10_000))
 def test_json_round_trip_is_exact(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    frames = Frames(Rotation.random(rng=rng).as_matrix(), float(rng.lognormal()), UTM + rng.normal(size=3), "m", None, "x")
+    frames = Frames(
+        Rotation.random(rng=rng).as_matrix(), float(rng.lognormal()), UTM + rng.normal(size=3), "m", None, "x"
+    )
     again = Frames.from_json(json.loads(json.dumps(frames.to_json())))
     assert np.array_equal(again.R_scene_world, frames.R_scene_world)
     assert np.array_equal(again.shift_world, frames.shift_world)
     assert (again.scale, again.unit, again.crs, again.up_source) == (frames.scale, "m", None, "x")
 
 
-@pytest.mark.parametrize("broken", [{"scale": 1.0}, {"R_scene_world": 3}, {"scale": "wide"}, {"shift_world": [1, 2]}])
+@pytest.mark.parametrize(
+    "broken", [{"scale": 1.0}, {"R_scene_world": 3}, {"scale": "wide"}, {"shift_world": [1, 2]}]
+)
 def test_stored_frames_that_were_edited_are_refused(broken: dict[str, object]) -> None:
     good = plain(ring(8)).to_json()
     data = broken if "scale" in broken and broken["scale"] == 1.0 else {**good, **broken}
@@ -147,7 +150,7 @@ def test_scene_frames_are_rotations_and_fill_the_cube() -> None:
 
 
 def test_a_span_box_fills_the_cube_along_its_longest_side() -> None:
-    span = np.stack([UTM - [60, 20, 5], UTM + [60, 20, 30]])
+    span = np.stack([UTM - [60, 20, 5], UTM + np.array([60, 20, 30])])
     line = np.array([2.0, 1.0, 0.3])
     frames = frames_for(
         random_poses(4, 5), up=np.array([0.0, 0, 2]), line_axis=line, span=span, unit="m", crs="EPSG:25832"
@@ -208,7 +211,7 @@ def test_parallel_level_cameras_take_their_own_up_and_say_so() -> None:
 
 def test_line_follows_an_elongated_track_from_first_to_last() -> None:
     track = np.linspace(0, 1, 15)[:, None] * [-30.0, 40.0, 6.0]
-    poses = np.stack([look_at(c, c + [1.0, 0.2, 0.0]) for c in track])
+    poses = np.stack([look_at(c, c + np.array([1.0, 0.2, 0.0])) for c in track])
     along = estimate_line(poses[:, :3, :3], track, np.array([0.0, 0.0, 1.0]))
     np.testing.assert_allclose(along, [-0.6, 0.8, 0.0], atol=1e-9)
 

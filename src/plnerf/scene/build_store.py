@@ -43,11 +43,12 @@ def reduced_sizes_px(shots: Sequence[Shot], downscale: int) -> Int[np.ndarray, "
     reduced: Int[np.ndarray, "n 2"] = sizes // downscale
     worst = int(reduced.min(1).argmin())
     if reduced[worst].min() < MIN_SIDE_PX:
+        most = int(sizes[worst].min()) // MIN_SIDE_PX
+        advice = f"Choose a downscale of at most {most}." if most else "Leave images that small out."
         raise SceneError(
             f"Downscaled by {downscale}, the image {shots[worst].path} of "
             f"{sizes[worst, 0]}x{sizes[worst, 1]} pixels would be {reduced[worst, 0]}x{reduced[worst, 1]}; "
-            f"each side needs at least {MIN_SIDE_PX} pixels. Choose a downscale of at most "
-            f"{max(1, sizes[worst].min() // MIN_SIDE_PX)}."
+            f"each side needs at least {MIN_SIDE_PX} pixels. {advice}"
         )
     return reduced
 

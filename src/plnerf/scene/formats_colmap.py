@@ -12,7 +12,7 @@ import numpy as np
 import pycolmap
 
 from plnerf.errors import SceneError
-from plnerf.scene.listing import Intrinsics, Listing, Shot, check_present, check_unique, some
+from plnerf.scene.listing import Intrinsics, Listing, Shot, check_present, check_unique
 from plnerf.scene.transforms import rigid_pose
 
 _MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0", ".")
@@ -62,8 +62,8 @@ def read_colmap(source: Path) -> Listing:
     check_present(len(shots) + len(missing), missing, model, may_leave_out=False)
     if not shots:
         raise SceneError(
-            f"The COLMAP model {model} has no registered image ({len(unregistered)} without a pose: "
-            f"{some(unregistered)}). Run the reconstruction again, with more overlap between the photos."
+            f"The COLMAP model {model} has no image with a pose. Run the reconstruction again, with more "
+            "overlap between the photos."
         )
     check_unique(shots, model)
     return Listing(root=root, shots=tuple(shots), format="colmap", left_out=tuple(unregistered))

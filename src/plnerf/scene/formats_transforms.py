@@ -41,7 +41,7 @@ def read_transforms(path: Path) -> Listing:
         )
     frames = data.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
-        came = "an empty list" if frames == [] else f"a {type(frames).__name__}"
+        came = {"[]": "an empty list", "None": "nothing"}.get(str(frames), f"a {type(frames).__name__}")
         raise SceneError(
             f'{path} needs a list "frames" with one object per image, but has {came} there. Is it the file '
             "of another program?"
@@ -124,8 +124,13 @@ def _shared_size(data: Json, first: Path) -> Json:
 
 
 def _shot(root: Path, file: Path, frame: Json, data: Json, where: str) -> Shot:
+    if "transform_matrix" not in frame:
+        raise SceneError(
+            f"{where}: the frame has no transform_matrix, so this image has no pose. Remove the frame, or "
+            "run the pose estimation again."
+        )
     try:
-        matrix = np.array(frame.get("transform_matrix"), dtype=np.float64)
+        matrix = np.array(frame["transform_matrix"], dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise SceneError(
             f"{where}: transform_matrix must be 4 rows of 4 numbers ({error}). Correct the file."

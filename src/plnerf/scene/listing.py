@@ -100,7 +100,8 @@ def check_unique(shots: Sequence[Shot], source: Path) -> None:
     for shot in shots:
         first = seen.setdefault(shot.path.resolve(), shot)
         if first is not shot:
+            names = first.name if first.name == shot.name else f"as {first.name} and as {shot.name}"
             raise SceneError(
-                f"{source} lists the file {shot.path} twice (as {first.name} and as {shot.name}), so one "
-                "picture would have two poses. Take one of the two frames out of the file."
+                f"{source} lists the same file twice ({names}), so that one picture would have two poses. "
+                "Take one of the two frames out of the file."
             )

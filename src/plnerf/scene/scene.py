@@ -56,7 +56,8 @@ def load_scene(source: Path, *, store: Path, downscale: int = 1, progress: Progr
     listing = read_listing(source)
     if listing.left_out:
         warnings.warn(
-            f"{len(listing.left_out)} images that {source} lists are left out, having no file or no pose "
+            f"Left out, having no file or no pose: {len(listing.left_out)} of the "
+            f"{len(listing.left_out) + len(listing.shots)} images that {source} lists "
             f"({some(listing.left_out)}).",
             stacklevel=2,
         )
@@ -119,9 +120,9 @@ def split(listing: Listing) -> tuple[tuple[int, ...], tuple[int, ...]]:
     both = sorted(held & chosen)
     if both:
         raise SceneError(
-            f"{len(both)} images are both trained on and held out "
-            f"({some(listing.shots[i].name for i in both)}), so the evaluation would be of no worth. Take "
-            "them out of one of the file's two lists."
+            f"The lists of the scene in {listing.root} want to train on images that they also hold out "
+            f"({some(listing.shots[i].name for i in both)}), so that the evaluation would be of no worth. "
+            "Take each image out of one of the two lists."
         )
     if not chosen or not held:
         raise SceneError(
