@@ -13,6 +13,7 @@ from PIL import Image
 from plnerf.errors import SceneError
 from plnerf.scene import build_store
 from plnerf.scene.build_store import open_store, reduced_sizes_px
+from plnerf.scene.decode import read_mask
 from plnerf.scene.images import ImageStore
 from plnerf.scene.listing import Intrinsics, Shot
 
@@ -157,3 +158,16 @@ def test_building_holds_only_the_images_in_work(tmp_path: Path) -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 20e6
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "I;16", "RGB", "LA", "RGBA"])
+def test_masks_of_every_kind_mean_the_same(tmp_path: Path, mode: str) -> None:
+    """Not 0 is used, 0 is ignored; an alpha channel says nothing."""
+    usable = np.random.default_rng(0).random((48, 64)) < 0.5
+    if mode == "I;16":
+        mask = Image.fromarray(usable.astype(np.uint16) * 256)  # low byte 0: must not count as 0
+    else:
+        mask = Image.fromarray(usable.astype(np.uint8) * 255).convert(mode)
+    mask.save(tmp_path / "mask.png")
+    lens = make_shots(tmp_path)[0].intrinsics
+    assert np.array_equal(read_mask(tmp_path / "mask.png", lens), usable)

@@ -98,7 +98,8 @@ def test_json_round_trip_is_exact(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "broken", [{"scale": 1.0}, {"R_scene_world": 3}, {"scale": "wide"}, {"shift_world": [1, 2]}]
+    "broken",
+    [{"scale": 1.0}, {"R_scene_world": 3}, {"scale": "wide"}, {"unit": "feet"}, {"shift_world": [1, 2]}],
 )
 def test_stored_frames_that_were_edited_are_refused(broken: dict[str, object]) -> None:
     good = plain(ring(8)).to_json()

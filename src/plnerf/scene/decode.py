@@ -9,7 +9,7 @@ import io
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Shaped, UInt8
 from PIL import ExifTags, Image, UnidentifiedImageError
 
 from plnerf.errors import SceneError
@@ -37,7 +37,7 @@ def read_rgb(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     data = _bytes(path)
     with _open(path, io.BytesIO(data)) as image:
         _require_rgb(path, image, data)
-        return _pixels(path, image)
+        return _pixels(path, image).astype(np.uint8, copy=False)
 
 
 def read_mask(path: Path, intrinsics: Intrinsics) -> Bool[np.ndarray, "h w"]:
@@ -50,9 +50,10 @@ def read_mask(path: Path, intrinsics: Intrinsics) -> Bool[np.ndarray, "h w"]:
                 f"{size[0]}x{size[1]}. A mask covers the full-size photo pixel by pixel (0 = ignore): write "
                 "it again at that size."
             )
-        values = _pixels(path, image)
-    usable: Bool[np.ndarray, "h w"] = (values != 0) if values.ndim == 2 else (values[..., :3] != 0).any(-1)
-    return usable
+        used: Bool[np.ndarray, "h w *c"] = _pixels(path, image) != 0
+    if used.ndim == 3:  # colour counts, transparency does not
+        used = np.logical_or.reduce(used[..., :-1] if image.mode.endswith("A") else used, axis=-1)
+    return used
 
 
 def _bytes(path: Path) -> bytes:
@@ -80,9 +81,9 @@ def _open(path: Path, stream: Path | io.BytesIO) -> Image.Image:
         ) from error
 
 
-def _pixels(path: Path, image: Image.Image) -> UInt8[np.ndarray, "h w *c"]:
+def _pixels(path: Path, image: Image.Image) -> Shaped[np.ndarray, "h w *c"]:
     try:
-        return np.asarray(image, dtype=np.uint8)
+        return np.asarray(image)
     except (OSError, SyntaxError, ValueError) as error:
         raise SceneError(
             f"The image {path} is damaged: it begins well but cannot be decoded to its end ({error}). Copy "
@@ -122,6 +123,5 @@ def _bits(image: Image.Image, data: bytes) -> int:
     if image.format == "PNG":
         return data[24]  # IHDR: 8 bytes signature, 8 chunk head, 4 width, 4 height, bit depth
     if image.format == "TIFF":
-        tags = getattr(image, "tag_v2", {})
-        return int(max(tags.get(258, (8,))))  # BitsPerSample
+        return int(np.max(getattr(image, "tag_v2", {}).get(258, 8)))  # BitsPerSample, one or one per channel
     return 8

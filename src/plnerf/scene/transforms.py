@@ -21,6 +21,9 @@ MAX_DRIFT = 1e-3
 error."""
 
 
+_UNITS: dict[str, Literal["m", "unscaled"]] = {"m": "m", "unscaled": "unscaled"}
+
+
 @dataclass(frozen=True, eq=False)
 class Frames:
     """The similarity between scene and world: x_scene = scale * R_scene_world (x_world - shift_world)."""
@@ -66,18 +69,19 @@ class Frames:
             rotation = np.array(data["R_scene_world"], dtype=np.float64).reshape(3, 3)
             shift = np.array(data["shift_world"], dtype=np.float64).reshape(3)
             scale = float(np.array(data["scale"], dtype=np.float64).reshape(()))
+            unit: Literal["m", "unscaled"] = _UNITS[str(data["unit"])]
         except (KeyError, TypeError, ValueError) as error:
             raise SceneError(
-                "The stored frames need R_scene_world (3x3), shift_world (3) and scale as numbers, but hold "
+                "The stored frames need R_scene_world (3x3), shift_world (3), scale and unit, but hold "
                 f"{sorted(data)} ({error!r}). They were edited or written by another program: make them "
                 "again by loading the scene folder."
             ) from error
-        unit, crs = data.get("unit"), data.get("crs")
+        crs = data.get("crs")
         return cls(
             R_scene_world=rotation,
             scale=scale,
             shift_world=shift,
-            unit="m" if unit == "m" else "unscaled",
+            unit=unit,
             crs=None if crs is None else str(crs),
             up_source=str(data.get("up_source", "unknown")),
         )
