@@ -33,7 +33,7 @@ def integrated_positional_encoding(
 
 
 def spherical_harmonics(d: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 16"]:
-    """Real spherical harmonics of degree 0 to 3 of unit vectors, orthonormal on the sphere.  As nerfacto uses them."""
+    """Real spherical harmonics of degree 0 to 3 of unit vectors, orthonormal on the sphere (nerfacto)."""
     x, y, z = d.unbind(-1)
     xx, yy, zz = x * x, y * y, z * z
     return torch.stack(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -10,9 +11,9 @@ from torch import Generator, Tensor, nn
 
 
 def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
-    """Fully connected layers of the given widths with ReLU between them, He-uniform weights and zero biases."""
+    """Fully connected layers of the given widths, ReLU between them, He-uniform weights and zero biases."""
     layers: list[nn.Module] = []
-    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
+    for inputs, outputs in pairwise(widths):
         linear = nn.Linear(inputs, outputs, device="meta").to_empty(device="cpu")
         with torch.no_grad():
             bound = math.sqrt(6 / inputs)
@@ -23,7 +24,7 @@ def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
 
 
 class _DensityActivation(torch.autograd.Function):
-    """exp(x), with the exponent bounded by 15 where float32 or the gradient would overflow.  Instant-NGP's exp."""
+    """exp(x), its exponent bounded by 15 where float32 or the gradient would overflow.  Instant-NGP's exp."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor) -> Tensor:
@@ -34,14 +35,16 @@ class _DensityActivation(torch.autograd.Function):
     def backward(ctx: Any, *g_outputs: Tensor) -> Tensor:
         (x,) = ctx.saved_tensors
         # Not zero beyond the bound: a cell that became too dense must find its way back.
-        return g_outputs[0] * x.clamp(max=15).exp()
+        g_x: Tensor = g_outputs[0] * x.clamp(max=15).exp()
+        return g_x
 
 
 def density_activation(x: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
     """Density in 1/length of a network's raw output, exp(x): about 1 per scene unit in a new field.
 
-    An emptier start (nerfacto: 0.01) leaves the density without a gradient for thousands of steps, since it is
-    proportional to the density itself: after 20 s on one core the fox scene stood at 10 dB with it, and at 20 dB so.
+    An emptier start (nerfacto: 0.01) leaves the density without a gradient for thousands of steps, since it
+    is proportional to the density itself: after 20 s on one core the fox scene stood at 10 dB with it, and at
+    20 dB so.
     """
     density: Tensor = _DensityActivation.apply(x)
     return density

@@ -1,6 +1,7 @@
 """Small corrections of the training cameras' poses.  NeRF--, section 3.2.
 
-A correction is a rotation vector about the camera's centre and a shift, both in the scene frame, of zero at the start.
+A correction is a rotation vector about the camera's centre and a shift, both in the scene frame, of zero at
+the start.
 """
 
 import torch
@@ -15,7 +16,8 @@ def rotation_matrix(vector: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3 3"]:
     x, y, z = vector.unbind(-1)
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
-    return torch.linalg.matrix_exp(cross)
+    rotation: Tensor = torch.linalg.matrix_exp(cross)
+    return rotation
 
 
 class PoseCorrections(nn.Module):

@@ -1,11 +1,11 @@
 """The PL-NeRF field (seed 4.2.2, fig. 18): position by hash encoding, direction by IPE, two networks.
 
-    density network:  hash(x)                                          -> density, feature
-    colour network:   feature, direction encoding, appearance          -> colour
-    normal network:   feature                                          -> unit normal          (Ref-NeRF, section 4)
+    density network:  hash(x)                                    -> density, feature
+    colour network:   feature, direction encoding, appearance    -> colour
+    normal network:   feature                                    -> unit normal    (Ref-NeRF, section 4)
 
 A bare direction has no frustum to integrate over, so the `direction_encoding`
-    ipe   is the IPE of the contracted frustum beside the positional encoding of the view direction (the paper)
+    ipe   is the IPE of the contracted frustum beside the positional encoding of the view direction (paper)
     sh    is the spherical harmonics of the view direction (nerfacto)
     both  is the IPE of the frustum beside the spherical harmonics
 """
@@ -50,7 +50,9 @@ class RadianceConfig:
 
     def __post_init__(self) -> None:
         if self.direction_encoding not in {"ipe", "sh", "both"}:
-            raise ConfigError(f"direction_encoding must be ipe, sh or both, but got {self.direction_encoding!r}.")
+            raise ConfigError(
+                f"direction_encoding must be ipe, sh or both, but got {self.direction_encoding!r}."
+            )
 
 
 class RadianceField(nn.Module):
@@ -67,7 +69,9 @@ class RadianceField(nn.Module):
         self.colour_network = mlp([inputs, *[config.hidden] * config.colour_layers, 3], generator)
         self.normal_network = mlp([config.feature, 32, 3], generator) if config.normals else None
 
-    def raw_density(self, contracted: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
+    def raw_density(
+        self, contracted: Float[Tensor, "*n 3"]
+    ) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
         """The density before its activation, whose gradient gives the normals, and the feature vector."""
         out = self.density_network(self.grid(contracted))
         return out[..., 0], out[..., 1:]
@@ -98,7 +102,9 @@ class RadianceField(nn.Module):
         return torch.sigmoid(self.colour_network(torch.cat(parts, -1)))
 
     def predicted_normals(self, feature: Float[Tensor, "*n G"]) -> Float[Tensor, "*n 3"]:
-        """Unit normals in the scene frame, as the network predicts them.  Raises ConfigError without normals."""
+        """Unit normals in the scene frame, as the network predicts them; ConfigError without normals."""
         if self.normal_network is None:
-            raise ConfigError("This field was built with normals=False: it predicts none. Train with field.normals=true.")
+            raise ConfigError(
+                "This field was built with normals=False: it predicts none. Train with field.normals=true."
+            )
         return nn.functional.normalize(self.normal_network(feature), dim=-1)

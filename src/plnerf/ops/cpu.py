@@ -1,10 +1,11 @@
 """Numba twins of the ops for a CPU: forward, backward, and the backward of the backward that normals need.
 
-Numba brings its own LLVM, so nothing is compiled at install time; a kernel is compiled on its first call and kept in
-Numba's cache on disk.  Gradients of the table are summed by one thread per level, in the order of the points, so that
-results do not depend on the number of threads.
+Numba brings its own LLVM, so nothing is compiled at install time; a kernel is compiled on its first call and
+kept in Numba's cache on disk.  Gradients of the table are summed by one thread per level, in the order of the
+points, so that results do not depend on the number of threads.
 
-Letters as in `reference.py`.  Per axis a: weight s(u) of the upper vertex, its slope s'(u) N and curvature s''(u) N^2.
+Letters as in `reference.py`.  Per axis: weight s(u) of the upper vertex, its slope s'(u) N and its curvature
+s''(u) N^2.
 """
 
 from functools import cache
@@ -127,9 +128,11 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
                         g_x[p, 2] += value * pu * pv * (dw if d else -dw)
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
-    def position_gradient_backward(x, g_out, table, layout, q, parts_x, g_g_out, g_table, parts):  # type: ignore[no-untyped-def]
-        # q = gradient of the position gradient; with m_c = sum_i q_i d(share_c)/dx_i the scalar to differentiate is
-        # sum_c m_c <g_out, table_c>.  parts_x has one slab per level, added up by the caller.
+    def position_gradient_backward(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a kernel has no structs)
+        x, g_out, table, layout, q, parts_x, g_g_out, g_table, parts
+    ):
+        # q = gradient of the position gradient; with m_c = sum_i q_i d(share_c)/dx_i the scalar to
+        # differentiate is sum_c m_c <g_out, table_c>.  parts_x has one slab a level, added up by the caller.
         points, levels = x.shape[0], layout.shape[0]
         for part in prange(parts):
             for level in range(part, levels, parts):
@@ -139,7 +142,9 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
                     j, v = locate(x[p, 1], n)
                     k, w = locate(x[p, 2], n)
                     du, dv, dw = slope(u, cubic) * n, slope(v, cubic) * n, slope(w, cubic) * n
-                    ddu, ddv, ddw = curvature(u, cubic) * n * n, curvature(v, cubic) * n * n, curvature(w, cubic) * n * n
+                    ddu = curvature(u, cubic) * n * n
+                    ddv = curvature(v, cubic) * n * n
+                    ddw = curvature(w, cubic) * n * n
                     u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
                     q0, q1, q2 = q[p, 0], q[p, 1], q[p, 2]
                     for c in range(8):
@@ -154,15 +159,21 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
                             value += g_out[p, level * F + f] * table[r, f]
                             g_g_out[p, level * F + f] += m * table[r, f]
                             g_table[r, f] += m * g_out[p, level * F + f]
-                        parts_x[level, p, 0] += value * (q0 * tu * pv * pw + q1 * su * sv * pw + q2 * su * pv * sw)
-                        parts_x[level, p, 1] += value * (q0 * su * sv * pw + q1 * pu * tv * pw + q2 * pu * sv * sw)
-                        parts_x[level, p, 2] += value * (q0 * su * pv * sw + q1 * pu * sv * sw + q2 * pu * pv * tw)
+                        parts_x[level, p, 0] += value * (
+                            q0 * tu * pv * pw + q1 * su * sv * pw + q2 * su * pv * sw
+                        )
+                        parts_x[level, p, 1] += value * (
+                            q0 * su * sv * pw + q1 * pu * tv * pw + q2 * pu * sv * sw
+                        )
+                        parts_x[level, p, 2] += value * (
+                            q0 * su * pv * sw + q1 * pu * sv * sw + q2 * pu * pv * tw
+                        )
 
     return _Kernels(forward, table_gradient, position_gradient, position_gradient_backward)
 
 
 def _parts() -> int:
-    """Into how many parts a kernel splits its work.  Asked outside of the kernels: inside, they could not be cached."""
+    """Into how many parts a kernel splits its work.  Asked outside of kernels: else they are not cached."""
     return int(numba.get_num_threads())
 
 
@@ -204,14 +215,18 @@ class _TableGradient(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *g_outputs: Tensor) -> tuple[None, None, None, None]:
-        raise NotImplementedError("The gradient of a hash table's gradient is not implemented; use the reference.")
+        raise NotImplementedError(
+            "The gradient of a hash table's gradient is not implemented; use the reference."
+        )
 
 
 class _PositionGradient(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
         g_x = torch.zeros_like(x)
-        _kernels_of(grid).position_gradient(_array(x), _array(g_out), _array(table), grid.layout, g_x.numpy(), _parts())
+        _kernels_of(grid).position_gradient(
+            _array(x), _array(g_out), _array(table), grid.layout, g_x.numpy(), _parts()
+        )
         ctx.save_for_backward(x, g_out, table)
         ctx.grid = grid
         return g_x
@@ -222,7 +237,8 @@ class _PositionGradient(torch.autograd.Function):
         (q,) = g_outputs
         x, g_out, table = ctx.saved_tensors
         parts_x = x.new_zeros(ctx.grid.levels, *x.shape)
-        g_g_out, g_table = torch.zeros_like(g_out, memory_format=torch.contiguous_format), torch.zeros_like(table)
+        g_g_out = torch.zeros_like(g_out, memory_format=torch.contiguous_format)
+        g_table = torch.zeros_like(table)
         _kernels_of(ctx.grid).position_gradient_backward(
             _array(x), _array(g_out), _array(table), ctx.grid.layout, _array(q),
             parts_x.numpy(), g_g_out.numpy(), g_table.numpy(), _parts(),
@@ -230,7 +246,9 @@ class _PositionGradient(torch.autograd.Function):
         return parts_x.sum(0), g_g_out, g_table, None
 
 
-def hash_encode(x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape) -> Float[Tensor, "n LF"]:
+def hash_encode(
+    x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape
+) -> Float[Tensor, "n LF"]:
     """Twin of `reference.hash_encode`: same values and gradients, including those of the gradient of x."""
     out: Tensor = _HashEncode.apply(x, table, grid)
     return out

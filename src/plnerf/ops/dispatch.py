@@ -23,7 +23,8 @@ def resolve_backend(choice: BackendChoice, on: device) -> Backend:
         return "numba" if on.type == "cpu" else "torch"
     if choice == "numba" and on.type != "cpu":
         raise ConfigError(
-            f"The backend 'numba' runs on a CPU, but the device is {on}. Choose --backend torch or --device cpu."
+            f"The backend 'numba' runs on a CPU, but the device is {on}. "
+            f"Choose --backend torch or --device cpu."
         )
     return choice
 

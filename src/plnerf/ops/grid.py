@@ -16,13 +16,16 @@ from plnerf.errors import ConfigError
 
 Interpolation = Literal["linear", "cubic"]
 
-# Teschner et al. 2003, as in Instant-NGP eq. 4; the first factor is 1 so that neighbours along x stay neighbours.
+# Teschner et al. 2003, as in Instant-NGP eq. 4; the first is 1 so that neighbours along x stay neighbours.
 HASH_PRIMES = (1, 2654435761, 805459861)
 
 
 @dataclass(frozen=True)
 class GridShape:
-    """Levels growing geometrically from `coarsest` to `finest` cells an axis.  b = exp((ln N_max - ln N_min)/(L-1))."""
+    """Levels growing geometrically from `coarsest` to `finest` cells an axis.
+
+    The factor from level to level is b = exp((ln N_max - ln N_min)/(L - 1)).
+    """
 
     levels: int
     coarsest: int
@@ -32,11 +35,17 @@ class GridShape:
     interpolation: Interpolation = "linear"
 
     def __post_init__(self) -> None:
-        if self.levels < 1 or self.features < 1 or not 1 <= self.coarsest <= self.finest or not 1 <= self.log2_table <= 30:
+        if (
+            self.levels < 1
+            or self.features < 1
+            or not 1 <= self.coarsest <= self.finest
+            or not 1 <= self.log2_table <= 30
+        ):
             raise ConfigError(
-                f"A hash grid needs levels >= 1, features >= 1, 1 <= coarsest <= finest and 1 <= log2_table <= 30, "
-                f"but got levels={self.levels}, features={self.features}, coarsest={self.coarsest}, "
-                f"finest={self.finest}, log2_table={self.log2_table}. Change these settings of the grid."
+                f"A hash grid needs levels >= 1, features >= 1, 1 <= coarsest <= finest "
+                f"and 1 <= log2_table <= 30, but got levels={self.levels}, features={self.features}, "
+                f"coarsest={self.coarsest}, finest={self.finest}, log2_table={self.log2_table}. "
+                "Change these settings of the grid."
             )
         if self.interpolation not in {"linear", "cubic"}:
             raise ConfigError(f"interpolation must be 'linear' or 'cubic', but got {self.interpolation!r}.")
@@ -76,7 +85,7 @@ class GridShape:
 
     @cached_property
     def layout(self) -> np.ndarray:
-        """int64 (L, 4): cells an axis, first row, 1 if dense, hash mask (T - 1).  What a kernel needs to know."""
+        """What a kernel must know, int64 (L, 4): cells an axis, first row, 1 if dense, hash mask (T - 1)."""
         mask = (1 << self.log2_table) - 1
         rows = zip(self.resolutions, self.starts, self.dense, strict=True)
         return np.array([(n, start, int(dense), mask) for n, start, dense in rows], dtype=np.int64)

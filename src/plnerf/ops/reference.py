@@ -1,4 +1,4 @@
-"""The truth: every op in plain torch, for any float dtype, differentiable to any order.  Slow, and meant to be read.
+"""The truth: every op in plain torch, for any float dtype, differentiable to any order.  Slow, to be read.
 
 Letters: n points, L levels, F features, N_l cells an axis of level l.
 """
@@ -13,8 +13,9 @@ from plnerf.ops.grid import HASH_PRIMES, GridShape, Interpolation
 def interpolation_weight(u: Float[Tensor, "*n"], interpolation: Interpolation) -> Float[Tensor, "*n"]:
     """Weight of the upper of two vertices at fraction u in [0, 1] of the cell between them.
 
-    linear: u.  cubic: the Hermite weight u^2 (3 - 2u), whose derivative vanishes at the vertices, so that encoded
-    features have a continuous first derivative (seed 4.2.2, "cubic interpolation"; Instant-NGP, appendix A).
+    linear: u.  cubic: the Hermite weight u^2 (3 - 2u), whose derivative vanishes at the vertices, so that
+    encoded features have a continuous first derivative (seed 4.2.2, "cubic interpolation"; Instant-NGP,
+    appendix A).
     """
     return u * u * (3 - 2 * u) if interpolation == "cubic" else u
 
@@ -28,11 +29,13 @@ def vertex_row(vertex: Int[Tensor, "*n 3"], level: int, grid: GridShape) -> Int[
     return start + ((x * HASH_PRIMES[0] ^ y * HASH_PRIMES[1] ^ z * HASH_PRIMES[2]) & mask)
 
 
-def hash_encode(x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape) -> Float[Tensor, "n LF"]:
+def hash_encode(
+    x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape
+) -> Float[Tensor, "n LF"]:
     """Multi-resolution hash encoding of points in [0, 1]^3.  Instant-NGP, section 3.
 
-    Features of the eight vertices of the cell around x, weighted by the interpolation of each axis, for every level
-    side by side.  Points outside the cube continue the border cell's interpolant.
+    Features of the eight vertices of the cell around x, weighted by the interpolation of each axis, for every
+    level side by side.  Points outside the cube continue the border cell's interpolant.
     """
     encoded = []
     for level, n in enumerate(grid.resolutions):

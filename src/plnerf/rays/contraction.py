@@ -1,4 +1,4 @@
-"""All of space in a cube: the L-infinity contraction.  Mip-NeRF 360 eq. 10 with another norm (seed 4.2.2, fig. 19).
+"""All of space in a cube: the L-infinity contraction.  Mip-NeRF 360 eq. 10, other norm (seed 4.2.2, fig. 19).
 
 Letters: m = max_k |x_k|, reached at axis k (the first one where several tie: a set of measure zero).
     f(x) = x                       where m <= 1
@@ -26,8 +26,10 @@ def uncontract(y: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     return y / (m * (2 - m))
 
 
-def jacobian_terms(x: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
-    """J = a I + b e_k^T: the number a, the vector b, and e_k as a one-hot vector.  a = 1, b = 0 inside the cube."""
+def jacobian_terms(
+    x: Float[Tensor, "*n 3"],
+) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
+    """J = a I + b e_k^T: the number a, the vector b, and e_k as a one-hot vector; a = 1, b = 0 inside."""
     magnitude, k = x.abs().max(-1)
     one_hot = torch.nn.functional.one_hot(k, 3).to(x.dtype)
     m = magnitude.clamp_min(1)
@@ -47,10 +49,10 @@ def jacobian(x: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3 3"]:
 def contract_frustums(
     frustums: Frustums, factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 ) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
-    """Mean and variances (the diagonal of J A Sigma A J^T) of frustums stretched by A = diag(factors), then contracted.
+    """Mean and variances, diag(J A Sigma A J^T), of frustums stretched by A = diag(factors) and contracted.
 
-    A span is much longer than it is wide: stretching across the line spends the cube's cells where the wires are.
-    With Sigma' = A Sigma A = (var_t - var_r) d' d'^T + var_r A^2, d' = A d, and J = a I + b e_k^T:
+    A span is much longer than it is wide: stretching across the line spends the cube's cells where the wires
+    are.  With Sigma' = A Sigma A = (var_t - var_r) d' d'^T + var_r A^2, d' = A d, and J = a I + b e_k^T:
         (J Sigma' J^T)_ii = a^2 Sigma'_ii + 2 a b_i Sigma'_ik + b_i^2 Sigma'_kk
     so that no 3x3 matrix is formed.  Mip-NeRF 360 eq. 9 (linearisation at the mean).
     """

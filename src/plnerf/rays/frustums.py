@@ -54,6 +54,8 @@ def frustum_moments(
 
 def ray_frustums(rays: Rays, t: Float[Tensor, "r S+1"]) -> Frustums:
     """Gaussians of the S intervals between edges t along every ray; shapes (r, S)."""
-    t_mean, var_t, var_r = frustum_moments(t[:, :-1], t[:, 1:], rays.radius[:, None].expand(-1, t.shape[1] - 1))
+    t_mean, var_t, var_r = frustum_moments(
+        t[:, :-1], t[:, 1:], rays.radius[:, None].expand(-1, t.shape[1] - 1)
+    )
     mean = rays.origins[:, None] + t_mean[..., None] * rays.directions[:, None]
     return Frustums(mean, rays.directions[:, None].expand_as(mean), var_t, var_r)

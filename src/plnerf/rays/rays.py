@@ -1,7 +1,8 @@
 """Rays through pixels, as cones.  Mip-NeRF, section 3.1.
 
-Letters: r rays; origins o, unit directions d, so that the distance t along a ray is a length in the scene frame.
-Pixel coordinates have their origin at the image's top-left corner; the first pixel's centre is (0.5, 0.5).
+Letters: r rays; origins o, unit directions d, so that the distance t along a ray is a length in the scene
+frame.  Pixel coordinates have their origin at the image's top-left corner; the first pixel's centre is
+(0.5, 0.5).
 """
 
 import math
@@ -34,9 +35,15 @@ class Rays:
     def __getitem__(self, index: slice) -> "Rays":
         return Rays(self.origins[index], self.directions[index], self.radius[index], self.camera[index])
 
+    def to(self, device: torch.device) -> "Rays":
+        """The same rays on a device."""
+        return Rays(
+            *(value.to(device) for value in (self.origins, self.directions, self.radius, self.camera))
+        )
+
 
 def pixel_rays(cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"]) -> Rays:
-    """Rays through pixel positions of cameras, lens distortion taken out exactly (no image is resampled)."""
+    """Rays through pixel positions of cameras, lens distortion taken out (no image is resampled)."""
     focal = cameras.focal_px[camera]
     plane = undistort(cameras, camera, pixel_px)
     direction = torch.cat([plane, torch.ones_like(plane[:, :1])], -1)
@@ -47,7 +54,9 @@ def pixel_rays(cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tens
     return Rays(cameras.centre[camera], directions, radius, camera)
 
 
-def undistort(cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"]) -> Float[Tensor, "r 2"]:
+def undistort(
+    cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"]
+) -> Float[Tensor, "r 2"]:
     """Points on the camera's plane z = 1 that the lens (OPENCV: k1 k2 p1 p2 k3) maps to the given pixels."""
     plane = (pixel_px - cameras.principal_px[camera]) / cameras.focal_px[camera]
     if not bool(cameras.distortion.any()):

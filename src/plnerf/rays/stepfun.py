@@ -1,7 +1,7 @@
 """Step functions along rays.  Mip-NeRF 360, section 3 and supplement A; NeRF 2020, section 5.2.
 
-Letters, always in the last axis: s the S+1 edges in [0, 1], increasing; w the S weights of the intervals, >= 0 and
-summing to at most 1; pdf the S weights normalised to sum to 1.
+Letters, always in the last axis: s the S+1 edges in [0, 1], increasing; w the S weights of the intervals,
+>= 0 and summing to at most 1; pdf the S weights normalised to sum to 1.
 """
 
 import torch
@@ -12,7 +12,7 @@ from torch import Generator, Tensor
 def even_edges(
     rays: int, intervals: int, generator: Generator | None, like: Float[Tensor, "..."]
 ) -> Float[Tensor, "{rays} {intervals}+1"]:
-    """Edges of equal intervals in [0, 1]; the inner ones moved at random by up to half an interval with a generator.
+    """Edges of equal intervals in [0, 1]; with a generator, each moved at random by up to half an interval.
 
     The stratified sampling of NeRF 2020 eq. 2, for edges.
     """
@@ -28,8 +28,9 @@ def resample_edges(
 ) -> Float[Tensor, "r {intervals}+1"]:
     """Edges of `intervals` intervals of equal probability, by inverse transform sampling of the histogram w.
 
-    NeRF 2020, section 5.2.  With a generator the levels of the distribution function are jittered, one a stratum.
-    Each interval also gets a share of 1e-2/S, so that no place is lost for good and 0/0 cannot arise.
+    NeRF 2020, section 5.2.  With a generator the levels of the distribution function are jittered, one a
+    stratum.  Each interval also gets a share of 1e-2/S, so that no place is lost for good and 0/0 cannot
+    arise.
     """
     padded = w + 1e-2 / w.shape[-1]
     cdf = torch.nn.functional.pad(padded.cumsum(-1), (1, 0))
@@ -58,7 +59,7 @@ def interpolate(
 def outer_measure(
     s: Float[Tensor, "r S+1"], s_other: Float[Tensor, "r P+1"], w_other: Float[Tensor, "r P"]
 ) -> Float[Tensor, "r S"]:
-    """Most weight that the histogram (s_other, w_other) can have inside each interval of s.  Mip-NeRF 360 eq. 12."""
+    """Most weight the histogram (s_other, w_other) can have in each interval of s.  Mip-NeRF 360 eq. 12."""
     total = torch.nn.functional.pad(w_other.cumsum(-1), (1, 0))
     edges = s_other.contiguous()
     low = torch.searchsorted(edges, s[..., :-1].contiguous(), right=True) - 1
@@ -73,9 +74,9 @@ def interlevel_loss(
     s_proposal: Float[Tensor, "r P+1"],
     w_proposal: Float[Tensor, "r P"],
 ) -> Float[Tensor, " r"]:
-    """How much weight w lies where the proposal could not have it.  Mip-NeRF 360 eq. 13; w and s are constants.
+    """How much weight w lies where the proposal could not have it.  Mip-NeRF 360 eq. 13.
 
-    sum_i max(0, w_i - bound_i)^2 / w_i
+    sum_i max(0, w_i - bound_i)^2 / w_i,   w and s being constants
     """
     s, w = s.detach(), w.detach()
     excess = (w - outer_measure(s, s_proposal, w_proposal)).clamp_min(0)
@@ -85,8 +86,8 @@ def interlevel_loss(
 def distortion_loss(s: Float[Tensor, "r S+1"], w: Float[Tensor, "r S"]) -> Float[Tensor, " r"]:
     """How spread out the weight of a ray is.  Mip-NeRF 360 eq. 15.
 
-    sum_ij w_i w_j |m_i - m_j| + 1/3 sum_i w_i^2 (s_{i+1} - s_i),  m the middles; the double sum in linear time:
-    for sorted m it is 2 sum_i w_i (m_i W_i - M_i), W and M the exclusive sums of w and w m.
+    sum_ij w_i w_j |m_i - m_j| + 1/3 sum_i w_i^2 (s_{i+1} - s_i),  m the middles; the double sum in linear
+    time: for sorted m it is 2 sum_i w_i (m_i W_i - M_i), W and M the exclusive sums of w and w m.
     """
     middle, width = (s[..., 1:] + s[..., :-1]) / 2, s.diff()
     weight_before = w.cumsum(-1) - w

@@ -1,12 +1,13 @@
 """PL-NeRF on one page: rays in, colours, depths and normals out.  Seed 4.2.2, figures 18 and 20.
 
-    cone ──▶ frustums ──▶ L-inf contraction ──▶ hash encoding ──▶ density ──┬──▶ weights ──▶ colour, depth, normals
-      ▲                                    └──▶ IPE, direction, appearance ─┴──▶ colour
+    cone ─▶ frustums ─▶ L-inf contraction ─▶ hash encoding ─▶ density ───┬─▶ weights ─▶ colour, depth, normals
+      ▲                                  └─▶ IPE, direction, appearance ─┴─▶ colour
       └── two proposal fields choose where along the ray the frustums lie
 
 Letters: r rays, S final intervals; lengths in the scene frame.
 """
 
+import dataclasses
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,6 +16,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
 from plnerf.field.density import DensityConfig, DensityField
+from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
@@ -36,9 +38,9 @@ class ModelConfig:
 
     field: RadianceConfig
     proposals: tuple[DensityConfig, ...]
-    sampler: SamplerConfig = SamplerConfig()
+    sampler: SamplerConfig = dataclasses.field(default_factory=SamplerConfig)
     contraction: bool = True
-    """L-infinity contraction of unbounded space; without it, everything beyond [-2, 2]^3 is clamped to its faces."""
+    """L-infinity contraction of unbounded space; without it, all beyond [-2, 2]^3 is clamped to its faces."""
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Stretch of x, y and z before the contraction; a span wants more cells across (y, z) than along (x)."""
 
@@ -68,15 +70,19 @@ class RenderedRays:
 
 
 class PLNeRF(nn.Module):
-    """The radiance field, its two proposal fields and the appearance vectors of the images."""
+    """The radiance field, its two proposal fields, and what is learnt of each image: appearance and pose."""
 
     def __init__(self, config: ModelConfig, images: int, backend: Backend, generator: Generator) -> None:
         super().__init__()
         self.config = config
         self.field = RadianceField(config.field, backend, generator)
-        self.proposals = nn.ModuleList(DensityField(proposal, backend, generator) for proposal in config.proposals)
-        # Zero at the start: the mean vector, used for views without an image of their own, stays within what is seen.
+        self.proposals = nn.ModuleList(
+            DensityField(proposal, backend, generator) for proposal in config.proposals
+        )
+        # Zero at the start: the mean vector, used for views without an image of their own, stays within what
+        # is seen.
         self.appearance = nn.Parameter(torch.zeros(images, config.field.appearance))
+        self.poses = PoseCorrections(images)
 
     def forward(
         self,
@@ -91,9 +97,10 @@ class PLNeRF(nn.Module):
     ) -> RenderedRays:
         """Render rays.  With a generator the samples are jittered; `normals` renders the predicted normals;
         the first `normal_rays` rays return their samples' normals for the losses."""
-        q = normal_rays
         densities = [partial(self._proposal_density, field) for field in self.proposals]
-        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator, train_proposals)
+        s, history = sample_along_rays(
+            rays, densities, self.config.sampler, anneal, generator, train_proposals
+        )
         t = to_distance(s, self.config.sampler)
         frustums = ray_frustums(rays, t)
         mean, variance = self._contracted(frustums)
@@ -101,8 +108,12 @@ class PLNeRF(nn.Module):
         w = weights_from_density(density, t)
         colours = self.field.colour(feature, mean, variance, rays.directions, appearance)
         total = accumulation(w)
-        # What lies behind the last interval takes its colour (nerfacto's "last sample"): the sky needs no density.
+        # What lies behind the last interval takes its colour (nerfacto's "last sample"): the sky needs no
+        # density.
         colour = composite(w, colours) + (1 - total)[:, None] * colours[:, -1]
+        normal_samples = None
+        if q := normal_rays:
+            normal_samples = self._normal_samples(frustums[:q], feature[:q], w[:q], rays.directions[:q])
         return RenderedRays(
             colour=colour,
             accumulation=total,
@@ -110,7 +121,7 @@ class PLNeRF(nn.Module):
             depth_median=median_depth(w.detach(), t),
             normals=composite(w, self.field.predicted_normals(feature)) if normals else None,
             histograms=(*history, Histogram(s, w)),
-            normal_samples=self._normal_samples(frustums[:q], feature[:q], w[:q], rays.directions[:q]) if q else None,
+            normal_samples=normal_samples,
         )
 
     def mean_appearance(self, rays: int, images: Tensor) -> Float[Tensor, "{rays} A"]:
@@ -121,17 +132,23 @@ class PLNeRF(nn.Module):
         bound = contract_frustums if self.config.contraction else clamp_frustums
         return bound(frustums, self.config.stretch)
 
-    def _proposal_density(self, field: DensityField, rays: Rays, t: Float[Tensor, "r P+1"]) -> Float[Tensor, "r P"]:
+    def _proposal_density(
+        self, field: nn.Module, rays: Rays, t: Float[Tensor, "r P+1"]
+    ) -> Float[Tensor, "r P"]:
         density: Tensor = field(self._contracted(ray_frustums(rays, t))[0])
         return density
 
-    def _normal_samples(self, frustums: Frustums, feature: Tensor, w: Tensor, directions: Tensor) -> NormalSamples:
-        """Normals as the density's gradient says, n = -grad sigma / |grad sigma|, and as predicted.  Ref-NeRF eq. 3."""
+    def _normal_samples(
+        self, frustums: Frustums, feature: Tensor, w: Tensor, directions: Tensor
+    ) -> NormalSamples:
+        """Normals as the density says, n = -grad sigma / |grad sigma|, and as predicted.  Ref-NeRF eq. 3."""
         with torch.enable_grad():
             position = frustums.mean.detach().requires_grad_()
-            moved = Frustums(position, frustums.direction.detach(), frustums.var_t.detach(), frustums.var_r.detach())
+            moved = Frustums(
+                position, frustums.direction.detach(), frustums.var_t.detach(), frustums.var_r.detach()
+            )
             raw, _ = self.field.raw_density(self._contracted(moved)[0])
             (gradient,) = torch.autograd.grad(raw.sum(), position, create_graph=True)
-        # The raw density grows with the density, so its gradient has the same direction, without the range of exp.
+        # The raw density grows with the density: its gradient has the same direction, not the range of exp.
         length = (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()
         return NormalSamples(w, -gradient / length, self.field.predicted_normals(feature), directions)

@@ -1,7 +1,7 @@
-"""Where to look along a ray: two small density fields narrow even samples down.  Mip-NeRF 360, section 3; nerfacto.
+"""Where to look along a ray: two small density fields narrow even samples down.  Mip-NeRF 360, section 3.
 
-Letters: t distances along rays in the scene frame, s in [0, 1] the warped distances, in which the first samples are
-even: linear in t up to the knee, in 1/t beyond, half of the range to each.
+Letters: t distances along rays in the scene frame, s in [0, 1] the warped distances, in which the first
+samples are even: linear in t up to the knee, in 1/t beyond, half of the range to each (as nerfacto).
 """
 
 from collections.abc import Callable, Sequence
@@ -34,10 +34,16 @@ class SamplerConfig:
     """Where even samples in t give way to even samples in 1/t."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.near < self.far or self.knee <= 0 or self.final < 1 or any(n < 1 for n in self.proposals):
+        if (
+            not 0 < self.near < self.far
+            or self.knee <= 0
+            or self.final < 1
+            or any(n < 1 for n in self.proposals)
+        ):
             raise ConfigError(
-                f"A sampler needs 0 < near < far, knee > 0 and at least one interval a round, but got near={self.near}, "
-                f"far={self.far}, knee={self.knee}, proposals={self.proposals}, final={self.final}."
+                f"A sampler needs 0 < near < far, knee > 0 and at least one interval a round, "
+                f"but got near={self.near}, far={self.far}, knee={self.knee}, proposals={self.proposals}, "
+                f"final={self.final}."
             )
 
 
@@ -71,11 +77,14 @@ def sample_along_rays(
 ) -> tuple[Float[Tensor, "r S+1"], tuple[Histogram, ...]]:
     """Edges s of the final intervals, and the histograms of the proposal rounds that led to them.
 
-    `densities` maps rays and edges t (r, P+1) to densities (r, P), one for each round.  `anneal` in (0, 1] flattens
-    the histograms early in training (w^anneal), so that a first wrong guess does not blind the sampler.
+    `densities` maps rays and edges t (r, P+1) to densities (r, P), one for each round.  `anneal` in (0, 1]
+    flattens the histograms early in training (w^anneal), so that a first wrong guess does not blind the
+    sampler.
     """
     history: list[Histogram] = []
-    s = even_edges(len(rays), config.proposals[0] if config.proposals else config.final, generator, rays.origins)
+    s = even_edges(
+        len(rays), config.proposals[0] if config.proposals else config.final, generator, rays.origins
+    )
     rounds = (*config.proposals[1:], config.final)
     for density, intervals in zip(densities, rounds, strict=True):
         with nullcontext() if train_proposals else torch.no_grad():

@@ -37,7 +37,7 @@ def expected_depth(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Floa
 
 
 def median_depth(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Float[Tensor, "*r"]:
-    """Distance at which the transmittance falls to one half, density constant in an interval; the far end if never."""
+    """Distance where the transmittance is one half, density constant in an interval; the far end if never."""
     ended = w.cumsum(-1)
     index = (ended < 0.5).sum(-1, keepdim=True)
     last = w.shape[-1] - 1
@@ -46,7 +46,8 @@ def median_depth(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Float[
     # Within the interval: (1 - before) exp(-share D) = 1/2 with D = -log(1 - alpha) its optical depth.
     left = (1 - before).clamp_min(torch.finfo(w.dtype).eps)
     alpha = (w.gather(-1, inside) / left).clamp(0, 1 - torch.finfo(w.dtype).eps)
-    share = (torch.log(2 * left).clamp_min(0) / (-torch.log1p(-alpha)).clamp_min(torch.finfo(w.dtype).tiny)).clamp(0, 1)
+    optical = (-torch.log1p(-alpha)).clamp_min(torch.finfo(w.dtype).tiny)
+    share = (torch.log(2 * left).clamp_min(0) / optical).clamp(0, 1)
     t0, t1 = t.gather(-1, inside), t.gather(-1, inside + 1)
     crossed = t0 + share * (t1 - t0)
     return torch.where(index > last, t[..., -1:], crossed)[..., 0]

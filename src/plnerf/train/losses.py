@@ -42,7 +42,8 @@ def loss_terms(
     if train_proposals:
         rounds = out.histograms[:-1]
         terms["interlevel"] = sum(
-            (interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in rounds), torch.zeros(())
+            (interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in rounds),
+            torch.zeros(()),
         )
     if weights.distortion:
         terms["distortion"] = distortion_loss(final.s, final.w).mean()
@@ -53,7 +54,7 @@ def loss_terms(
 
 
 def normal_loss(samples: NormalSamples) -> Float[Tensor, " q"]:
-    """R_p = sum_i w_i |n_i - n'_i|^2: the density's normals n and the predicted n' agree.  Ref-NeRF eq. 10."""
+    """R_p = sum_i w_i |n_i - n'_i|^2: the density's normals n and predicted n' agree.  Ref-NeRF eq. 10."""
     return (samples.weights * (samples.from_density - samples.predicted).square().sum(-1)).sum(-1)
 
 

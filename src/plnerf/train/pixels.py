@@ -1,8 +1,8 @@
 """Which pixels a step looks at.
 
-A wire is a thousandth of an image, so a share of the pixels is drawn from the *detail pixels*: those with the
-strongest ridges (thin bright or dark lines) of each training image.  Importance weights keep the loss unbiased:
-with N pixels in all and D detail pixels, a pixel is drawn with probability
+A wire is a thousandth of an image, so a share of the pixels is drawn from the *detail pixels*: those with
+the strongest ridges (thin bright or dark lines) of each training image.  Importance weights keep the loss
+unbiased: with N pixels in all and D detail pixels, a pixel is drawn with probability
     q = (1 - share)/N + share/D [is detail]        and counts for        (1/N) / q.
 """
 
@@ -28,7 +28,7 @@ class PixelBatch:
 
 
 def ridge_strength(image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"]:
-    """Largest absolute curvature of the brightness at a scale of one and of two pixels (Lindeberg's normalisation)."""
+    """Largest absolute curvature of the brightness at scales of 1 and 2 px (Lindeberg's normalisation)."""
     grey = image.astype(np.float32).mean(-1) / 255
     strength = np.zeros_like(grey)
     for sigma in (1.0, 2.0):
@@ -52,7 +52,7 @@ class PixelSampler:
     """Draws pixels of the training images; holds no random state of its own."""
 
     def __init__(self, store: ImageStore, images: tuple[int, ...], share: float, part: float) -> None:
-        """`share` of the draws go to the detail pixels, which are a `part` of all pixels; share 0 draws uniformly."""
+        """`share` of the draws go to the detail pixels, a `part` of all pixels; share 0 draws uniformly."""
         self.store, self.share = store, share
         sizes = np.diff(store.starts)[list(images)]
         self._firsts = torch.from_numpy(store.starts[list(images)])
@@ -74,4 +74,6 @@ class PixelSampler:
             is_detail = self._detail[found] == flat
             importance = 1 / (1 - self.share + self.share * self.total / count * is_detail)
         camera, pixel_px = self.store.locate(flat)
-        return PixelBatch(camera, pixel_px, self.store.colours(flat), importance * self.store.valid_flat(flat))
+        return PixelBatch(
+            camera, pixel_px, self.store.colours(flat), importance * self.store.valid_flat(flat)
+        )
