@@ -1,0 +1,144 @@
+"""The command line.  Each subcommand is one call; whatever is heavy is imported where it is used.
+
+Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 130 on Ctrl-C.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+
+from plnerf.errors import PlnerfError
+
+app = tyro.extras.SubcommandApp()
+Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Output = Literal["rgb", "depth", "normals", "accumulation"]
+
+
+@app.command
+def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = False) -> None:
+    """Train on the bundled span, evaluate it and render a fly-along; no data and no options needed.
+
+    Args:
+        out: Folder for everything that is made.
+        seconds: Training time in seconds.
+        quick: A short look: 20 s of training at half size and a short fly-along.
+    """
+    from plnerf.pipeline import run_demo
+
+    run_demo(out, seconds=seconds, quick=quick, console=Console())
+
+
+@app.command
+def train(
+    scene: tyro.conf.Positional[Path],
+    *,
+    out: Out,
+    preset: str = "pl-nerf",
+    seconds: float | None = None,
+    steps: int | None = None,
+    downscale: int = 1,
+    resume: bool = False,
+    seed: int = 0,
+    device: Literal["auto", "cpu", "cuda"] = "auto",
+    backend: Literal["auto", "torch", "numba"] = "auto",
+    set: tuple[str, ...] = (),
+) -> None:
+    """Train a radiance field on images with known camera poses.
+
+    Args:
+        scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
+        out: Run folder to write.
+        preset: Named settings to start from.
+        seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
+        steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
+        downscale: Integer factor by which images are made smaller.
+        resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
+        seed: Decides the initial weights and every random draw.
+        device: Where to train.
+        backend: Implementation of the ops: numba on a CPU, plain torch anywhere.
+        set: Settings to change, as path.to.key=value, e.g. model.field.direction_encoding=sh.
+    """
+    from plnerf.pipeline import resume_run, train_scene
+
+    if resume:
+        resume_run(scene, out, steps=steps, seconds=seconds, console=Console())
+    else:
+        budget = 300.0 if seconds is None and steps is None else seconds
+        train_scene(
+            scene, out, preset=preset, steps=steps, seconds=budget, downscale=downscale, settings=set,
+            seed=seed, device=device, backend=backend, console=Console(),
+        )  # fmt: skip
+
+
+@app.command
+def eval(run: tyro.conf.Positional[Path]) -> None:
+    """Measure a run on its held-out images: PSNR, SSIM, wire PSNR, side-by-side panels.
+
+    Args:
+        run: Run folder written by `plnerf train`.
+    """
+    from plnerf.pipeline import evaluate
+
+    evaluate(run, console=Console())
+
+
+@app.command
+def render(
+    run: tyro.conf.Positional[Path],
+    *,
+    views: Literal["test", "train", "path"] = "path",
+    outputs: tuple[Output, ...] = ("rgb", "depth"),
+    frames: int = 96,
+    fps: float = 24.0,
+    scale: float = 1.0,
+    video: bool = True,
+) -> None:
+    """Render views of a run to PNG and MP4.
+
+    Args:
+        run: Run folder written by `plnerf train`.
+        views: Held-out views, training views, or a smooth path along the training cameras.
+        outputs: What to render.
+        frames: Frames of the path.
+        fps: Frames per second of the video.
+        scale: Size of the pictures relative to the training images.
+        video: Whether to write an MP4 beside the PNGs.
+    """
+    from plnerf.pipeline import render as render_views
+
+    render_views(
+        run, views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video, console=Console()
+    )
+
+
+@app.command
+def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) -> None:
+    """Render a synthetic span with its exact truth (needs the extra plnerf[synth]).
+
+    Args:
+        out: Scene folder to write; must not exist.
+        seed: Decides terrain, vegetation and the flight.
+        samples: Samples per pixel of the path tracer.
+    """
+    from plnerf.pipeline import synthesize_span
+
+    synthesize_span(out, seed=seed, samples=samples, console=Console())
+
+
+def main() -> None:
+    """Entry point of the `plnerf` command."""
+    try:
+        app.cli(prog="plnerf", description="From photos of a power transmission line to a radiance field and its measures.")
+    except PlnerfError as error:
+        Console(stderr=True).print(f"[bold red]{type(error).__name__}[/]: ", str(error), sep="", highlight=False, soft_wrap=True)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        Console(stderr=True).print("Interrupted. Go on later with --resume.")
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""The stages in order.  Each is a function on paths; they meet only through files, so that any can be run again alone."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from plnerf.errors import ConfigError
+from plnerf.ops.dispatch import BackendChoice, resolve_backend
+from plnerf.presets import find_preset
+from plnerf.scene.scene import load_scene
+from plnerf.synth.scene import synthesize
+from plnerf.synth.span import SpanConfig
+from plnerf.train.config import RunConfig, fit_to_scene
+from plnerf.train.evaluate import evaluate_run
+from plnerf.train.loop import train
+from plnerf.train.render_run import Output, Views, render_run
+from plnerf.train.report import RunReport
+from plnerf.train.run import open_run, read_config
+from plnerf.train.settings import override
+
+Device = Literal["auto", "cpu", "cuda"]
+
+
+def bundled_span() -> Path:
+    """The scene folder that comes with the package: one synthetic span with its exact truth."""
+    return Path(str(files("plnerf"))) / "data" / "span"
+
+
+def train_scene(
+    scene: Path,
+    out: Path,
+    *,
+    preset: str = "pl-nerf",
+    steps: int | None = None,
+    seconds: float | None = None,
+    downscale: int = 1,
+    settings: Sequence[str] = (),
+    seed: int = 0,
+    device: Device = "auto",
+    backend: BackendChoice = "auto",
+    console: Console | None = None,
+) -> Path:
+    """Trains a preset on a scene, into a new run folder.  `settings` are key=value overrides of the run's settings."""
+    if (out / "config.json").exists():
+        raise ConfigError(
+            f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
+        )
+    chosen = find_preset(preset)
+    on = _device(device)
+    loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
+    config = RunConfig(
+        scene=str(scene.resolve()),
+        downscale=downscale,
+        preset=preset,
+        backend=resolve_backend(backend, torch.device(on)),
+        device=on,
+        model=fit_to_scene(chosen.model, loaded, chosen.cells_per_pixel),
+        train=chosen.train,
+        steps=steps,
+        seconds=seconds,
+        seed=seed,
+    )
+    return train(override(config, tuple(settings)), out, RunReport(out, console or Console()), scene=loaded)
+
+
+def resume_run(
+    scene: Path, out: Path, *, steps: int | None = None, seconds: float | None = None, console: Console | None = None
+) -> Path:
+    """Goes on with a run from its newest checkpoint, with its own settings; a larger budget may be given."""
+    config = read_config(out)
+    if Path(config.scene) != scene.resolve():
+        raise ConfigError(
+            f"The run in {out} was trained on {config.scene}, not on {scene.resolve()}. Give that scene, or another "
+            "folder to train anew."
+        )
+    if steps is not None or seconds is not None:
+        config = replace(config, steps=steps, seconds=seconds)
+    return train(config, out, RunReport(out, console or Console()))
+
+
+def evaluate(run: Path, *, console: Console | None = None) -> dict[str, Any]:
+    """Measures a run on its held-out images and returns the content of eval/metrics.json."""
+    console = console or Console()
+    with bar(console, "evaluate") as progress:
+        metrics = evaluate_run(open_run(run), progress=progress)
+    console.print((metrics.parent / "summary.md").read_text(), highlight=False)
+    console.print(f"measures and panels: {metrics.parent}")
+    content: dict[str, Any] = json.loads(metrics.read_text())
+    return content
+
+
+def render(
+    run: Path,
+    *,
+    views: Views,
+    outputs: tuple[Output, ...],
+    frames: int = 96,
+    fps: float = 24.0,
+    scale: float = 1.0,
+    video: bool = True,
+    console: Console | None = None,
+) -> Path:
+    """Renders views of a run to PNG and MP4; returns the folder."""
+    console = console or Console()
+    with bar(console, "render") as progress:
+        folder = render_run(
+            open_run(run), views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video,
+            progress=progress,
+        )  # fmt: skip
+    console.print(f"pictures: {folder}")
+    return folder
+
+
+def synthesize_span(out: Path, *, seed: int, samples: int, console: Console | None = None) -> Path:
+    """Renders the synthetic span into a new scene folder."""
+    console = console or Console()
+    config = replace(SpanConfig(), seed=seed, samples_per_pixel=samples)
+    with bar(console, "synth") as progress:
+        folder = synthesize(out, config, progress=progress)
+    console.print(f"scene folder: {folder}")
+    return folder
+
+
+def run_demo(out: Path, *, seconds: float = 240.0, quick: bool = False, console: Console | None = None) -> Path:
+    """The bundled span: trained, evaluated, rendered as a fly-along.  `quick` is a short look at half size."""
+    console = console or Console()
+    budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 48, 0.75)
+    train_scene(bundled_span(), out, seconds=budget, downscale=downscale, console=console)
+    evaluate(out, console=console)
+    render(out, views="path", outputs=("rgb", "depth"), frames=frames, fps=12.0, scale=scale, console=console)
+    console.print(f"[bold]Look at[/] {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves.")
+    return out
+
+
+@contextmanager
+def bar(console: Console, title: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar that is told (done, total)."""
+    columns = (TextColumn(f"[bold]{title}"), BarColumn(bar_width=24), MofNCompleteColumn(), TimeRemainingColumn(compact=True))
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(title, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _device(choice: Device) -> Literal["cpu", "cuda"]:
+    if choice == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("--device cuda was asked for, but PyTorch sees no CUDA device. Choose --device cpu.")
+    if choice == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    return choice

@@ -1,0 +1,138 @@
+"""The training loop.
+
+One step: draw pixels, cast their rays, render them, weigh the losses, step the optimiser.  Every random draw is a
+function of the run's seed and the step, so that a resumed run repeats an uninterrupted one bit for bit.
+"""
+
+import math
+import time
+from pathlib import Path
+
+import torch
+
+from plnerf.errors import TrainingError
+from plnerf.rays.rays import pixel_rays
+from plnerf.render.model import PLNeRF
+from plnerf.scene.scene import Scene
+from plnerf.train.checkpoint import drop_old_checkpoints, list_checkpoints, load_checkpoint, save_checkpoint
+from plnerf.train.config import RunConfig, TrainConfig
+from plnerf.train.losses import loss_terms
+from plnerf.train.metrics import validation_psnr
+from plnerf.train.pixels import PixelSampler
+from plnerf.train.report import Report
+from plnerf.train.run import build_model, open_scene, write_config
+
+VALIDATION_PIXELS = 4096
+
+
+def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | None = None) -> Path:
+    """Trains a model, or goes on from the folder's newest checkpoint where there is one; returns the run folder.
+
+    Raises TrainingError at a loss that is not finite (the last good checkpoint stays), CheckpointError at a full disk.
+    """
+    scene = scene or open_scene(config, folder)
+    write_config(folder, config)
+    cfg, checkpoints = config.train, folder / "checkpoints"
+    model = build_model(config, scene)
+    optimizer = build_optimizer(model, cfg)
+    step, seconds = 0, 0.0
+    if saved := list_checkpoints(checkpoints):
+        start = load_checkpoint(saved[-1], model, optimizer)
+        step, seconds = start.step, start.seconds
+    sampler = PixelSampler(scene.images, scene.train, cfg.detail_share, cfg.detail_part)
+    cameras, device = scene.cameras, torch.device(config.device)
+    report.begin(config, scene, step)
+
+    progress = progress_of(config, step, seconds)
+    while progress < 1:
+        clock = time.perf_counter()
+        draws = step_generator(config.seed, step, torch.device("cpu"))
+        generator = draws if device.type == "cpu" else step_generator(config.seed, step, device)
+        set_learning_rates(optimizer, cfg, step, progress)
+        batch = sampler.draw(cfg.rays, draws)
+        rays = pixel_rays(cameras, batch.camera, batch.pixel_px).to(device)
+        if cfg.pose_refinement and progress >= cfg.pose_from:
+            rays = model.poses(rays)
+        train_proposals = step < 100 or step % cfg.proposal_every == 0
+        out = model(
+            rays,
+            appearance=model.appearance[rays.camera],
+            anneal=anneal(step, cfg.anneal_steps),
+            generator=generator,
+            train_proposals=train_proposals,
+            normal_rays=cfg.normal_rays if config.model.field.normals else 0,
+        )
+        terms = loss_terms(out, batch.colour.to(device), batch.importance.to(device), cfg.loss, train_proposals)
+        total = torch.stack(list(terms.values())).sum()
+        if not math.isfinite(total.item()):
+            raise TrainingError(_not_finite(step, {name: float(term) for name, term in terms.items()}, checkpoints))
+        optimizer.zero_grad(set_to_none=True)
+        total.backward()
+        optimizer.step()
+        step += 1
+        # The first step of a process compiles the kernels: it is not charged to a budget in seconds.
+        seconds += time.perf_counter() - clock if report.steps else 0.0
+        before, progress = progress, progress_of(config, step, seconds)
+        report.step(step, seconds, progress, terms)
+        if due(before, progress, cfg.validations):
+            fixed = step_generator(config.seed, 0, torch.device("cpu"))  # the same pixels every time
+            report.validation(step, seconds, validation_psnr(model, scene, VALIDATION_PIXELS, fixed))
+        if due(before, progress, cfg.checkpoints):
+            save_checkpoint(
+                checkpoints, model, optimizer, step=step, seconds=seconds, frames=scene.frames.to_json()
+            )
+            drop_old_checkpoints(checkpoints, keep=2)
+    report.end(step, seconds)
+    return folder
+
+
+def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> torch.optim.Adam:
+    """Adam as Instant-NGP sets it, a group each for hash tables, networks and, where refined, poses."""
+    tables = [value for name, value in model.named_parameters() if name.endswith("table")]
+    poses = list(model.poses.parameters())
+    others = {id(value) for value in (*tables, *poses)}
+    networks = [value for value in model.parameters() if id(value) not in others]
+    groups = [{"params": tables, "rate": cfg.table_rate}, {"params": networks, "rate": cfg.network_rate}]
+    if cfg.pose_refinement:
+        groups.append({"params": poses, "rate": cfg.pose_rate})
+    return torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15, fused=True)
+
+
+def set_learning_rates(optimizer: torch.optim.Optimizer, cfg: TrainConfig, step: int, progress: float) -> None:
+    """Linear warm-up over the first steps, exponential decay to `final_rate` over the whole budget."""
+    factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.final_rate**progress
+    for group in optimizer.param_groups:
+        group["lr"] = group["rate"] * factor
+
+
+def anneal(step: int, steps: int, slope: float = 10.0) -> float:
+    """Exponent of the proposals' weights, from 0 to 1 over some steps.  Mip-NeRF 360 eq. 18."""
+    share = min(1.0, (step + 1) / steps)
+    return slope * share / ((slope - 1) * share + 1)
+
+
+def progress_of(config: RunConfig, step: int, seconds: float) -> float:
+    """Part of the budget that is used up, in [0, 1]."""
+    used = step / config.steps if config.steps else seconds / (config.seconds or 1.0)
+    return min(1.0, used)
+
+
+def due(before: float, after: float, times: int) -> bool:
+    """Whether progress passed one of `times` evenly spaced marks, the last of them at 1."""
+    return int(after * times + 1e-9) > int(before * times + 1e-9)
+
+
+def step_generator(seed: int, step: int, device: torch.device) -> torch.Generator:
+    """The random generator of a step, a function of the run's seed and the step alone."""
+    return torch.Generator(device).manual_seed((seed * 1_000_003 + step) & 0x7FFF_FFFF_FFFF_FFFF)
+
+
+def _not_finite(step: int, terms: dict[str, float], checkpoints: Path) -> str:
+    bad = ", ".join(f"{name} = {value}" for name, value in terms.items() if not math.isfinite(value))
+    saved = list_checkpoints(checkpoints)
+    kept = f"The last good checkpoint is {saved[-1]}" if saved else "No checkpoint had been written yet"
+    return (
+        f"The loss is no longer finite at step {step}: {bad or 'only the sum is not finite'}. {kept}. "
+        "Lower the learning rates (train.table_rate, train.network_rate) or that term's weight in train.loss, "
+        "then go on with --resume."
+    )

@@ -1,0 +1,108 @@
+"""How alike a render and a photo are.
+
+Letters: h rows, w columns.  Colours are in [0, 1] as stored (sRGB).
+"""
+
+import importlib.util
+import math
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Generator
+
+from plnerf.rays.rays import pixel_rays
+from plnerf.render.images import CHUNK_RAYS
+from plnerf.render.model import PLNeRF
+from plnerf.scene.scene import Scene
+
+SSIM_WINDOW = "Gaussian of 1.5 px in a window of 11x11 px, data range 1, mean over the pixels at least 5 px inside"
+LPIPS_ABSENT = "not computed: needs the extra plnerf[lpips]"
+
+
+def psnr_of_mse(mse: float) -> float:
+    """Peak signal-to-noise ratio in dB of a mean squared error at peak 1; infinite for an error of 0."""
+    return -10 * math.log10(mse) if mse > 0 else math.inf
+
+
+def psnr(
+    render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], use: Bool[np.ndarray, "h w"]
+) -> float | None:
+    """PSNR in dB over the pixels in use, in float64; infinite where they are equal, None where there is none."""
+    if not use.any():
+        return None
+    return psnr_of_mse(float(np.mean((render[use].astype(np.float64) - photo[use].astype(np.float64)) ** 2)))
+
+
+def ssim(
+    render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], valid: Bool[np.ndarray, "h w"]
+) -> float | None:
+    """Structural similarity (Wang et al. 2004; window in `SSIM_WINDOW`), mean over the valid pixels.
+
+    Ignored pixels take the photo's colours first, so that they say nothing about their neighbours either.
+    """
+    from torchmetrics.functional.image import structural_similarity_index_measure  # takes a second to import
+
+    filled = np.where(valid[..., None], render, photo)
+    pair = [torch.from_numpy(p.astype(np.float32)).permute(2, 0, 1)[None] for p in (filled, photo)]
+    _, per_pixel = structural_similarity_index_measure(*pair, data_range=1.0, sigma=1.5, return_full_image=True)
+    inner = (slice(5, -5), slice(5, -5))
+    if not valid[inner].any():
+        return None
+    return float(per_pixel[0].double().mean(0).numpy()[inner][valid[inner]].mean())
+
+
+class Lpips:
+    """Learned perceptual image patch similarity (Zhang et al. 2018) on AlexNet; needs the extra plnerf[lpips]."""
+
+    def __init__(self) -> None:
+        self._metric = None
+        self.absent: str | None = None
+        """Why nothing is computed, or None."""
+        if importlib.util.find_spec("torchvision") is None:
+            self.absent = LPIPS_ABSENT
+            return
+        from torchmetrics.image.lpip import LearnedPerceptualImagePatchSimilarity
+
+        try:
+            self._metric = LearnedPerceptualImagePatchSimilarity(net_type="alex", normalize=True)
+        except OSError as error:  # torchvision downloads the network's weights on first use
+            self.absent = f"not computed: the weights of AlexNet could not be fetched ({error})"
+
+    def __call__(
+        self, render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], valid: Bool[np.ndarray, "h w"]
+    ) -> float | None:
+        """The distance, 0 for equal pictures; ignored pixels take the photo's colours.  None where it is absent."""
+        if self._metric is None:
+            return None
+        filled = np.where(valid[..., None], render, photo)
+        pair = [torch.from_numpy(p.astype(np.float32)).permute(2, 0, 1)[None] for p in (filled, photo)]
+        with torch.inference_mode():
+            return float(self._metric(*pair))
+
+
+def validation_psnr(model: PLNeRF, scene: Scene, pixels: int = 4096, *, generator: Generator) -> float:
+    """PSNR in dB over random held-out pixels, the same ones for generators in the same state.
+
+    Pixels that masks ignore are left out; the appearance vector is the mean of the training images'.  NaN where masks
+    ignore all that were drawn.  Leaves the model's mode as it is and records no gradients.
+    """
+    test = list(scene.test)
+    ends = torch.from_numpy(np.cumsum(np.diff(scene.images.starts)[test]))
+    within = torch.randint(int(ends[-1]), (pixels,), generator=generator)
+    slot = torch.searchsorted(ends, within, right=True)
+    flat = torch.from_numpy(scene.images.starts[test])[slot] + within - torch.where(slot > 0, ends[slot - 1], 0)
+    flat = flat[scene.images.valid_flat(flat)]
+    camera, pixel_px = scene.images.locate(flat)
+    rays = pixel_rays(scene.cameras, camera, pixel_px)
+    device = model.appearance.device
+    squared, count = 0.0, 0
+    with torch.no_grad():
+        train = torch.tensor(scene.train, device=device)
+        for first in range(0, len(rays), CHUNK_RAYS):
+            part = slice(first, first + CHUNK_RAYS)
+            chunk = rays[part].to(device)
+            out = model(chunk, appearance=model.mean_appearance(len(chunk), train))
+            error = out.colour.cpu().clamp(0, 1) - scene.images.colours(flat[part])
+            squared, count = squared + float(error.double().square().sum()), count + error.numel()
+    return psnr_of_mse(squared / count) if count else math.nan

@@ -1,0 +1,80 @@
+"""The run folder: config.json, pixels/, checkpoints/, metrics.jsonl, eval/, renders/.
+
+It is all that later stages need: `open_run` gives back the scene and the trained model.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from plnerf.errors import CheckpointError, ConfigError
+from plnerf.render.model import PLNeRF
+from plnerf.scene.build_store import Progress
+from plnerf.scene.scene import Scene, load_scene
+from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
+from plnerf.train.config import RunConfig
+from plnerf.train.settings import from_json, to_json
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A run at its newest checkpoint; the model is in evaluation mode on the run's device."""
+
+    folder: Path
+    config: RunConfig
+    scene: Scene
+    model: PLNeRF
+    step: int
+    seconds: float
+
+
+def open_run(folder: Path) -> TrainedRun:
+    """Loads the newest checkpoint of a run and its scene.
+
+    Raises CheckpointError or ConfigError where the folder is no run or has no checkpoint yet, SceneError where the
+    scene has gone or changed.
+    """
+    config = read_config(folder)
+    checkpoints = list_checkpoints(folder / "checkpoints")
+    if not checkpoints:
+        raise CheckpointError(
+            f"{folder / 'checkpoints'} holds no complete checkpoint yet. Train first: plnerf train SCENE -o {folder}."
+        )
+    scene = open_scene(config, folder)
+    model = build_model(config, scene)
+    checkpoint = load_checkpoint(checkpoints[-1], model)
+    return TrainedRun(folder, config, scene, model.eval(), checkpoint.step, checkpoint.seconds)
+
+
+def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None) -> Scene:
+    """The scene of a run; its reduced pixels are kept in the run folder."""
+    return load_scene(Path(config.scene), store=folder / "pixels", downscale=config.downscale, progress=progress)
+
+
+def build_model(config: RunConfig, scene: Scene) -> PLNeRF:
+    """The untrained model of a run, its weights drawn from the run's seed."""
+    generator = torch.Generator().manual_seed(config.seed)
+    return PLNeRF(config.model, len(scene.names), config.backend, generator).to(config.device)
+
+
+def read_config(folder: Path) -> RunConfig:
+    """The settings of a run.  Raises ConfigError where there are none, or where a key is unknown."""
+    path = folder / "config.json"
+    try:
+        data = json.loads(path.read_text())
+    except FileNotFoundError as error:
+        raise ConfigError(f"{folder} is not a run folder: it has no config.json. Give the folder that "
+                          "`plnerf train SCENE -o FOLDER` wrote.") from error  # fmt: skip
+    except (OSError, json.JSONDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read ({error}).") from error
+    return from_json(RunConfig, data, str(path))
+
+
+def write_config(folder: Path, config: RunConfig) -> None:
+    """Writes config.json, beside and renamed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    beside = folder / "config.json.part"
+    beside.write_text(json.dumps(to_json(config), indent=1))
+    beside.replace(folder / "config.json")
