@@ -1,6 +1,6 @@
 """The span that comes with the package: its truth, its poses and its masks agree to the pixel.
 
-Read here from the files alone, with a projection of this test's own: OpenGL camera-to-world, y up, z backward.
+Read here from the files alone, with a projection of this test's own: OpenGL camera-to-world axes.
 """
 
 import json
@@ -32,11 +32,11 @@ LINES = [fine_polyline(conductor) for conductor in TRUTH["conductors"]]
 RADII = [conductor["diameter_m"] / 2 for conductor in TRUTH["conductors"]]
 
 
-def project(frame):
-    """Pixel, depth and radius in pixels of every polyline point inside the image."""
+def project(frame, wires=slice(None)):
+    """Pixel, depth and radius in pixels of every polyline point inside or near the image."""
     T_world_gl = np.array(frame["transform_matrix"])
-    points = np.concatenate(LINES)
-    radius = np.repeat(RADII, [len(line) for line in LINES])
+    points = np.concatenate(LINES[wires])
+    radius = np.repeat(RADII[wires], [len(line) for line in LINES[wires]])
     local = (points - T_world_gl[:3, 3]) @ T_world_gl[:3, :3] * [1, -1, -1]
     local, radius = local[local[:, 2] > 0.1], radius[local[:, 2] > 0.1]
     pixel = local[:, :2] / local[:, 2:] * [TRANSFORMS["fl_x"], TRANSFORMS["fl_y"]]
@@ -67,14 +67,18 @@ def test_every_mask_pixel_lies_on_a_projected_wire():
     for frame in FRAMES:
         mask = read(frame["wire_mask_path"]) > 0
         assert mask.sum() > 100
-        pixel, _, radius_px = project(frame)
-        rows, columns = np.nonzero(mask)
-        distance, nearest = cKDTree(pixel).query(np.stack([columns + 0.5, rows + 0.5], axis=1))
-        assert (distance - radius_px[nearest]).max() <= 1.5, frame["file_path"]
+        centres = np.stack(np.nonzero(mask)[::-1], axis=1) + 0.5
+        beside = np.full(len(centres), np.inf)  # from each mask pixel to the nearest wire's edge
+        for i in range(len(LINES)):
+            pixel, _, radius_px = project(frame, slice(i, i + 1))
+            if len(pixel):
+                distance, nearest = cKDTree(pixel).query(centres)
+                beside = np.minimum(beside, distance - radius_px[nearest])
+        assert beside.max() <= 1.5, frame["file_path"]
 
 
 def test_every_visible_point_of_a_wire_lies_on_its_mask():
-    """In held-out images, where the depth tells what stands in front: at least 95 % on the mask, give or take 1 px."""
+    """In held-out images, where the depth tells what stands in front: 95 % on the mask, within 1 px."""
     for frame in FRAMES[::8]:
         near_mask = binary_dilation(read(frame["wire_mask_path"]) > 0, np.ones((3, 3)))
         depth = read(frame["depth_path"]).astype(float) / 1000
@@ -97,7 +101,8 @@ def test_depth_on_thick_wires_is_the_wires_own():
         mask = read(frame["wire_mask_path"]) > 0
         pixel, z, radius_px = project(frame)
         column, row = np.floor(pixel).astype(int).T
-        use = (column >= 0) & (column < TRANSFORMS["w"]) & (row >= 0) & (row < TRANSFORMS["h"]) & (radius_px > 2)
+        inside = (column >= 0) & (column < TRANSFORMS["w"]) & (row >= 0) & (row < TRANSFORMS["h"])
+        use = inside & (radius_px > 2)
         column, row, z = column[use], row[use], z[use]
         use = mask[row, column]
         gap = z[use] - depth[row[use], column[use]]

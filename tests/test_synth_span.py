@@ -1,4 +1,4 @@
-"""The span as geometry: plants keep their places, meshes keep their shapes, the same seed gives the same span."""
+"""The span as geometry: plants keep their places, meshes their shapes, and a seed gives one span."""
 
 import numpy as np
 import pytest
@@ -69,7 +69,8 @@ def test_clearances_agree_with_brute_force():
             wire.name: min(
                 np.linalg.norm(leaves[:, None] - part[None], axis=2).min()
                 for part in np.array_split(wire.curve.polyline(0.05), 40)
-            ) - wire.diameter_m / 2
+            )
+            - wire.diameter_m / 2
             for wire in span.conductors
         }
         best = min(gaps, key=gaps.get)
@@ -89,7 +90,8 @@ def test_towers_are_as_tall_as_stated_and_strings_end_at_the_clamps():
             assert np.linalg.norm(ends - np.array(clamp), axis=1).min() < 1e-9
             if wire.kind == "phase":
                 above = discs.vertices[np.linalg.norm((discs.vertices - clamp)[:, :2], axis=1) < 0.2]
-                assert 0 < (above[:, 2] - clamp[2]).min() < (above[:, 2] - clamp[2]).max() < SMALL.string_length_m
+                heights = above[:, 2] - clamp[2]
+                assert 0 < heights.min() < heights.max() < SMALL.string_length_m
 
 
 def test_bodies_have_the_volume_and_the_outside_of_what_they_stand_for():
@@ -127,7 +129,8 @@ def test_ply_holds_every_vertex_and_face(tmp_path):
 
 def test_ground_colour_belongs_to_the_place_not_to_the_patch():
     """Two overlapping patches of the same texel agree where they overlap."""
-    large, small = ground_texture((-4.0, 4.0), (-3.0, 3.0), 0.1, 7), ground_texture((-1.0, 2.0), (0.0, 3.0), 0.1, 7)
+    large = ground_texture((-4.0, 4.0), (-3.0, 3.0), 0.1, 7)
+    small = ground_texture((-1.0, 2.0), (0.0, 3.0), 0.1, 7)
     np.testing.assert_allclose(large[:30, 30:60], small, atol=2e-3)
     x, y = np.meshgrid(np.linspace(0, 900, 300), np.linspace(0, 900, 300))
     values = noise(x, y, 2.0, 5)

@@ -1,9 +1,9 @@
 """The flight: where each image is taken from, as an inspection robot films a span at close range.
 
-Letters: R_world_camera maps OpenCV camera axes (x right, y down, z forward) to the world frame (metres, z up).
-Three passes: left of the line flying forth, right of it flying back, and between the outer phase and the
-shield wire flying forth again.  A camera that moves along a wire sees nothing of the wire's depth, so it is the
-passes' different sides and heights that fix the wires.
+Letters: R_world_camera maps OpenCV camera axes (x right, y down, z forward) to the world frame (metres).
+Three passes: right of the line flying forth, left of it flying back, and above the outer phase, beside the
+shield wire, flying forth again.  A camera that moves along a wire sees nothing of the wire's depth, so it is
+the passes' different sides and heights that fix the wires.
 
 The passes form a closed loop that begins a few images into the first pass.  Held-out images are every 8th by
 name; so cut, each of them has its neighbours in time on both sides among the training images.
@@ -28,7 +28,7 @@ class View:
     centre: Float[np.ndarray, "3"]  # world, metres
 
     def T_world_camera_opengl(self) -> Float[np.ndarray, "4 4"]:
-        """Camera to world with OpenGL camera axes (x right, y up, z backward), as transforms.json wants it."""
+        """Camera to world with OpenGL camera axes (x right, y up, z backward), for transforms.json."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.R_world_camera * np.array([1.0, -1.0, -1.0])
         matrix[:3, 3] = self.centre
@@ -101,7 +101,7 @@ def _follow(conductor: Conductor, along_m: float, half_m: float) -> float:
 
 
 def look(azimuth_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
-    """R_world_camera of a camera that looks along azimuth (from +x to +y) and pitch (up), rolled clockwise."""
+    """R_world_camera of a camera looking along azimuth (+x to +y) and pitch (up), rolled clockwise."""
     ca, sa = math.cos(azimuth_rad), math.sin(azimuth_rad)
     cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
     forward = np.array([ca * cp, sa * cp, sp])

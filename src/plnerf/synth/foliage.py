@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.synth.meshes import Mesh, join, tube
+from plnerf.synth.meshes import Mesh, join, tube, up
 from plnerf.synth.span import Plant
 
 
@@ -12,28 +12,28 @@ def plant_meshes(plant: Plant) -> tuple[Mesh | None, Mesh]:
     rng = np.random.default_rng(plant.seed)
     foot = np.array(plant.foot)
     tree = plant.kind != "bush"
-    base = 0.30 * plant.height_m if tree else 0.0  # where the crown begins
+    base = 0.2 * plant.height_m if tree else 0.0  # where the crown begins
     half_height = (plant.height_m - base) / 2
-    centre = foot + [0, 0, base + half_height]
-    size = {"tree": 0.085, "bush": 0.05, "background tree": 0.24}[plant.kind]
-    count = {"tree": 11000, "bush": 2600, "background tree": 2200}[plant.kind]
+    centre = foot + up(base + half_height)
+    size = {"tree": 0.095, "bush": 0.055, "background tree": 0.26}[plant.kind]
+    count = {"tree": 26000, "bush": 7000, "background tree": 4200}[plant.kind]
     reach = np.array([plant.radius_m, plant.radius_m, half_height]) - size
 
-    lumps = int(rng.integers(14, 22)) if tree else 7
+    lumps = int(rng.integers(18, 28)) if tree else 7
     directions = rng.normal(size=(lumps, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    twigs = centre + directions * reach * rng.uniform(0.35, 0.72, (lumps, 1))
+    twigs = centre + directions * reach * rng.uniform(0.35, 0.76, (lumps, 1))
     which = rng.integers(lumps, size=count)
     spread = rng.normal(size=(count, 3))
     spread /= np.linalg.norm(spread, axis=1, keepdims=True)
-    lump_size = rng.uniform(0.28, 0.46, lumps)[which, None]
+    lump_size = rng.uniform(0.24, 0.44, lumps)[which, None]
     at = twigs[which] + spread * reach * lump_size * rng.uniform(0.3, 1.0, (count, 1)) ** 0.5
     relative = (at - centre) / reach
     norm = np.linalg.norm(relative, axis=1, keepdims=True)
     at = centre + relative / np.maximum(norm, 1.0) * reach
     tint = rng.uniform(0.75, 1.25, lumps)[which] * rng.uniform(0.7, 1.3, count)
     depth = np.clip(norm[:, 0], 0.0, 1.0)
-    green = np.array([0.105, 0.17, 0.04]) * rng.uniform(0.75, 1.2, 3)
+    green = np.array([0.15, 0.23, 0.05]) * rng.uniform([0.7, 0.8, 0.6], [1.35, 1.15, 1.3])
     colour = green * (tint * (0.55 + 0.45 * depth))[:, None]
     leaves = _leaves(at, size * rng.uniform(0.6, 1.2, count), colour, rng)
     if not tree:
@@ -47,24 +47,27 @@ def plant_meshes(plant: Plant) -> tuple[Mesh | None, Mesh]:
     wood = [tube(axis, thickness * np.linspace(1.15, 0.25, 8), 9)]
     for tip in twigs:
         start = axis[int(rng.integers(3, 7))]
-        middle = (start + tip) / 2 + [0, 0, -0.06 * plant.radius_m]
+        middle = (start + tip) / 2 + up(-0.06 * plant.radius_m)
         wood.append(tube(np.stack([start, middle, tip]), thickness * np.array([0.35, 0.22, 0.08]), 6))
     return join(wood), leaves
 
 
 def _leaves(
-    at: Float[np.ndarray, "n 3"], size_m: Float[np.ndarray, "n"], colour: Float[np.ndarray, "n 3"],
+    at: Float[np.ndarray, "n 3"],
+    size_m: Float[np.ndarray, "n"],
+    colour: Float[np.ndarray, "n 3"],
     rng: np.random.Generator,
 ) -> Mesh:
     """One rhombus per leaf, turned at random but rather facing the sky."""
     n = len(at)
-    normal = rng.normal(size=(n, 3)) + [0, 0, 0.6]
+    normal = rng.normal(size=(n, 3)) + up(0.6)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     long = np.cross(normal, rng.normal(size=(n, 3)))
     long /= np.linalg.norm(long, axis=1, keepdims=True)
     wide = np.cross(normal, long)
     half = size_m[:, None] / 2
-    corners = np.stack([at - long * half, at - 0.5 * wide * half, at + long * half, at + 0.5 * wide * half], axis=1)
+    tip, edge = long * half, 0.5 * wide * half
+    corners = np.stack([at - tip, at - edge, at + tip, at + edge], axis=1)
     first = 4 * np.arange(n)[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
     return Mesh(corners.reshape(-1, 3), faces, colour=np.repeat(colour, 4, axis=0))

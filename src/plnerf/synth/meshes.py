@@ -22,6 +22,11 @@ class Mesh:
     smooth: bool = False
 
 
+def up(height_m: float) -> Float[np.ndarray, "3"]:
+    """The vector that lifts a point by `height_m`."""
+    return np.array([0.0, 0.0, height_m])
+
+
 def join(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh of several; all or none of them carry uv, and likewise colour."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -36,9 +41,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
-def tube(
-    axis: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, "n"] | float, sides: int = 12
-) -> Mesh:
+def tube(axis: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, "n"] | float, sides: int = 12) -> Mesh:
     """A round tube along a polyline, open at its ends.
 
     The polygon's area equals the circle's, so that a thin wire covers what a round one would.
@@ -49,15 +52,17 @@ def tube(
     helper = np.array([0.0, 0.0, 1.0]) if abs(tangent[0, 2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     side = np.cross(tangent, helper)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    up = np.cross(side, tangent)
+    above = np.cross(side, tangent)
     angle = 2 * np.pi * np.arange(sides + 1) / sides  # the seam is doubled: u runs 0..1
     fair = np.sqrt(2 * np.pi / (sides * np.sin(2 * np.pi / sides)))
     r = np.broadcast_to(np.asarray(radius, dtype=float), (n,))[:, None, None] * fair
-    ring = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * up[:, None]
+    ring = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * above[:, None]
     vertices = (axis[:, None] + r * ring).reshape(-1, 3)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(axis, axis=0), axis=1))])
     u, v = np.meshgrid(angle / (2 * np.pi), along)
-    return Mesh(vertices, _quads(n, sides + 1)[:, ::-1], np.stack([u.ravel(), v.ravel()], axis=1), smooth=True)
+    return Mesh(
+        vertices, _quads(n, sides + 1)[:, ::-1], np.stack([u.ravel(), v.ravel()], axis=1), smooth=True
+    )
 
 
 def lathe(profile: Float[np.ndarray, "n 2"], centre: Float[np.ndarray, "3"], sides: int = 20) -> Mesh:
@@ -71,7 +76,10 @@ def lathe(profile: Float[np.ndarray, "n 2"], centre: Float[np.ndarray, "3"], sid
 
 
 def beam(
-    a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], n1: Float[np.ndarray, "3"], width_m: float,
+    a: Float[np.ndarray, "3"],
+    b: Float[np.ndarray, "3"],
+    n1: Float[np.ndarray, "3"],
+    width_m: float,
     thick_m: float,
 ) -> Mesh:
     """A straight box from a to b: `width_m` along n1 (starting at the axis), `thick_m` across it."""
@@ -90,7 +98,7 @@ def beam(
 def angle_bar(
     a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], outward: Float[np.ndarray, "3"], width_m: float
 ) -> Mesh:
-    """An L profile, as lattice towers are built of; its edge runs from a to b, its legs turn from `outward`."""
+    """An L profile, as in lattice towers; its edge runs from a to b, its legs away from `outward`."""
     d = (b - a) / np.linalg.norm(b - a)
     inward = -(outward - d * float(outward @ d))
     if np.linalg.norm(inward) < 1e-6:
@@ -112,7 +120,8 @@ def grid(x_m: Float[np.ndarray, "n"], y_m: Float[np.ndarray, "m"], z_m: Float[np
 def without(mesh: Mesh, x_m: tuple[float, float], y_m: tuple[float, float]) -> Mesh:
     """The mesh less the faces whose centre lies in the rectangle, and less the vertices they alone used."""
     centre = mesh.vertices[mesh.faces].mean(axis=1)
-    inside = (centre[:, 0] > x_m[0]) & (centre[:, 0] < x_m[1]) & (centre[:, 1] > y_m[0]) & (centre[:, 1] < y_m[1])
+    low, high = np.array([x_m[0], y_m[0]]), np.array([x_m[1], y_m[1]])
+    inside = ((centre[:, :2] > low) & (centre[:, :2] < high)).all(axis=1)
     used, faces = np.unique(mesh.faces[~inside], return_inverse=True)
     uv = None if mesh.uv is None else mesh.uv[used]
     colour = None if mesh.colour is None else mesh.colour[used]
@@ -142,8 +151,12 @@ def write_ply(mesh: Mesh, path: Path) -> None:
     faces["count"] = 3
     faces["index"] = mesh.faces
     header = [
-        "ply", "format binary_little_endian 1.0", f"element vertex {len(table)}",
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(table)}",
         *(f"property float {name}" for name in names),
-        f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header",
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
     ]
     path.write_bytes("\n".join(header).encode() + b"\n" + table.tobytes() + faces.tobytes())

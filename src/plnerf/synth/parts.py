@@ -14,7 +14,7 @@ from plnerf.synth.texture import ground_texture, strand_texture
 from plnerf.synth.tower import footings, insulators, steel
 
 GROUND_PATCHES = (  # half lengths in x and y, vertex spacing and texel, in metres: fine near the line
-    (44.0, 24.0, 0.5, 0.03),
+    (44.0, 24.0, 0.5, 0.025),
     (140.0, 140.0, 2.0, 0.14),
     (1000.0, 1000.0, 12.5, 1.0),
 )
@@ -22,7 +22,7 @@ GROUND_PATCHES = (  # half lengths in x and y, vertex spacing and texel, in metr
 
 @dataclass(frozen=True)
 class Surface:
-    """How a body looks.  `colour` is linear reflectance, an image of it, or None for the mesh's own colours."""
+    """How a body looks.  `colour`: linear reflectance, an image of it, or None for the mesh's own colours."""
 
     kind: Literal["matt", "metal", "glazed", "leaf"]
     colour: tuple[float, float, float] | Float[np.ndarray, "h w 3"] | None
@@ -50,7 +50,7 @@ def span_parts(span: Span) -> Iterator[Part]:
         length = float(mesh.uv[:, 1].max())
         mesh = Mesh(mesh.vertices, mesh.faces, mesh.uv / np.array([1.0, length]), smooth=True)
         texture = strand_texture(length, span.config.seed + len(conductor.name))
-        yield Part(conductor.name, mesh, Surface("metal", texture, 0.45), wire=True)
+        yield Part(conductor.name, mesh, Surface("metal", texture, 0.55), wire=True)
     zinc = Surface("metal", (0.36, 0.37, 0.38), 0.55)
     yield Part("steel", join([steel(span, tower) for tower in span.towers]), zinc)
     concrete = Surface("matt", (0.42, 0.40, 0.37))

@@ -1,7 +1,8 @@
 """Pictures of parts by Mitsuba 3: photographs, wire coverage and depth.  The only file that knows Mitsuba.
 
-The scalar variant is used: it needs nothing but the wheel (the LLVM variant asks for a system library) and uses
-all cores.  Pixel (0, 0) covers [0, 1] x [0, 1] of the image plane and is the plain mean of its samples (box filter).
+The scalar variant is used: it runs on all cores and needs nothing but the wheel, where the LLVM variant asks
+for a system library.  Pixel (0, 0) covers [0, 1] x [0, 1] of the image plane and is the plain mean of its
+samples (box filter).
 """
 
 import importlib
@@ -21,7 +22,8 @@ from plnerf.synth.parts import Part, Surface
 from plnerf.synth.span import SpanConfig
 
 COVERAGE_SAMPLES = 36  # per pixel, one in each cell of a 6 x 6 grid
-BOUNCES = 4
+BOUNCES = 3
+NEAR_M = 0.05  # where Mitsuba's camera rays begin, on a plane across the camera's z axis
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ class Studio:
         height, width = along_ray.shape
         x = (np.arange(width) + 0.5 - width / 2) / self.config.focal_px
         y = (np.arange(height) + 0.5 - height / 2) / self.config.focal_px
-        return along_ray / np.sqrt(1 + x[None] ** 2 + y[:, None] ** 2)
+        along_axis = NEAR_M + along_ray / np.sqrt(1 + x[None] ** 2 + y[:, None] ** 2)
+        return np.where(along_ray > 0, along_axis, 0.0)
 
     def _render(
         self, scene: Any, integrator: Any, view: View, sampler: dict[str, object]
@@ -67,17 +70,21 @@ class Studio:
             "type": "perspective",
             "fov_axis": "x",
             "fov": math.degrees(2 * math.atan(config.width_px / 2 / config.focal_px)),
-            "near_clip": 0.05,
+            "near_clip": NEAR_M,
             "far_clip": 5000.0,
             "to_world": self.mi.ScalarTransform4f(pose),
             "sampler": sampler,
             "film": {
-                "type": "hdrfilm", "width": config.width_px, "height": config.height_px,
-                "pixel_format": "rgb", "component_format": "float32", "rfilter": {"type": "box"},
+                "type": "hdrfilm",
+                "width": config.width_px,
+                "height": config.height_px,
+                "pixel_format": "rgb",
+                "component_format": "float32",
+                "rfilter": {"type": "box"},
             },
         })
-        seed = sampler.get("seed", 0)
-        image = self.mi.render(scene, sensor=sensor, integrator=integrator, spp=sampler["sample_count"], seed=seed)
+        spp, seed = sampler["sample_count"], sampler.get("seed", 0)
+        image = self.mi.render(scene, sensor=sensor, integrator=integrator, spp=spp, seed=seed)
         return np.array(image, dtype=np.float64)
 
 
@@ -87,8 +94,7 @@ def require_mitsuba() -> Any:
         mi = importlib.import_module("mitsuba")
     except ImportError as error:
         raise ConfigError(
-            "plnerf synth renders with Mitsuba 3, which is not installed. "
-            'Run: pip install "plnerf[synth]"'
+            'plnerf synth renders with Mitsuba 3, which is not installed. Run: pip install "plnerf[synth]"'
         ) from error
     mi.set_variant("scalar_rgb")
     return mi
@@ -105,8 +111,10 @@ def open_studio(parts: Sequence[Part], config: SpanConfig, scratch: Path) -> Stu
         shape = {"type": "ply", "filename": str(path), "face_normals": not part.mesh.smooth}
         lit[f"part{i}"] = shape | {"bsdf": _bsdf(mi, part.surface)}
         dark = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
-        shining = {"emitter": {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}} if part.wire else {}
-        marked[f"part{i}"] = shape | {"bsdf": dark} | shining
+        marked[f"part{i}"] = shape | {"bsdf": dark}
+        if part.wire:
+            shining = {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}
+            marked[f"part{i}"] = shape | {"bsdf": dark, "emitter": shining}
     return Studio(mi, config, mi.load_dict(lit), mi.load_dict(marked))
 
 
@@ -120,7 +128,9 @@ def to_srgb(linear: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
 def _sky(mi: Any, config: SpanConfig) -> dict[str, object]:
     azimuth, elevation = math.radians(config.sun_azimuth_deg), math.radians(config.sun_elevation_deg)
     direction = [
-        math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation), math.sin(elevation),
+        math.cos(azimuth) * math.cos(elevation),
+        math.sin(azimuth) * math.cos(elevation),
+        math.sin(elevation),
     ]
     return {"type": "sunsky", "sun_direction": direction, "turbidity": 3.5, "albedo": 0.2}
 
@@ -137,7 +147,13 @@ def _bsdf(mi: Any, surface: Surface) -> dict[str, object]:
     if surface.kind in ("matt", "leaf"):
         return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": colour}}
     metallic, specular = (0.75, 0.5) if surface.kind == "metal" else (0.0, 0.6)
-    return {"type": "twosided", "bsdf": {
-        "type": "principled", "base_color": colour, "metallic": metallic, "roughness": surface.roughness,
-        "specular": specular,
-    }}
+    return {
+        "type": "twosided",
+        "bsdf": {
+            "type": "principled",
+            "base_color": colour,
+            "metallic": metallic,
+            "roughness": surface.roughness,
+            "specular": specular,
+        },
+    }

@@ -1,6 +1,7 @@
 """`plnerf synth`: one span of known geometry, filmed, as a scene folder with its exact truth.
 
-Folder: images/NNNN.jpg, wire_masks/NNNN.png, depth/NNNN.png (held-out images only), transforms.json, truth.json.
+Folder: images/NNNN.jpg, wire_masks/NNNN.png, depth/NNNN.png (held-out images only), transforms.json,
+truth.json.
 """
 
 import json
@@ -28,12 +29,12 @@ def synthesize(
 ) -> Path:
     """Render a span into the new scene folder `out` and return it.
 
-    `progress(done, total)` is called after each image.  Raises ConfigError when Mitsuba is missing and SceneError
-    when `out` is there already and is not an empty folder.
+    `progress(done, total)` is called after each image.  Raises ConfigError when Mitsuba is missing and
+    SceneError when `out` is there already and is not an empty folder.
     """
     config = config or SpanConfig()
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise SceneError(f"plnerf synth writes a new folder, but {out} exists and is not empty. Name another.")
+        raise SceneError(f"plnerf synth makes a new folder, but {out} exists and is not empty. Name another.")
     require_mitsuba()
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as scratch:
@@ -72,11 +73,24 @@ def transforms_of(span: Span, views: tuple[View, ...]) -> dict[str, object]:
         frames.append(frame)
     return {
         "camera_model": "OPENCV",
-        "w": config.width_px, "h": config.height_px, "fl_x": config.focal_px, "fl_y": config.focal_px,
-        "cx": config.width_px / 2, "cy": config.height_px / 2, "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0,
+        "w": config.width_px,
+        "h": config.height_px,
+        "fl_x": config.focal_px,
+        "fl_y": config.focal_px,
+        "cx": config.width_px / 2,
+        "cy": config.height_px / 2,
+        "k1": 0.0,
+        "k2": 0.0,
+        "p1": 0.0,
+        "p2": 0.0,
         "plnerf": {
-            "format_version": 1, "unit": "m", "crs": None, "up": [0.0, 0.0, 1.0],
-            "line_axis": [*span.along, 0.0], "span_min": low.tolist(), "span_max": high.tolist(),
+            "format_version": 1,
+            "unit": "m",
+            "crs": None,
+            "up": [0.0, 0.0, 1.0],
+            "line_axis": [*span.along, 0.0],
+            "span_min": low.tolist(),
+            "span_max": high.tolist(),
             "truth": "truth.json",
         },
         "frames": frames,
@@ -84,7 +98,7 @@ def transforms_of(span: Span, views: tuple[View, ...]) -> dict[str, object]:
 
 
 def span_box(span: Span) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """World box around towers, conductors and the strip of ground below them, with 1 m to spare on top and sides."""
+    """World box around towers, conductors and the ground below them, with 1 m to spare at the sides."""
     points = [wire.curve.polyline(0.25) for wire in span.conductors]
     for tower in span.towers:
         x, y, z = tower.foot

@@ -1,6 +1,6 @@
-"""One power-line span as numbers: towers, conductors, ground and plants, all from a configuration and its seed.
+"""One power-line span as numbers: towers, conductors, ground and plants, from a configuration and its seed.
 
-World frame: metres, x east and roughly along the line, y north, z up; the origin is on the ground at mid-span.
+World frame: metres, x east and roughly along the line, y north, z up; the origin is on the ground, mid-span.
 Every length carries _m, every angle _deg.
 """
 
@@ -39,17 +39,17 @@ class SpanConfig:
     trees: int = 10
     """trees within 30 m of mid-span, beside the line"""
     bushes: int = 16
-    background_trees: int = 110
+    background_trees: int = 170
     """trees from 30 m to 170 m away"""
     width_px: int = 480
     height_px: int = 320
     focal_px: float = 440.0
     views_per_pass: int = 24
     """images in each of the three passes (left, right, above)"""
-    samples_per_pixel: int = 64
-    sun_azimuth_deg: float = 235.0
+    samples_per_pixel: int = 36
+    sun_azimuth_deg: float = 310.0
     """direction of the sun from +x towards +y"""
-    sun_elevation_deg: float = 42.0
+    sun_elevation_deg: float = 46.0
     exposure: float = 2.9
     """factor from the sky model's radiance to linear sRGB"""
 
@@ -74,7 +74,7 @@ class SpanConfig:
         top = max(height for _, height in self.phase_offsets_m) + self.string_length_m
         if top > self.tower_height_m:
             raise ConfigError(
-                f"synth: the highest cross-arm is {top:.2f} m above the foot (clamp height + string_length_m), "
+                f"synth: the highest cross-arm (clamp height + string_length_m) is at {top:.2f} m "
                 f"but tower_height_m is {self.tower_height_m}. Raise the tower or lower the conductor."
             )
         if self.views_per_pass < 4:
@@ -162,8 +162,12 @@ def build_span(config: SpanConfig) -> Span:
     empty = Span(config, _towers(config, azimuth), (), (), (math.cos(azimuth), math.sin(azimuth)))
     west, east = empty.towers
     conductors = [
-        Conductor(f"phase {'ABCDEFGH'[i % 8]}{i // 8 or ''}", "phase", config.phase_diameter_m,
-                  hang(west.attachments[i], east.attachments[i], config.phase_sag_m))
+        Conductor(
+            f"phase {'ABCDEFGH'[i % 8]}{i // 8 or ''}",
+            "phase",
+            config.phase_diameter_m,
+            hang(west.attachments[i], east.attachments[i], config.phase_sag_m),
+        )
         for i in range(len(config.phase_offsets_m))
     ]
     shield = hang(west.attachments[-1], east.attachments[-1], config.shield_sag_m)
@@ -195,8 +199,13 @@ def _plants(span: Span, rng: np.random.Generator) -> Iterator[Plant]:
         clear_of_track = abs(float(track_offset(np.array([x]), np.array([y]))[0])) > radius + 1.6
         return clear_of_track and all(math.hypot(x - a, y - b) > 0.85 * (radius + r) for a, b, r in taken)
 
-    def place(kind: Literal["tree", "bush", "background tree"], along: tuple[float, float],
-              across: tuple[float, float], radius: tuple[float, float], height: tuple[float, float]) -> Plant | None:
+    def place(
+        kind: Literal["tree", "bush", "background tree"],
+        along: tuple[float, float],
+        across: tuple[float, float],
+        radius: tuple[float, float],
+        height: tuple[float, float],
+    ) -> Plant | None:
         for _ in range(200):
             x, y = span.at(rng.uniform(*along), rng.uniform(*across) * rng.choice([-1.0, 1.0]))
             r, h = rng.uniform(*radius), rng.uniform(*height)
@@ -209,10 +218,16 @@ def _plants(span: Span, rng: np.random.Generator) -> Iterator[Plant]:
 
     taken += [(tower.foot[0], tower.foot[1], 2.5) for tower in span.towers]
     wanted = [place("tree", (0.15 * half, 0.3 * half), (0.4, 1.2), (1.5, 1.6), (4.9, 5.1))]
-    wanted += [place("tree", (-1.4 * half, 1.4 * half), (9.5, 17.0), (1.5, 2.5), (6.0, 9.5))
-               for _ in range(max(0, config.trees - 1))]
-    wanted += [place("bush", (-1.2 * half, 1.2 * half), (0.5, 13.0), (0.5, 1.1), (0.7, 1.7))
-               for _ in range(config.bushes)]
-    wanted += [place("background tree", (-150.0, 150.0), (22.0, 150.0), (2.0, 3.6), (6.0, 12.0))
-               for _ in range(config.background_trees)]
+    wanted += [
+        place("tree", (-1.4 * half, 1.4 * half), (10.0, 17.0), (1.7, 2.8), (5.5, 8.8))
+        for _ in range(max(0, config.trees - 1))
+    ]
+    wanted += [
+        place("bush", (-1.2 * half, 1.2 * half), (0.5, 13.0), (0.5, 1.1), (0.7, 1.7))
+        for _ in range(config.bushes)
+    ]
+    wanted += [
+        place("background tree", (-150.0, 150.0), (22.0, 150.0), (2.4, 4.2), (6.0, 11.0))
+        for _ in range(config.background_trees)
+    ]
     yield from (plant for plant in wanted if plant is not None)

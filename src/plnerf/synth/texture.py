@@ -1,7 +1,7 @@
 """Procedural textures: grass, soil, the dirt track, and the strands of a conductor.
 
-All values are linear reflectance in [0, 1].  Ground colour is a function of the world's x, y (metres) and of the
-seed alone, so that patches of different resolution meet without a seam.
+All values are linear reflectance in [0, 1].  Ground colour is a function of the world's x, y (metres) and of
+the seed alone, so that patches of different resolution meet without a seam.
 """
 
 import cv2
@@ -16,7 +16,7 @@ TABLE = 256  # lattice values per side; the noise repeats after TABLE wavelength
 def noise(
     x_m: Float[np.ndarray, "h w"], y_m: Float[np.ndarray, "h w"], wavelength_m: float, seed: int
 ) -> Float[np.ndarray, "h w"]:
-    """Smooth value noise of one wavelength with mean 0 and deviation about 1, equal for equal x, y and seed."""
+    """Smooth value noise of one wavelength with mean 0 and deviation about 1, the same at the same place."""
     table = np.random.default_rng([seed, 3]).uniform(-2.4, 2.4, (TABLE, TABLE)).astype(np.float32)
     padded = np.pad(table, 2, mode="wrap")
     # Turned by an angle that depends on the seed, so that octaves do not share an axis.
@@ -45,11 +45,11 @@ def ground_texture(
 
     meadow = np.clip(0.5 + 0.32 * octaves(37.0, 4, 0.6, 1), 0, 1)[..., None]  # lush to dry
     soil = np.clip(-0.75 + 0.75 * octaves(6.0, 6, 0.7, 2), 0, 1)[..., None]
-    blades = octaves(1.3, 6, 0.85, 3)[..., None]  # tufts: 1.3 m down to 4 cm
+    blades = octaves(1.3, 6, 0.93, 3)[..., None]  # tufts: 1.3 m down to 4 cm
     lush, dry = np.array([0.085, 0.135, 0.035]), np.array([0.245, 0.215, 0.095])
     earth = np.array([0.235, 0.165, 0.105])
     colour = (1 - meadow) * lush + meadow * dry
-    colour = colour * np.clip(1 + 0.22 * blades, 0.25, 2.2)
+    colour = colour * np.clip(1 + 0.21 * blades, 0.25, 2.2)
     gravel = np.clip(1 + 0.17 * octaves(0.35, 4, 0.95, 4)[..., None], 0.3, 2)
     colour = (1 - soil) * colour + soil * earth * gravel
     away = np.abs(track_offset(x, y))
@@ -71,5 +71,5 @@ def strand_texture(length_m: float, seed: int) -> Float[np.ndarray, "h w 3"]:
     for wavelength in (3.0, 1.1, 0.4, 0.15):
         knots = np.arange(0, length_m + 2 * wavelength, wavelength)
         weather += np.interp(along, knots, rng.normal(size=len(knots)))
-    value = 0.40 * (0.62 + 0.38 * groove) * np.clip(1 + 0.13 * weather, 0.5, 1.5)
+    value = 0.30 * (0.62 + 0.38 * groove) * np.clip(1 + 0.13 * weather, 0.5, 1.5)
     return np.clip(value[..., None] * np.array([1.0, 1.0, 1.01]), 0.02, 0.9).astype(np.float32)

@@ -1,16 +1,17 @@
 """A lattice tower's steel, its insulator strings and its clamps, as meshes.
 
-Tower axes: x along the line, y across it (left positive), z above the foot, metres; `to_world` turns and moves
-them onto the ground.
+Tower axes: x along the line, y across it (left positive), z above the foot, metres; `to_world` turns and
+moves them onto the ground.
 """
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.synth.meshes import Mesh, angle_bar, beam, join, lathe, tube
+from plnerf.synth.meshes import Mesh, angle_bar, beam, join, lathe, tube, up
 from plnerf.synth.span import Span, SpanConfig, Tower
 
 Points = Float[np.ndarray, "n 3"]
@@ -30,8 +31,9 @@ def footings(span: Span, tower: Tower) -> Mesh:
     for sx, sy in FACES:
         w = _half_width(span.config, 0.0)
         centre = np.array([sx * w, sy * w, 0.0])
-        low, high = centre + [0, -0.25, -1.2], centre + [0, -0.25, 0.45]
-        blocks.append(beam(low + [-0.25, 0, 0], high + [-0.25, 0, 0], np.array([1.0, 0, 0]), 0.5, 0.5))
+        corner = np.array([0.25, 0.0, 0.0])
+        low, high = centre + np.array([0, -0.25, -1.2]), centre + np.array([0, -0.25, 0.45])
+        blocks.append(beam(low - corner, high - corner, np.array([1.0, 0, 0]), 0.5, 0.5))
     return to_world(span, tower, join(blocks))
 
 
@@ -40,15 +42,15 @@ def insulators(span: Span, tower: Tower) -> tuple[Mesh, Mesh]:
     config = span.config
     discs: list[Mesh] = []
     metal: list[Mesh] = []
-    sign = 1.0 if tower is span.towers[0] or tower == span.towers[0] else -1.0
+    sign = 1.0 if tower == span.towers[0] else -1.0  # the span lies ahead of the first tower
     for i, clamp in enumerate(tower.attachments):
         conductor = span.conductors[i]
         bottom = np.array(clamp)
         if conductor.kind == "phase":
-            top = bottom + [0, 0, config.string_length_m]
+            top = bottom + up(config.string_length_m)
             count = max(2, round((config.string_length_m - 0.25) / 0.115))
             heights = np.linspace(0.17, config.string_length_m - 0.12, count)
-            discs += [lathe(_disc_profile(), bottom + [0, 0, z]) for z in heights]
+            discs += [lathe(_disc_profile(), bottom + up(z)) for z in heights]
             metal.append(tube(np.linspace(bottom, top, 3), 0.012, 8))
         metal += _clamp(conductor.curve.points, conductor.curve.span_m, conductor.diameter_m, sign)
     return join(discs), join(metal)
@@ -92,10 +94,10 @@ def _body(config: SpanConfig) -> list[Mesh]:
         legs = [*z, config.tower_height_m]
         parts += [
             angle_bar(corner(face, lo), corner(face, hi), corner(face, 0.0) * [1, 1, 0], 0.10)
-            for lo, hi in zip(legs[:-1], legs[1:], strict=True)
+            for lo, hi in pairwise(legs)
         ]
         outward = corner(face, 0.0) + corner(face + 1, 0.0)
-        for i, (lo, hi) in enumerate(zip(z[:-1], z[1:], strict=True)):
+        for i, (lo, hi) in enumerate(pairwise(z)):
             width = 0.06 if lo < arms[0] else 0.045
             parts.append(angle_bar(corner(face, lo), corner(face + 1, hi), outward, width))
             parts.append(angle_bar(corner(face + 1, lo), corner(face, hi), outward, width))
@@ -117,8 +119,8 @@ def _arms(config: SpanConfig) -> list[Mesh]:
             root = np.array([sx * w, side * w, z])
             high = np.array([sx * top_w, side * top_w, z + rise])
             outward = np.array([float(sx), 0.0, 0.0])
-            parts.append(angle_bar(root, tip, outward - [0, 0, 1], 0.07))
-            parts.append(angle_bar(high, tip, outward + [0, 0, 1], 0.06))
+            parts.append(angle_bar(root, tip, outward - up(1.0), 0.07))
+            parts.append(angle_bar(high, tip, outward + up(1.0), 0.06))
             stations = np.linspace(0.0, 1.0, 4)
             lower, upper = root + stations[:, None] * (tip - root), high + stations[:, None] * (tip - high)
             for i in range(3):
@@ -127,19 +129,31 @@ def _arms(config: SpanConfig) -> list[Mesh]:
                 parts.append(angle_bar(lower[i + 1], upper[i], outward, 0.04))
                 if sx > 0 and i:  # ties between the two chords, seen from below
                     parts.append(angle_bar(lower[i], lower[i] * [-1, 1, 1], np.array([0, 0, -1.0]), 0.04))
-        parts.append(angle_bar(tip + [0, 0, 0.05], tip - [0, 0, 0.10], np.array([1.0, 0, 0]), 0.06))
+        parts.append(angle_bar(tip + up(0.05), tip - up(0.10), np.array([1.0, 0, 0]), 0.06))
     return parts
 
 
 def _disc_profile() -> Float[np.ndarray, "n 2"]:
     """A cap-and-pin disc of 25 cm: pin, ribbed underside, bell and cap."""
     return np.array([
-        [0.012, -0.030], [0.050, -0.026], [0.055, -0.014], [0.085, -0.020], [0.090, -0.010], [0.122, -0.016],
-        [0.127, -0.008], [0.110, 0.012], [0.070, 0.030], [0.040, 0.042], [0.036, 0.075], [0.012, 0.080],
+        [0.012, -0.030],
+        [0.050, -0.026],
+        [0.055, -0.014],
+        [0.085, -0.020],
+        [0.090, -0.010],
+        [0.122, -0.016],
+        [0.127, -0.008],
+        [0.110, 0.012],
+        [0.070, 0.030],
+        [0.040, 0.042],
+        [0.036, 0.075],
+        [0.012, 0.080],
     ])
 
 
-def _clamp(points: Callable[[np.ndarray], Points], span_m: float, diameter_m: float, sign: float) -> list[Mesh]:
+def _clamp(
+    points: Callable[[np.ndarray], Points], span_m: float, diameter_m: float, sign: float
+) -> list[Mesh]:
     """A boat-shaped clamp around the wire's end and a damper hung below it half a metre out."""
     end = 0.0 if sign > 0 else span_m
 
@@ -148,11 +162,11 @@ def _clamp(points: Callable[[np.ndarray], Points], span_m: float, diameter_m: fl
 
     boat = np.array([at(d) for d in np.linspace(0.0, 0.16, 5)])
     parts = [tube(boat, np.array([0.020, 0.030, 0.028, 0.024, diameter_m / 2 + 0.003]), 10)]
-    middle = at(0.75) - [0, 0, diameter_m / 2 + 0.05]
+    middle = at(0.75) - up(diameter_m / 2 + 0.05)
     direction = (at(0.8) - at(0.7)) / np.linalg.norm(at(0.8) - at(0.7))
     parts.append(tube(np.array([middle - 0.2 * direction, middle, middle + 0.2 * direction]), 0.006, 8))
     for lo, hi in ((-0.24, -0.13), (0.13, 0.24)):
         ends = np.array([lo, lo + 0.001, hi - 0.001, hi])[:, None]
         parts.append(tube(middle + ends * direction, np.array([0.004, 0.026, 0.026, 0.004]), 10))
-    parts.append(beam(middle - [0, 0, 0.01], at(0.75), direction, 0.03, 0.02))
+    parts.append(beam(middle - up(0.01), at(0.75), direction, 0.03, 0.02))
     return parts

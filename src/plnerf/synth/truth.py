@@ -26,14 +26,20 @@ def truth_of(span: Span, images: int) -> dict[str, object]:
         "config": asdict(span.config),
         "images": images,
         "wire_mask_rule": (
-            f"255 where a conductor or shield wire is seen in at least {MASK_COVERAGE:.0%} of the pixel's area, "
+            f"255 where a conductor or shield wire fills {MASK_COVERAGE:.0%} or more of the pixel, "
             "by 36 samples, one in each cell of a 6 x 6 grid; insulators, clamps and dampers are not wires"
         ),
-        "depth_rule": "along the camera's z axis at the pixel's centre, uint16 millimetres; 0: sky or beyond 65.535 m",
+        "depth_rule": "along the camera's z axis at the pixel's centre, uint16 millimetres; "
+        "0: sky, or further than 65.535 m",
         "catenary": "z(s) = z0 + p (cosh((s - s0)/p) - 1), s: horizontal distance from a along direction",
         "conductors": [_conductor(wire) for wire in span.conductors],
         "towers": [
-            {"name": tower.name, "foot": tower.foot, "height_m": tower.height_m, "attachments": tower.attachments}
+            {
+                "name": tower.name,
+                "foot": tower.foot,
+                "height_m": tower.height_m,
+                "attachments": tower.attachments,
+            }
             for tower in span.towers
         ],
         "ground": _ground(span),
@@ -44,10 +50,19 @@ def truth_of(span: Span, images: int) -> dict[str, object]:
 def _conductor(wire: Conductor) -> dict[str, object]:
     curve = wire.curve
     return {
-        "name": wire.name, "kind": wire.kind, "diameter_m": wire.diameter_m,
-        "a": curve.a, "b": curve.b, "direction": curve.direction, "span_m": curve.span_m,
-        "p_m": curve.p_m, "s0_m": curve.s0_m, "z0_m": curve.z0_m, "lowest": curve.lowest,
-        "sag_m": curve.sag_m, "length_m": curve.length_m,
+        "name": wire.name,
+        "kind": wire.kind,
+        "diameter_m": wire.diameter_m,
+        "a": curve.a,
+        "b": curve.b,
+        "direction": curve.direction,
+        "span_m": curve.span_m,
+        "p_m": curve.p_m,
+        "s0_m": curve.s0_m,
+        "z0_m": curve.z0_m,
+        "lowest": curve.lowest,
+        "sag_m": curve.sag_m,
+        "length_m": curve.length_m,
         "polyline": np.round(curve.polyline(POLYLINE_STEP_M), 6).tolist(),
     }
 
@@ -65,14 +80,17 @@ def _ground(span: Span) -> dict[str, object]:
 
 
 def _vegetation(span: Span) -> list[dict[str, object]]:
-    """Every plant; near ones with the clearance: leaf to conductor surface, over all leaves and conductors."""
+    """Every plant; near ones with their clearance: the least distance from leaf to conductor surface."""
     axes = [wire.curve.polyline(0.02) for wire in span.conductors]
     radii = np.repeat([wire.diameter_m / 2 for wire in span.conductors], [len(axis) for axis in axes])
     tree = cKDTree(np.concatenate(axes))
 
     def entry(plant: Plant) -> dict[str, object]:
         found: dict[str, object] = {
-            "kind": plant.kind, "foot": plant.foot, "radius_m": plant.radius_m, "height_m": plant.height_m,
+            "kind": plant.kind,
+            "foot": plant.foot,
+            "radius_m": plant.radius_m,
+            "height_m": plant.height_m,
         }
         if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M:
             distance, nearest = tree.query(plant_meshes(plant)[1].vertices)

@@ -1,0 +1,102 @@
+"""One small picture by Mitsuba, and the errors of `plnerf synth`."""
+
+import importlib.util
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from plnerf.errors import ConfigError, SceneError
+from plnerf.synth import render
+from plnerf.synth.capture import View, look
+from plnerf.synth.meshes import grid, tube
+from plnerf.synth.parts import Part, Surface
+from plnerf.synth.render import open_studio, to_srgb
+from plnerf.synth.scene import synthesize
+from plnerf.synth.span import SpanConfig
+
+needs_mitsuba = pytest.mark.skipif(
+    importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed (extra: synth)"
+)
+TINY = SpanConfig(
+    width_px=48,
+    height_px=32,
+    focal_px=44.0,
+    samples_per_pixel=4,
+    views_per_pass=4,
+    trees=1,
+    bushes=0,
+    background_trees=0,
+)
+
+
+@needs_mitsuba
+def test_a_rod_before_a_wall_is_seen_where_and_as_far_away_as_it_is(tmp_path):
+    """A horizontal rod 10 cm thick, 5 m ahead, 0.5 m above the axis; a floor 1 m below the camera."""
+    rod = tube(np.stack([np.full(9, 5.0), np.linspace(-9, 9, 9), np.full(9, 0.5)], axis=1), 0.05, 24)
+    floor = grid(np.linspace(-50, 50, 5), np.linspace(-50, 50, 5), np.full((5, 5), -1.0))
+    grey = Surface("matt", (0.3, 0.3, 0.3))
+    parts = [Part("rod", rod, grey, wire=True), Part("floor", floor, grey)]
+    config = SpanConfig(width_px=96, height_px=64, focal_px=80.0, samples_per_pixel=4)
+    studio = open_studio(parts, config, tmp_path)
+    view = View("0000", "right", look(0.0, 0.0, 0.0), np.zeros(3))
+
+    coverage = studio.wire_coverage(view)
+    middle = coverage[:, 48]
+    centre_row = (middle * (np.arange(64) + 0.5)).sum() / middle.sum()
+    assert centre_row == pytest.approx(32 - 80 * 0.5 / 5, abs=0.1)
+    assert middle.sum() == pytest.approx(80 * 0.1 / 5, abs=0.12)  # the rod's width in pixels
+
+    depth = studio.depth_m(view)
+    row = int(centre_row)
+    np.testing.assert_allclose(depth[row, 20:76], 4.95, atol=0.02)  # along the axis: equal across the image
+    np.testing.assert_allclose(depth[60, 5:90], 80 * 1.0 / (60.5 - 32), rtol=1e-3)
+    assert (depth[:20] == 0).all()  # sky
+
+    photo = studio.photo(view, 0)
+    assert photo.shape == (64, 96, 3)
+    assert photo[:15, :, 2].mean() > photo[:15, :, 0].mean()  # the sky is blue
+    assert photo[50:].mean() > 30
+
+
+@needs_mitsuba
+def test_a_tiny_span_becomes_a_complete_scene_folder(tmp_path):
+    calls = []
+    out = synthesize(tmp_path / "a" / "span", TINY, progress=lambda done, total: calls.append((done, total)))
+    assert calls == [(i + 1, 12) for i in range(12)]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "depth",
+        "images",
+        "transforms.json",
+        "truth.json",
+        "wire_masks",
+    ]
+    assert [path.name for path in out.parent.iterdir()] == ["span"]  # nothing half-written stays behind
+    content = json.loads((out / "transforms.json").read_text())
+    for frame in content["frames"]:
+        assert Image.open(out / frame["file_path"]).size == (48, 32)
+        assert Image.open(out / frame["wire_mask_path"]).mode == "L"
+        if "depth_path" in frame:
+            assert np.asarray(Image.open(out / frame["depth_path"])).dtype == np.uint16
+    photo = np.asarray(Image.open(out / content["frames"][0]["file_path"]))
+    assert 40 < photo.mean() < 200 and photo.std() > 10
+    assert json.loads((out / "truth.json").read_text())["config"]["width_px"] == 48
+    with pytest.raises(SceneError, match="exists and is not empty"):
+        synthesize(out, TINY)
+
+
+def test_without_mitsuba_the_error_says_how_to_get_it(tmp_path, monkeypatch):
+    def missing(name: str):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(render.importlib, "import_module", missing)
+    with pytest.raises(ConfigError) as caught:
+        synthesize(tmp_path / "span", TINY)
+    assert 'pip install "plnerf[synth]"' in str(caught.value)
+    assert not (tmp_path / "span").exists()
+
+
+def test_srgb_is_the_standard_curve():
+    linear = np.array([0.0, 0.0031308, 0.18, 0.5, 1.0, 7.0])[None, :, None].repeat(3, axis=2)
+    np.testing.assert_array_equal(to_srgb(linear)[0, :, 0], [0, 10, 118, 188, 255, 255])
