@@ -6,10 +6,12 @@ points, so that results do not depend on the number of threads.
 
 Letters as in `reference.py`.  Per axis: weight s(u) of the upper vertex, its slope s'(u) N and its curvature
 s''(u) N^2.
+
+What Numba compiles is marked no_type_check: a wrapper that checks annotations cannot be compiled.
 """
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, no_type_check
 
 import numba
 import numpy as np
@@ -26,29 +28,34 @@ _FAST = {"contract", "nsz", "arcp"}  # fused multiply-add, but infinities and Na
 
 
 @njit(inline="always")
-def weight(u, cubic):  # type: ignore[no-untyped-def]
+@no_type_check
+def weight(u, cubic):
     return u * u * (3 - 2 * u) if cubic else u
 
 
 @njit(inline="always")
-def slope(u, cubic):  # type: ignore[no-untyped-def]
+@no_type_check
+def slope(u, cubic):
     return 6 * u * (1 - u) if cubic else u * 0 + 1
 
 
 @njit(inline="always")
-def curvature(u, cubic):  # type: ignore[no-untyped-def]
+@no_type_check
+def curvature(u, cubic):
     return 6 - 12 * u if cubic else u * 0
 
 
 @njit(inline="always")
-def locate(value, n):  # type: ignore[no-untyped-def]
+@no_type_check
+def locate(value, n):
     scaled = value * n
     cell = min(max(np.int64(np.floor(scaled)), 0), n - 1)
     return cell, scaled - cell
 
 
 @njit(inline="always")
-def row(i, j, k, n, start, dense, mask):  # type: ignore[no-untyped-def]
+@no_type_check
+def row(i, j, k, n, start, dense, mask):
     if dense:
         return start + i + (n + 1) * (j + (n + 1) * k)
     return start + ((i ^ (j * _PRIME_Y) ^ (k * _PRIME_Z)) & mask)
@@ -62,12 +69,13 @@ class _Kernels(NamedTuple):
 
 
 @cache
+@no_type_check
 def _kernels(features: int, cubic: bool) -> _Kernels:
     """Kernels for a fixed number of features, so that LLVM unrolls the loops over them."""
     F = features
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
-    def forward(x, table, layout, out, parts):  # type: ignore[no-untyped-def]
+    def forward(x, table, layout, out, parts):
         points, levels = x.shape[0], layout.shape[0]
         for part in prange(parts):
             for level in range(levels):
@@ -87,7 +95,7 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
                             out[p, level * F + f] += share * table[r, f]
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
-    def table_gradient(x, g_out, layout, g_table, parts):  # type: ignore[no-untyped-def]
+    def table_gradient(x, g_out, layout, g_table, parts):
         points, levels = x.shape[0], layout.shape[0]
         for part in prange(parts):
             for level in range(part, levels, parts):
@@ -105,7 +113,7 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
                             g_table[r, f] += share * g_out[p, level * F + f]
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
-    def position_gradient(x, g_out, table, layout, g_x, parts):  # type: ignore[no-untyped-def]
+    def position_gradient(x, g_out, table, layout, g_x, parts):
         points, levels = x.shape[0], layout.shape[0]
         for part in prange(parts):
             for level in range(levels):
@@ -128,7 +136,7 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
                         g_x[p, 2] += value * pu * pv * (dw if d else -dw)
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
-    def position_gradient_backward(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a kernel has no structs)
+    def position_gradient_backward(  # noqa: PLR0913 (a kernel has no structs)
         x, g_out, table, layout, q, parts_x, g_g_out, g_table, parts
     ):
         # q = gradient of the position gradient; with m_c = sum_i q_i d(share_c)/dx_i the scalar to
