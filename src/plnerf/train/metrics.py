@@ -9,14 +9,16 @@ import math
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from torch import Generator
+from torch import Generator, Tensor
 
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.images import CHUNK_RAYS
 from plnerf.render.model import PLNeRF
 from plnerf.scene.scene import Scene
 
-SSIM_WINDOW = "Gaussian of 1.5 px in a window of 11x11 px, data range 1, mean over the pixels at least 5 px inside"
+SSIM_WINDOW = (
+    "Gaussian of 1.5 px in a window of 11x11 px, data range 1, mean over the pixels at least 5 px inside"
+)
 LPIPS_ABSENT = "not computed: needs the extra plnerf[lpips]"
 
 
@@ -28,7 +30,7 @@ def psnr_of_mse(mse: float) -> float:
 def psnr(
     render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], use: Bool[np.ndarray, "h w"]
 ) -> float | None:
-    """PSNR in dB over the pixels in use, in float64; infinite where they are equal, None where there is none."""
+    """PSNR in dB over the pixels in use, in float64; infinite where they are equal, None without any."""
     if not use.any():
         return None
     return psnr_of_mse(float(np.mean((render[use].astype(np.float64) - photo[use].astype(np.float64)) ** 2)))
@@ -44,8 +46,9 @@ def ssim(
     from torchmetrics.functional.image import structural_similarity_index_measure  # takes a second to import
 
     filled = np.where(valid[..., None], render, photo)
-    pair = [torch.from_numpy(p.astype(np.float32)).permute(2, 0, 1)[None] for p in (filled, photo)]
-    _, per_pixel = structural_similarity_index_measure(*pair, data_range=1.0, sigma=1.5, return_full_image=True)
+    _, per_pixel = structural_similarity_index_measure(
+        _batch(filled), _batch(photo), data_range=1.0, sigma=1.5, return_full_image=True
+    )
     inner = (slice(5, -5), slice(5, -5))
     if not valid[inner].any():
         return None
@@ -53,7 +56,7 @@ def ssim(
 
 
 class Lpips:
-    """Learned perceptual image patch similarity (Zhang et al. 2018) on AlexNet; needs the extra plnerf[lpips]."""
+    """Learned perceptual image patch similarity (Zhang et al. 2018), AlexNet; needs plnerf[lpips]."""
 
     def __init__(self) -> None:
         self._metric = None
@@ -70,28 +73,36 @@ class Lpips:
             self.absent = f"not computed: the weights of AlexNet could not be fetched ({error})"
 
     def __call__(
-        self, render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], valid: Bool[np.ndarray, "h w"]
+        self,
+        render: Float[np.ndarray, "h w 3"],
+        photo: Float[np.ndarray, "h w 3"],
+        valid: Bool[np.ndarray, "h w"],
     ) -> float | None:
-        """The distance, 0 for equal pictures; ignored pixels take the photo's colours.  None where it is absent."""
+        """The distance, 0 for equal pictures; ignored pixels take the photo's colours.  None if absent."""
         if self._metric is None:
             return None
         filled = np.where(valid[..., None], render, photo)
-        pair = [torch.from_numpy(p.astype(np.float32)).permute(2, 0, 1)[None] for p in (filled, photo)]
         with torch.inference_mode():
-            return float(self._metric(*pair))
+            return float(self._metric(_batch(filled), _batch(photo)))
 
 
-def validation_psnr(model: PLNeRF, scene: Scene, pixels: int = 4096, *, generator: Generator) -> float:
+def _batch(picture: Float[np.ndarray, "h w 3"]) -> Float[Tensor, "1 3 h w"]:
+    return torch.from_numpy(picture.astype(np.float32)).permute(2, 0, 1)[None]
+
+
+def validation_psnr(model: PLNeRF, scene: Scene, pixels: int, generator: Generator) -> float:
     """PSNR in dB over random held-out pixels, the same ones for generators in the same state.
 
-    Pixels that masks ignore are left out; the appearance vector is the mean of the training images'.  NaN where masks
-    ignore all that were drawn.  Leaves the model's mode as it is and records no gradients.
+    Pixels that masks ignore are left out; the appearance vector is the mean of the training images'.  NaN
+    where masks ignore all that were drawn.  Leaves the model's mode as it is and records no gradients.
     """
     test = list(scene.test)
     ends = torch.from_numpy(np.cumsum(np.diff(scene.images.starts)[test]))
     within = torch.randint(int(ends[-1]), (pixels,), generator=generator)
     slot = torch.searchsorted(ends, within, right=True)
-    flat = torch.from_numpy(scene.images.starts[test])[slot] + within - torch.where(slot > 0, ends[slot - 1], 0)
+    flat = (
+        torch.from_numpy(scene.images.starts[test])[slot] + within - torch.where(slot > 0, ends[slot - 1], 0)
+    )
     flat = flat[scene.images.valid_flat(flat)]
     camera, pixel_px = scene.images.locate(flat)
     rays = pixel_rays(scene.cameras, camera, pixel_px)

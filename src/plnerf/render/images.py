@@ -1,0 +1,116 @@
+"""Whole views from rays, a chunk at a time.
+
+Letters: h rows, w columns of a view; r rays.  Lengths are in scene units, cameras are OpenCV's (z forward),
+pixel centres are at +0.5.  Memory is bounded by the chunk and the view's own arrays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from plnerf.errors import ConfigError
+from plnerf.rays.rays import pixel_rays
+from plnerf.render.model import PLNeRF
+from plnerf.scene.cameras import Cameras
+
+CHUNK_RAYS = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedView:
+    """What one camera sees, float32."""
+
+    rgb: Float[np.ndarray, "h w 3"]
+    """In [0, 1], encoded as the photos are (sRGB)."""
+    accumulation: Float[np.ndarray, "h w"]
+    """Probability that a ray ends at all; below one half there is no surface."""
+    depth: Float[np.ndarray, "h w"]
+    """Expected distance along the ray."""
+    depth_median: Float[np.ndarray, "h w"]
+    """Distance at which half of the light is gone; the far end of the ray where that never happens."""
+    z_depth: Float[np.ndarray, "h w"]
+    """The median depth along the camera's z axis, as depth images have it."""
+    normals: Float[np.ndarray, "h w 3"] | None
+    """Weighted sum of the unit normals in the scene frame: no longer than the accumulation."""
+
+    @property
+    def has_surface(self) -> Bool[np.ndarray, "h w"]:
+        """Where a ray more likely ends than not."""
+        ends: Bool[np.ndarray, "h w"] = self.accumulation >= 0.5
+        return ends
+
+
+def render_view(
+    model: PLNeRF,
+    camera: Cameras,
+    appearance: Float[Tensor, " A"],
+    *,
+    chunk_rays: int = CHUNK_RAYS,
+    normals: bool,
+) -> RenderedView:
+    """Renders the whole view of one camera on the model's device; the chunk size does not change the result.
+
+    camera: one camera in the scene frame.  appearance: the vector that decides exposure and white balance.
+    Raises ConfigError for normals of a model that predicts none.
+    """
+    if len(camera) != 1 or chunk_rays < 1:
+        raise ConfigError(
+            f"A view has one camera and chunks of at least 1 ray, but got {len(camera)} and {chunk_rays}."
+        )
+    width, height = camera.size_px[0].tolist()
+    parts = [
+        _render_pixels(
+            model, camera, appearance, torch.arange(first, min(first + chunk_rays, width * height)), normals
+        )
+        for first in range(0, width * height, chunk_rays)
+    ]
+    # One table of columns: colour 3, accumulation, depth, median depth, z depth, normals 3 if any.
+    table = torch.cat(parts).numpy().reshape(height, width, -1)
+    return RenderedView(
+        rgb=np.clip(table[..., :3], 0.0, 1.0),
+        accumulation=table[..., 3].copy(),
+        depth=table[..., 4].copy(),
+        depth_median=table[..., 5].copy(),
+        z_depth=table[..., 6].copy(),
+        normals=table[..., 7:].copy() if normals else None,
+    )
+
+
+def _render_pixels(
+    model: PLNeRF, camera: Cameras, appearance: Float[Tensor, " A"], flat: Int[Tensor, " r"], normals: bool
+) -> Float[Tensor, "r c"]:
+    """Columns of some pixels, by their index row by row, on the CPU."""
+    width = camera.size_px[0, 0]
+    pixel_px = torch.stack([flat % width, flat // width], -1) + 0.5
+    rays = pixel_rays(camera, torch.zeros_like(flat), pixel_px)
+    along_z = rays.directions @ camera.R_scene_camera[0, :, 2]
+    device = model.appearance.device
+    with torch.inference_mode():
+        out = model(rays.to(device), appearance=appearance.to(device).expand(len(rays), -1), normals=normals)
+        columns = [out.colour, *(c[:, None] for c in (out.accumulation, out.depth, out.depth_median))]
+        columns.append(out.depth_median[:, None] * along_z.to(device)[:, None])
+        if normals:
+            columns.append(out.normals)
+        return torch.cat(columns, -1).float().cpu()
+
+
+def resized(cameras: Cameras, factor: float) -> Cameras:
+    """The same cameras with `factor` times as many pixels along each side, rounded to whole ones.
+
+    Intrinsics follow the true ratio of the sizes, an axis each.  Raises ConfigError unless 0 < factor < inf.
+    """
+    if not 0 < factor < float("inf"):
+        raise ConfigError(f"Views are resized by a positive factor, but got {factor}.")
+    size = (cameras.size_px * factor).round().long().clamp_min(1)
+    ratio = size / cameras.size_px
+    return Cameras(
+        R_scene_camera=cameras.R_scene_camera,
+        centre=cameras.centre,
+        focal_px=cameras.focal_px * ratio,
+        principal_px=cameras.principal_px * ratio,
+        distortion=cameras.distortion,
+        size_px=size,
+    )

@@ -1,0 +1,140 @@
+"""Rendered arrays to pictures: colour, depth for people and for programs, normals, accumulation.
+
+Letters: h rows, w columns.  Depth pictures hold the depth along the camera's z axis in world units: metres,
+or the units of an unscaled scene.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8, UInt16
+from PIL import Image, ImageDraw, ImageFont
+
+from plnerf.render.images import RenderedView
+from plnerf.scene.transforms import Frames
+
+NO_SURFACE = (38, 38, 38)
+"""Where a depth picture shows neither near nor far."""
+_MAX_16 = 65535
+
+
+@dataclass(frozen=True)
+class DepthRange:
+    """What the ends of a depth picture's colours stand for, in world units; even in the logarithm."""
+
+    near: float
+    far: float
+    unit: str
+    """"m", or "units (unscaled)"."""
+
+
+def rgb_picture(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Colours in [0, 1] to 8 bits, rounded."""
+    return np.round(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+
+
+def accumulation_picture(accumulation: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+    """Grey: black where rays pass through, white where all of them end."""
+    return np.round(np.clip(accumulation, 0, 1) * 255).astype(np.uint8)
+
+
+def normals_picture(view: RenderedView) -> UInt8[np.ndarray, "h w 3"]:
+    """Unit normals n of the scene frame as (n + 1)/2, black where there is no surface."""
+    assert view.normals is not None
+    length = np.linalg.norm(view.normals, axis=-1, keepdims=True)
+    unit = view.normals / np.maximum(length, 1e-6)
+    return rgb_picture((unit + 1) / 2 * view.accumulation[..., None])
+
+
+def world_depth(view: RenderedView, frames: Frames) -> Float[np.ndarray, "h w"]:
+    """Depth along the camera's z axis in world units, float32, 0 where there is no surface."""
+    return np.where(view.has_surface, view.z_depth / frames.scale, 0.0).astype(np.float32)
+
+
+def steps_per_world_unit(frames: Frames) -> float:
+    """What a 16-bit depth picture counts per world unit: 1000 a metre; unscaled, 1000 a scene unit."""
+    return 1000.0 if frames.unit == "m" else 1000.0 * frames.scale
+
+
+def depth_16bit(depth: Float[np.ndarray, "h w"], frames: Frames) -> UInt16[np.ndarray, "h w"]:
+    """`world_depth` in 16 bits; 0 = no surface, surfaces count at least 1; what is too far counts 65535."""
+    steps = np.clip(np.round(depth.astype(np.float64) * steps_per_world_unit(frames)), 1, _MAX_16)
+    return np.where(depth > 0, steps, 0).astype(np.uint16)
+
+
+def depth_16bit_meaning(frames: Frames) -> str:
+    """The sentence that goes with every 16-bit depth picture."""
+    unit = "metres" if frames.unit == "m" else "units of the unscaled world frame"
+    return (
+        f"Depth along the camera's z axis in {unit} = value / {steps_per_world_unit(frames):.9g}; "
+        "0 = no surface, 65535 = that far or farther."
+    )
+
+
+def depth_range(depths: list[Float[np.ndarray, "h w"]], frames: Frames) -> DepthRange:
+    """Robust range of some arrays of `world_depth`: from the 1st to the 98th percentile of the surfaces."""
+    unit = "m" if frames.unit == "m" else "units (unscaled)"
+    surfaces = np.concatenate([depth[depth > 0] for depth in depths] or [np.empty(0)])
+    if not surfaces.size:
+        return DepthRange(1.0, 2.0, unit)
+    near, far = (float(value) for value in np.percentile(surfaces, [1, 98]))
+    return DepthRange(near, max(far, near * 1.05), unit)
+
+
+def depth_picture(depth: Float[np.ndarray, "h w"], shown: DepthRange) -> UInt8[np.ndarray, "h w 3"]:
+    """Depth in viridis, nearer brighter; dark grey: no surface.  `with_legend` adds the scale."""
+    surface = depth > 0
+    log = np.log(np.where(surface, depth, shown.near) / shown.near) / np.log(shown.far / shown.near)
+    return np.where(surface[..., None], _viridis(1 - log), np.array(NO_SURFACE, np.uint8)).astype(np.uint8)
+
+
+def with_legend(picture: UInt8[np.ndarray, "h w 3"], shown: DepthRange) -> UInt8[np.ndarray, "h2 w 3"]:
+    """The depth picture with a bar below that states what its colours mean."""
+    width = picture.shape[1]
+    text_px = label_px(width)
+    bar_px = round(text_px * 0.9)
+    strip = Image.new("RGB", (width, bar_px + round(2.0 * text_px)), "white")
+    left, right = text_px, width - text_px
+    ramp = _viridis(np.linspace(1, 0, max(2, right - left), dtype=np.float32)[None].repeat(bar_px, 0))
+    strip.paste(Image.fromarray(ramp), (left, round(0.3 * text_px)))
+    draw, font = ImageDraw.Draw(strip), ImageFont.load_default(text_px)
+    ticks, taken = _ticks(shown), -1.0
+    for i, tick in enumerate(ticks):
+        x = left + (right - left) * np.log(tick / shown.near) / np.log(shown.far / shown.near)
+        text = f"{tick:.3g}" + (f" {shown.unit}" if i == len(ticks) - 1 else "")
+        half = draw.textlength(text, font=font) / 2
+        middle = min(max(x, half), width - half)
+        if middle - half > taken:
+            draw.line([(x, bar_px), (x, bar_px + 0.6 * text_px)], fill="black")
+            draw.text((middle, bar_px + 0.6 * text_px), text, fill="black", font=font, anchor="ma")
+            taken = middle + half + text_px * 0.6
+    return np.concatenate([picture, np.asarray(strip)])
+
+
+def label_px(width: int) -> int:
+    """Height of the letters on a picture of this width."""
+    return int(np.clip(width // 26, 9, 40))
+
+
+def _ticks(shown: DepthRange) -> list[float]:
+    """Both ends of the range, and round numbers between them."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(shown.near)), np.ceil(np.log10(shown.far)) + 1)
+    round_ones = (decades[:, None] * np.array([1.0, 2.0, 5.0])).ravel()
+    inner = [float(v) for v in round_ones if shown.near * 1.15 < v < shown.far / 1.15]
+    return [shown.near, *inner, shown.far]
+
+
+def _viridis(value: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    grey = np.round(np.clip(value, 0, 1) * 255).astype(np.uint8)
+    return cv2.cvtColor(cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
+
+
+def error_picture(
+    rgb: Float[np.ndarray, "h w 3"],
+    truth: Float[np.ndarray, "h w 3"],
+    valid: Bool[np.ndarray, "h w"],
+    times: int = 4,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """|render - photo| times a factor, black where a mask says "ignore"."""
+    return rgb_picture(np.abs(rgb - truth) * times * valid[..., None])

@@ -1,0 +1,246 @@
+"""Pictures and videos of a trained run: its held-out views, its training views, or a flight along them.
+
+Writes into the run folder, for views V ("test", "train" or "path") and kinds K:
+    renders/V/K/0000.png, ...      pictures                      renders/V-K.mp4    the same as a video
+    renders/V/depth_16bit/*.png, depth_npy/*.npy                 raw depth, of test and train views
+    renders/V/render.json          what, units, cameras; written last
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from torch import Tensor
+
+from plnerf.errors import ConfigError
+from plnerf.field.poses import rotation_matrix
+from plnerf.render.files import write_npy, write_png, write_text
+from plnerf.render.images import RenderedView, render_view, resized
+from plnerf.render.model import PLNeRF
+from plnerf.render.paths import JUMP, TURN_DEG, fly_along, in_time_order
+from plnerf.render.pictures import (
+    DepthRange,
+    accumulation_picture,
+    depth_16bit,
+    depth_16bit_meaning,
+    depth_picture,
+    depth_range,
+    normals_picture,
+    rgb_picture,
+    with_legend,
+    world_depth,
+)
+from plnerf.render.video import require_ffmpeg, write_video
+from plnerf.scene.build_store import Progress
+from plnerf.scene.cameras import Cameras
+from plnerf.scene.scene import Scene
+from plnerf.train.evaluate import mean_appearance
+from plnerf.train.run import TrainedRun
+
+Views = Literal["test", "train", "path"]
+Output = Literal["rgb", "depth", "normals", "accumulation"]
+
+_PREVIEWS, _PREVIEW_PX = 8, 96  # small views rendered first, so that all depth pictures share one scale
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One view to render."""
+
+    camera: Cameras
+    appearance: Tensor
+    name: str | None
+    """The image that was taken from here, if any."""
+
+
+def render_run(
+    run: TrainedRun,
+    *,
+    views: Views,
+    outputs: tuple[Output, ...],
+    frames: int = 96,
+    fps: float = 24.0,
+    scale: float = 1.0,
+    video: bool = True,
+    progress: Progress | None = None,
+) -> Path:
+    """Renders views of a run and returns their folder.
+
+    frames: of the path; images have one view each.  scale: of the pictures, 1 = the training resolution.
+    Raises ConfigError for options that cannot be, PlnerfError at a full disk or without ffmpeg.
+    """
+    _check(run.model, views, outputs, fps)
+    if video:
+        require_ffmpeg()
+    shots = shots_of(run, views, frames, scale)
+    folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
+    shown = _shared_range(run.model, shots, run.scene) if "depth" in outputs else None
+    _clear(folder, outputs)
+    pictures: dict[Output, list[Path]] = {kind: [] for kind in outputs}
+    for i, shot in enumerate(shots):
+        view = render_view(run.model, shot.camera, shot.appearance, normals="normals" in outputs)
+        for kind in outputs:
+            pictures[kind].append(folder / kind / f"{i:04d}.png")
+            write_png(pictures[kind][-1], _picture(kind, view, run.scene, shown))
+        if "depth" in outputs and views != "path":
+            depth = world_depth(view, frames_of_scene)
+            meaning = depth_16bit_meaning(frames_of_scene)
+            write_png(folder / "depth_16bit" / f"{i:04d}.png", depth_16bit(depth, frames_of_scene), meaning)
+            write_npy(folder / "depth_npy" / f"{i:04d}.npy", depth)
+        if progress is not None:
+            progress(i + 1, len(shots))
+    if video:
+        for kind, paths in pictures.items():
+            write_video(folder.parent / f"{views}-{kind}.mp4", paths, fps)
+    content = _description(run, shots, views, outputs, fps if video else None, scale, shown)
+    write_text(folder / "render.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return folder
+
+
+def shots_of(run: TrainedRun, views: Views, frames: int, scale: float) -> list[Shot]:
+    """The views to render; training views have their own appearance and refined pose."""
+    scene = run.scene
+    mean = mean_appearance(run)
+    refined = refined_cameras(run.model, scene.cameras)
+    if views == "path":
+        cameras = resized(fly_along(refined[in_time_order(scene.names, scene.train)], frames), scale)
+        return [Shot(cameras[[i]], mean, None) for i in range(frames)]
+    chosen = in_time_order(scene.names, scene.test if views == "test" else scene.train)
+    cameras = resized(scene.cameras if views == "test" else refined, scale)
+    vectors = run.model.appearance.detach()
+    return [Shot(cameras[[i]], mean if views == "test" else vectors[i], scene.names[i]) for i in chosen]
+
+
+def refined_cameras(model: PLNeRF, cameras: Cameras) -> Cameras:
+    """Cameras with the pose corrections that training found; the same ones where it sought none."""
+    correction = model.poses.correction.detach().cpu()
+    return Cameras(
+        R_scene_camera=rotation_matrix(correction[:, :3]) @ cameras.R_scene_camera,
+        centre=cameras.centre + correction[:, 3:],
+        focal_px=cameras.focal_px,
+        principal_px=cameras.principal_px,
+        distortion=cameras.distortion,
+        size_px=cameras.size_px,
+    )
+
+
+def _check(model: PLNeRF, views: str, outputs: tuple[str, ...], fps: float) -> None:
+    known_views, known = get_args(Views), get_args(Output)
+    if views not in known_views:
+        raise ConfigError(f"Views to render are {', '.join(known_views)}, but got {views!r}.")
+    unknown = [kind for kind in outputs if kind not in known]
+    if unknown or not outputs:
+        raise ConfigError(
+            f"Outputs to render are {', '.join(known)} (one or several), but got "
+            f"{', '.join(map(repr, unknown)) or 'none'}."
+        )
+    if "normals" in outputs and not model.config.field.normals:
+        raise ConfigError(
+            "This run's model predicts no normals: it was trained with model.field.normals=false. Leave "
+            "normals out of the outputs, or train with normals."
+        )
+    if not 0 < fps < float("inf"):
+        raise ConfigError(f"A video needs a positive number of frames per second, but got {fps}.")
+
+
+def _picture(kind: str, view: RenderedView, scene: Scene, shown: DepthRange | None) -> np.ndarray:
+    if kind == "rgb":
+        return rgb_picture(view.rgb)
+    if kind == "accumulation":
+        return accumulation_picture(view.accumulation)
+    if kind == "normals":
+        return normals_picture(view)
+    assert shown is not None
+    return with_legend(depth_picture(world_depth(view, scene.frames), shown), shown)
+
+
+def _shared_range(model: PLNeRF, shots: list[Shot], scene: Scene) -> DepthRange:
+    """One range of depth for all pictures, found on a few small views: a video's colours must not flicker."""
+    depths = []
+    for i in np.unique(np.linspace(0, len(shots) - 1, _PREVIEWS).astype(int)):
+        small = min(1.0, _PREVIEW_PX / float(shots[i].camera.size_px.max()))
+        view = render_view(model, resized(shots[i].camera, small), shots[i].appearance, normals=False)
+        depths.append(world_depth(view, scene.frames))
+    return depth_range(depths, scene.frames)
+
+
+def _clear(folder: Path, outputs: tuple[str, ...]) -> None:
+    """Takes away what an earlier call wrote of the same kinds: it may have had more frames."""
+    (folder / "render.json").unlink(missing_ok=True)
+    for kind in (*outputs, *(("depth_16bit", "depth_npy") if "depth" in outputs else ())):
+        for old in _numbered(folder / kind):
+            old.unlink()
+        folder.with_name(f"{folder.name}-{kind}.mp4").unlink(missing_ok=True)
+
+
+def _numbered(folder: Path) -> Iterator[Path]:
+    for pattern in ("[0-9]*.png", "[0-9]*.npy"):
+        yield from folder.glob(pattern)
+
+
+def _description(
+    run: TrainedRun,
+    shots: list[Shot],
+    views: Views,
+    outputs: tuple[Output, ...],
+    fps: float | None,
+    scale: float,
+    shown: DepthRange | None,
+) -> dict[str, Any]:
+    """What render.json says."""
+    frames = run.scene.frames
+    content: dict[str, Any] = {
+        "format_version": 1,
+        "views": views,
+        "outputs": list(outputs),
+        "frames": len(shots),
+        "fps": fps,
+        "scale": scale,
+        "step": run.step,
+        "training_seconds": run.seconds,
+        "rgb": "8-bit sRGB; appearance vector: "
+        + ("each image's own" if views == "train" else "mean of the training images' vectors"),
+        "poses": "as refined in training"
+        if views != "test" and run.config.train.pose_refinement
+        else "the scene's",
+        "normals": "(n + 1)/2 of the scene frame (x along the line, z up), black where there is no surface",
+        "accumulation": "8-bit grey, 255 = every ray ends",
+    }
+    if shown is not None:
+        content["depth"] = {
+            "picture": "viridis, even in the logarithm of the depth along the camera's axis; near is bright",
+            "near": shown.near,
+            "far": shown.far,
+            "unit": "m" if frames.unit == "m" else "unscaled",
+        }
+        if views != "path":
+            content["depth"]["depth_16bit"] = depth_16bit_meaning(frames)
+            content["depth"]["depth_npy"] = "float32, the same depth in the same unit, 0 = no surface"
+    if views == "path":
+        content["path"] = (
+            "splines along the longest pass of the training cameras in the order of their names; a pass ends "
+            f"at a step of more than {JUMP:g} median steps or a turn of more than {TURN_DEG:g} degrees"
+        )
+    content["cameras"] = {
+        "axes": "OpenCV's (x right, y down, z forward); camera to world; pinhole in pixels of the pictures",
+        "views": [_camera(shot, run.scene) for shot in shots],
+    }
+    return content
+
+
+def _camera(shot: Shot, scene: Scene) -> dict[str, Any]:
+    frames, camera = scene.frames, shot.camera
+    T_world_camera = np.eye(4)
+    T_world_camera[:3, :3] = frames.R_scene_world.T @ camera.R_scene_camera[0].double().numpy()
+    T_world_camera[:3, 3] = frames.to_world(camera.centre[0].double().numpy())
+    return {
+        "name": shot.name,
+        "size_px": camera.size_px[0].tolist(),
+        "focal_px": camera.focal_px[0].tolist(),
+        "principal_px": camera.principal_px[0].tolist(),
+        "distortion_k1_k2_p1_p2_k3": camera.distortion[0].tolist(),
+        "T_world_camera": T_world_camera.tolist(),
+    }
