@@ -1,13 +1,16 @@
-"""Frozen dataclasses of settings to JSON and back, strictly: an unknown key or a wrong type is an error, not a guess."""
+"""Frozen dataclasses of settings to JSON and back, strictly: whatever does not fit is an error, not a guess."""
 
 import dataclasses
 import json
+import math
 import types
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from plnerf.errors import ConfigError
 
 T = TypeVar("T")
+
+_WORDS = {bool: "true or false", int: "a whole number", float: "a finite number", str: "a text"}
 
 
 def to_json(settings: Any) -> dict[str, Any]:
@@ -19,86 +22,106 @@ def to_json(settings: Any) -> dict[str, Any]:
 def from_json(kind: type[T], data: object, where: str) -> T:
     """A dataclass of the given kind from JSON values; keys left out keep their defaults.
 
-    `where` names the file and key in errors.  Raises ConfigError for unknown keys, wrong types and missing values.
+    `where` names the source in errors.  Raises ConfigError for unknown keys, wrong types and missing values.
     """
-    result: T = _convert(kind, data, where)
+    try:
+        result: T = _convert(kind, data, "")
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
     return result
 
 
 def override(settings: T, assignments: tuple[str, ...]) -> T:
     """Settings with `path.to.key=value` assignments applied; a value is JSON, or a bare word.
 
-    Raises ConfigError naming the keys that exist where one is unknown.
+    An item of a list has its index as key.  Raises ConfigError naming the keys there are where one is
+    unknown.
     """
     data = to_json(settings)
     for assignment in assignments:
         path, equals, text = assignment.partition("=")
         if not equals:
-            raise ConfigError(f"A setting is written path.to.key=value, but got {assignment!r}.")
+            raise ConfigError(f"--set: a setting is written path.to.key=value, but got {assignment!r}.")
+        place: Any = data
         *parents, last = path.strip().split(".")
-        place = data
         for parent in parents:
-            if not isinstance(place.get(parent), dict):
-                raise ConfigError(_unknown(path, parent, place))
-            place = place[parent]
-        if last not in place:
-            raise ConfigError(_unknown(path, last, place))
+            place = place[_existing(place, parent, path)]
         try:
-            place[last] = json.loads(text)
+            value = json.loads(text)
         except json.JSONDecodeError:
-            place[last] = text.strip()
+            value = text.strip()
+        place[_existing(place, last, path)] = value
     return from_json(type(settings), data, "--set")
 
 
-def _unknown(path: str, key: str, place: dict[str, Any]) -> str:
-    return f"There is no setting {path!r}: {key!r} is unknown there. Known: {', '.join(sorted(place))}."
+def _existing(place: Any, key: str, path: str) -> Any:
+    """The key of an object, or the index of a list, that one part of a path names."""
+    known: dict[str, Any] = {}
+    if isinstance(place, dict):
+        known = {name: name for name in sorted(place)}
+    elif isinstance(place, list):
+        known = {str(index): index for index in range(len(place))}
+    if key not in known:
+        there = f"Known there: {', '.join(known)}" if known else f"{place!r} has no settings of its own"
+        raise ConfigError(f"--set: there is no setting {path.strip()!r}: {key!r} is unknown. {there}.")
+    return known[key]
 
 
-def _convert(kind: Any, value: Any, where: str) -> Any:
+def _convert(kind: Any, value: Any, key: str) -> Any:
     if dataclasses.is_dataclass(kind):
-        return _convert_dataclass(kind, value, where)
+        return _convert_dataclass(kind, value, key)
     origin, choices = get_origin(kind), get_args(kind)
     if origin is Literal:
         if value in choices:
             return value
-        raise ConfigError(f"{where} must be one of {', '.join(map(repr, choices))}, but is {value!r}.")
+        raise ConfigError(f"{key} must be one of {', '.join(map(repr, choices))}, but is {value!r}.")
     if origin in {Union, types.UnionType}:
         if value is None and type(None) in choices:
             return None
         (kind,) = (choice for choice in choices if choice is not type(None))
-        return _convert(kind, value, where)
+        return _convert(kind, value, key)
     if origin is tuple:
-        return _convert_tuple(choices, value, where)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if type(value) is not kind:
-        raise ConfigError(f"{where} must be of type {kind.__name__}, but is {value!r} ({type(value).__name__}).")
+        return _convert_tuple(choices, value, key)
+    if kind is float and type(value) is int:
+        value = float(value)
+    if type(value) is not kind or (kind is float and not math.isfinite(value)):
+        raise ConfigError(f"{key} must be {_WORDS[kind]}, but is {value!r}.")
     return value
 
 
-def _convert_dataclass(kind: Any, value: Any, where: str) -> Any:
+def _convert_dataclass(kind: Any, value: Any, key: str) -> Any:
     if not isinstance(value, dict):
-        raise ConfigError(f"{where} must be a JSON object with the settings of {kind.__name__}, but is {value!r}.")
+        raise ConfigError(
+            f"{key or 'the whole'} must be an object with the settings of {kind.__name__}, but is {value!r}."
+        )
     fields = {field.name: field for field in dataclasses.fields(kind)}
     unknown = sorted(set(value) - set(fields))
     if unknown:
         raise ConfigError(
-            f"{where} has the unknown key {unknown[0]!r}. Known keys there: {', '.join(sorted(fields))}. "
+            f"{_below(key, unknown[0])} is an unknown key. Known there: {', '.join(sorted(fields))}. "
             "Correct or remove it."
         )
     hints = get_type_hints(kind)
-    given = {name: _convert(hints[name], item, f"{where}.{name}") for name, item in value.items()}
+    given = {name: _convert(hints[name], item, _below(key, name)) for name, item in value.items()}
     for name, field in fields.items():
         absent = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if absent and name not in given:
-            raise ConfigError(f"{where} lacks the key {name!r}, which has no default. Add it.")
+            raise ConfigError(f"{_below(key, name)} is not there and has no default. Add it.")
     return kind(**given)
 
 
-def _convert_tuple(choices: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
+def _convert_tuple(choices: tuple[Any, ...], value: Any, key: str) -> tuple[Any, ...]:
     if not isinstance(value, list):
-        raise ConfigError(f"{where} must be a list, but is {value!r}.")
+        raise ConfigError(f"{key} must be a list, but is {value!r}.")
     kinds = [choices[0]] * len(value) if choices[-1] is Ellipsis else list(choices)
     if len(kinds) != len(value):
-        raise ConfigError(f"{where} must have {len(kinds)} items, but has {len(value)}: {value!r}.")
-    return tuple(_convert(kind, item, f"{where}[{i}]") for i, (kind, item) in enumerate(zip(kinds, value, strict=True)))
+        raise ConfigError(f"{key} must have {len(kinds)} items, but has {len(value)}: {value!r}.")
+    return tuple(
+        _convert(kind, item, _below(key, str(i)))
+        for i, (kind, item) in enumerate(zip(kinds, value, strict=True))
+    )
+
+
+def _below(key: str, name: str) -> str:
+    """A key's path, written as --set takes it."""
+    return f"{key}.{name}" if key else name
