@@ -216,7 +216,7 @@ class _TableGradient(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
-        g_table = torch.zeros_like(table)
+        g_table = torch.zeros_like(table, memory_format=torch.contiguous_format)
         _kernels_of(grid).table_gradient(_array(x), _array(g_out), grid.layout, g_table.numpy(), _parts())
         return g_table
 
@@ -231,7 +231,7 @@ class _TableGradient(torch.autograd.Function):
 class _PositionGradient(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
-        g_x = torch.zeros_like(x)
+        g_x = torch.zeros_like(x, memory_format=torch.contiguous_format)
         _kernels_of(grid).position_gradient(
             _array(x), _array(g_out), _array(table), grid.layout, g_x.numpy(), _parts()
         )
@@ -246,7 +246,7 @@ class _PositionGradient(torch.autograd.Function):
         x, g_out, table = ctx.saved_tensors
         parts_x = x.new_zeros(ctx.grid.levels, *x.shape)
         g_g_out = torch.zeros_like(g_out, memory_format=torch.contiguous_format)
-        g_table = torch.zeros_like(table)
+        g_table = torch.zeros_like(table, memory_format=torch.contiguous_format)
         _kernels_of(ctx.grid).position_gradient_backward(
             _array(x), _array(g_out), _array(table), ctx.grid.layout, _array(q),
             parts_x.numpy(), g_g_out.numpy(), g_table.numpy(), _parts(),
