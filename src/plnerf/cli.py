@@ -130,13 +130,28 @@ def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) 
 
 def main() -> None:
     """Entry point of the `plnerf` command."""
+    console = Console(stderr=True)
+
+    def tell(title: str, text: str) -> None:
+        console.print(f"[bold red]{title}[/]: ", end="")
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def note(message: Warning | str, *_: object, **__: object) -> None:
+        console.print(f"note: {message}", markup=False, highlight=False, soft_wrap=True)
+
     try:
-        app.cli(prog="plnerf", description="From photos of a power transmission line to a radiance field and its measures.")
+        with warnings.catch_warnings():
+            warnings.simplefilter("once", UserWarning)
+            warnings.showwarning = note
+            app.cli(prog="plnerf", description="From photos of a power line to a radiance field and its measures.")
     except PlnerfError as error:
-        Console(stderr=True).print(f"[bold red]{type(error).__name__}[/]: ", str(error), sep="", highlight=False, soft_wrap=True)
+        tell(type(error).__name__, str(error))
+        sys.exit(1)
+    except OSError as error:
+        tell("OSError", f"{error}. Check that the folder exists, is writable and has space left.")
         sys.exit(1)
     except KeyboardInterrupt:
-        Console(stderr=True).print("Interrupted. Go on later with --resume.")
+        console.print("Interrupted. Go on later with --resume.")
         sys.exit(130)
 
 

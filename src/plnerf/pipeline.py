@@ -91,7 +91,7 @@ def evaluate(run: Path, *, console: Console | None = None) -> dict[str, Any]:
     console = console or Console()
     with bar(console, "evaluate") as progress:
         metrics = evaluate_run(open_run(run), progress=progress)
-    console.print((metrics.parent / "summary.md").read_text(), highlight=False)
+    console.print((metrics.parent / "summary.md").read_text(), highlight=False, markup=False)
     console.print(f"measures and panels: {metrics.parent}")
     content: dict[str, Any] = json.loads(metrics.read_text())
     return content

@@ -1,6 +1,7 @@
 """What decides a training run, as one value that is written into the run folder."""
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from plnerf.errors import ConfigError
@@ -18,7 +19,7 @@ class TrainConfig:
     """Rays of a step."""
     table_rate: float = 1e-2
     """Learning rate of the hash tables."""
-    network_rate: float = 5e-3
+    network_rate: float = 1e-2
     """Learning rate of the networks and appearance vectors."""
     pose_rate: float = 5e-4
     """Learning rate of the pose corrections (radians, scene units)."""
@@ -44,7 +45,7 @@ class TrainConfig:
     """How often, over the whole run, held-out pixels are rendered for the log."""
     checkpoints: int = 10
     """How many checkpoints a run writes; the last two are kept."""
-    loss: LossWeights = LossWeights()
+    loss: LossWeights = field(default_factory=LossWeights)
 
     def __post_init__(self) -> None:
         if self.rays < 1 or not 0 <= self.normal_rays <= self.rays or not 0 <= self.detail_share < 1:
@@ -55,7 +56,21 @@ class TrainConfig:
         if not 0 < self.detail_part <= 1 or self.checkpoints < 1 or self.validations < 0:
             raise ConfigError(
                 "Training needs 0 < detail_part <= 1, checkpoints >= 1 and validations >= 0, but got "
-                f"detail_part={self.detail_part}, checkpoints={self.checkpoints}, validations={self.validations}."
+                f"detail_part={self.detail_part}, checkpoints={self.checkpoints}, "
+                f"validations={self.validations}."
+            )
+        if min(self.warmup_steps, self.anneal_steps, self.proposal_every) < 1:
+            raise ConfigError(
+                "Training needs warmup_steps, anneal_steps and proposal_every of 1 or more, but got "
+                f"warmup_steps={self.warmup_steps}, anneal_steps={self.anneal_steps}, "
+                f"proposal_every={self.proposal_every}."
+            )
+        rates = (self.table_rate, self.network_rate, self.pose_rate)
+        if min(rates) < 0 or not 0 < self.final_rate <= 1 or not 0 <= self.pose_from <= 1:
+            raise ConfigError(
+                "Training needs learning rates of 0 or more, 0 < final_rate <= 1 and 0 <= pose_from <= 1, but "
+                f"got table_rate={self.table_rate}, network_rate={self.network_rate}, "
+                f"pose_rate={self.pose_rate}, final_rate={self.final_rate}, pose_from={self.pose_from}."
             )
 
 
@@ -73,7 +88,7 @@ class RunConfig:
     """Implementation of the ops."""
     device: Literal["cpu", "cuda"]
     model: ModelConfig
-    train: TrainConfig = TrainConfig()
+    train: TrainConfig = field(default_factory=TrainConfig)
     steps: int | None = None
     """Budget in steps; a run with a budget in steps can be repeated and resumed to the same bits."""
     seconds: float | None = None
@@ -83,16 +98,22 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         if (self.steps is None) == (self.seconds is None):
-            raise ConfigError("Give a budget either in steps or in seconds: --steps N or --seconds S, not both.")
-        if (self.steps or self.seconds or 0) <= 0:
-            raise ConfigError(f"The budget must be positive, but steps={self.steps} and seconds={self.seconds}.")
+            raise ConfigError(
+                "Give a budget either in steps or in seconds: --steps N or --seconds S, not both."
+            )
+        if not 0 < (self.steps or self.seconds or 0) < math.inf:
+            raise ConfigError(
+                f"The budget must be positive and finite, but steps={self.steps} and seconds={self.seconds}."
+            )
+        if not 0 <= self.seed < 1 << 63:
+            raise ConfigError(f"The seed must be from 0 to 2^63 - 1, but is {self.seed}.")
 
 
 def fit_to_scene(model: ModelConfig, scene: Scene, cells_per_pixel: float) -> ModelConfig:
-    """The model with its finest level as fine as the pixels: cells of a pixel's width at a distance of 1 scene unit.
+    """The model with its finest level as fine as the pixels: cells of a pixel's width at 1 scene unit.
 
-    The contracted cube is 4 wide and a pixel 1/f, so N_max = 4 f cells_per_pixel.  Finer cells overfit: on the fox
-    scene at 1/8 size (f = 172 px) N_max = 2048 lost held-out PSNR as training went on, 512 did not.
+    The contracted cube is 4 wide and a pixel 1/f, so N_max = 4 f cells_per_pixel.  Finer cells overfit: on the
+    fox scene at 1/8 size (f = 172 px) N_max = 2048 lost held-out PSNR as training went on, 512 did not.
     """
     focal_px = float(scene.cameras.focal_px.mean())
     grid = model.field.grid

@@ -73,7 +73,7 @@ class RunReport:
             self._mark = (step, seconds)
         if step % LOG_EVERY and progress < 1:
             return
-        values = {name: float(term) for name, term in terms.items()}
+        values = {name: term.item() for name, term in terms.items()}
         steps, spent = step - self._mark[0], seconds - self._mark[1]
         rate = steps * self._rays / spent if spent else 0.0
         self._mark = (step, seconds)
