@@ -1,7 +1,8 @@
 """Checkpoints without pickle: tensors in a safetensors file, everything else in a JSON file beside it.
 
-The JSON is renamed into place last and marks the checkpoint as complete, so that a crash or a full disk at any moment
-leaves the previous checkpoint whole.  Randomness needs no state: every draw is a function of the seed and the step.
+The JSON is renamed into place last and marks the checkpoint as complete, so that a crash or a full disk at
+any moment leaves the previous checkpoint whole.  Randomness needs no state: every draw is a function of the
+seed and the step.
 """
 
 import json
@@ -16,10 +17,12 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from plnerf.errors import CheckpointError
+from plnerf.errors import CheckpointError, TrainingError
 
 FORMAT_VERSION = 1
 _NAME = re.compile(r"step-(\d+)\.json")
+_REMOVE = "Remove this checkpoint to go on from the one before."
+_OWN_CONFIG = "Open it with the config.json and the scene that it was trained with."
 
 
 @dataclass(frozen=True)
@@ -37,51 +40,87 @@ class Checkpoint:
 
 
 def save_checkpoint(
-    folder: Path, model: nn.Module, optimizer: torch.optim.Optimizer, *, step: int, seconds: float, frames: dict[str, Any]
+    folder: Path,
+    model: nn.Module,
+    optimizer: torch.optim.Optimizer,
+    *,
+    step: int,
+    seconds: float,
+    frames: dict[str, Any],
 ) -> Checkpoint:
-    """Writes folder/step-N.{safetensors,json}.  Raises CheckpointError where the disk is full or not writable."""
-    path = folder / f"step-{step}.json"
+    """Writes folder/step-N.{safetensors,json}.
+
+    Raises CheckpointError where the disk is full or not writable, TrainingError where a weight is not finite.
+    """
+    path, beside = folder / f"step-{step}.json", folder / f"step-{step}.safetensors"
     about = {"format_version": FORMAT_VERSION, "step": step, "seconds": seconds, "frames": frames}
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
+    _check_finite(tensors, folder, step)
     tensors |= _optimizer_tensors(optimizer)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _replace(path.with_suffix(".safetensors"), lambda beside: save_file(tensors, beside))
-        _replace(path, lambda beside: beside.write_text(json.dumps(about, indent=1)))
+        _replace(beside, lambda part: save_file(tensors, part))
+        _replace(path, lambda part: part.write_text(json.dumps(about, indent=1)))
     except (OSError, SafetensorError) as error:
+        if beside.exists() and not path.exists():  # tensors that nothing refers to
+            beside.unlink()
         raise CheckpointError(
-            f"The checkpoint {path.with_suffix('')} could not be written ({error}). Earlier checkpoints in {folder} "
-            "are untouched. Free some disk space or choose another folder, then continue with --resume."
+            f"The checkpoint {path.with_suffix('')} could not be written ({error}). Earlier checkpoints in "
+            f"{folder} are untouched. Make room on the disk, or make the folder writable, then go on with "
+            "--resume."
         ) from error
     return Checkpoint(path, step, seconds, frames)
 
 
+def _check_finite(tensors: dict[str, Tensor], folder: Path, step: int) -> None:
+    """A finite loss can have a gradient that ruins a weight: that must not replace a good checkpoint."""
+    for name, value in tensors.items():
+        if not value.isfinite().all():
+            raise TrainingError(
+                f"After step {step} the tensor {name!r} is no longer finite, so no checkpoint was written. "
+                f"{kept_checkpoint(folder)}. Lower train.table_rate or train.network_rate in the run's "
+                "config.json, then go on with --resume."
+            )
+
+
 def _replace(path: Path, write: Any) -> None:
     """Writes a file beside its place, forces it to the disk, and renames it into place."""
-    beside = path.with_name(path.name + ".part")
+    part = path.with_name(path.name + ".part")
     try:
-        write(beside)
-        with beside.open("rb+") as file:
+        write(part)
+        with part.open("rb+") as file:
             os.fsync(file.fileno())
-        beside.replace(path)
+        part.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
 
 
 def list_checkpoints(folder: Path) -> list[Path]:
     """The complete checkpoints of a folder, oldest first, as their JSON files."""
-    found = [(int(match[1]), path) for path in folder.glob("step-*.json") if (match := _NAME.fullmatch(path.name))]
-    return [path for _, path in sorted(found)]
+    matches = [(_NAME.fullmatch(path.name), path) for path in folder.glob("step-*.json")]
+    return [path for _, path in sorted((int(match[1]), path) for match, path in matches if match)]
+
+
+def kept_checkpoint(folder: Path) -> str:
+    """A sentence without its full stop on what a failed run can go on from."""
+    saved = list_checkpoints(folder)
+    return f"The last good checkpoint is {saved[-1]}" if saved else "No checkpoint had been written yet"
 
 
 def drop_old_checkpoints(folder: Path, keep: int) -> None:
-    """Removes all but the newest `keep` checkpoints; the JSON first, so that none is left half there."""
-    for path in list_checkpoints(folder)[:-keep]:
-        path.unlink()
-        path.with_suffix(".safetensors").unlink(missing_ok=True)
+    """Removes all but the newest `keep` checkpoints, and what crashes left of others.
+
+    The JSON goes first, so that no checkpoint is left half there.
+    """
+    newest = {path.stem for path in list_checkpoints(folder)[-keep:]}
+    for path in sorted(folder.glob("step-*")):
+        if path.name.split(".")[0] not in newest or path.suffix == ".part":
+            path.unlink()
 
 
-def load_checkpoint(path: Path, model: nn.Module, optimizer: torch.optim.Optimizer | None = None) -> Checkpoint:
+def load_checkpoint(
+    path: Path, model: nn.Module, optimizer: torch.optim.Optimizer | None = None
+) -> Checkpoint:
     """Loads weights, and the optimiser's state where one is given.
 
     Raises CheckpointError where the file is of another format version, damaged, or of another architecture.
@@ -91,10 +130,11 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: torch.optim.Optimiz
         tensors = load_file(path.with_suffix(".safetensors"))
     except (OSError, SafetensorError) as error:
         raise CheckpointError(
-            f"The tensors of the checkpoint {path} cannot be read ({error}). Remove this checkpoint to go on from "
-            "the one before."
+            f"The tensors of the checkpoint {path} cannot be read ({error}). {_REMOVE}"
         ) from error
-    state = {name.removeprefix("model."): value for name, value in tensors.items() if name.startswith("model.")}
+    state = {
+        name.removeprefix("model."): value for name, value in tensors.items() if name.startswith("model.")
+    }
     _check_same_architecture(path, state, model.state_dict())
     model.load_state_dict(state)
     if optimizer is not None:
@@ -104,14 +144,20 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: torch.optim.Optimiz
 
 def _read_about(path: Path) -> dict[str, Any]:
     try:
-        about: dict[str, Any] = json.loads(path.read_text())
-    except (OSError, json.JSONDecodeError) as error:
-        raise CheckpointError(f"The checkpoint {path} cannot be read ({error}).") from error
-    version = about.get("format_version")
+        about = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise CheckpointError(f"The checkpoint {path} cannot be read ({error}). {_REMOVE}") from error
+    version = about.get("format_version") if isinstance(about, dict) else None
     if version != FORMAT_VERSION:
         raise CheckpointError(
             f"The checkpoint {path} has format version {version}, but this version of plnerf reads version "
             f"{FORMAT_VERSION}. Use the version of plnerf that wrote it, or train again."
+        )
+    whole = isinstance(about.get("step"), int) and isinstance(about.get("frames"), dict)
+    if not whole or not isinstance(about.get("seconds"), int | float):
+        raise CheckpointError(
+            f"The checkpoint {path} is damaged: it needs step, seconds and frames, but has "
+            f"{', '.join(about)}. {_REMOVE}"
         )
     return about
 
@@ -120,20 +166,22 @@ def _check_same_architecture(path: Path, state: dict[str, Tensor], expected: dic
     for name in sorted(state.keys() ^ expected.keys()):
         has, lacks = ("the checkpoint", "the model") if name in state else ("the model", "the checkpoint")
         raise CheckpointError(
-            f"The checkpoint {path} is of another architecture: {has} has the tensor {name!r}, {lacks} has not. "
-            "Open it with the config.json that it was trained with."
+            f"The checkpoint {path} is of another architecture: {has} has the tensor {name!r}, {lacks} has "
+            f"not. {_OWN_CONFIG}"
         )
     for name, value in expected.items():
         if state[name].shape != value.shape:
             raise CheckpointError(
-                f"The checkpoint {path} is of another architecture: {name!r} has shape {tuple(state[name].shape)}, "
-                f"the model expects {tuple(value.shape)}. Open it with the config.json that it was trained with."
+                f"The checkpoint {path} is of another architecture: {name!r} has shape "
+                f"{tuple(state[name].shape)}, the model expects {tuple(value.shape)}. {_OWN_CONFIG}"
             )
 
 
 def _optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     state = optimizer.state_dict()["state"]
-    return {f"optimizer.{index}.{key}": value for index, items in state.items() for key, value in items.items()}
+    return {
+        f"optimizer.{index}.{key}": value for index, items in state.items() for key, value in items.items()
+    }
 
 
 def _load_optimizer_tensors(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor], path: Path) -> None:
@@ -143,5 +191,7 @@ def _load_optimizer_tensors(optimizer: torch.optim.Optimizer, tensors: dict[str,
             _, index, key = name.split(".")
             state.setdefault(int(index), {})[key] = value
     if not state:
-        raise CheckpointError(f"The checkpoint {path} holds no optimiser state: it can be rendered, not resumed.")
+        raise CheckpointError(
+            f"The checkpoint {path} holds no optimiser state: it can be rendered, not resumed."
+        )
     optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})

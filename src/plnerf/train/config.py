@@ -68,8 +68,8 @@ class TrainConfig:
         rates = (self.table_rate, self.network_rate, self.pose_rate)
         if min(rates) < 0 or not 0 < self.final_rate <= 1 or not 0 <= self.pose_from <= 1:
             raise ConfigError(
-                "Training needs learning rates of 0 or more, 0 < final_rate <= 1 and 0 <= pose_from <= 1, but "
-                f"got table_rate={self.table_rate}, network_rate={self.network_rate}, "
+                "Training needs learning rates of 0 or more, 0 < final_rate <= 1 and 0 <= pose_from <= 1, "
+                f"but got table_rate={self.table_rate}, network_rate={self.network_rate}, "
                 f"pose_rate={self.pose_rate}, final_rate={self.final_rate}, pose_from={self.pose_from}."
             )
 
@@ -112,8 +112,8 @@ class RunConfig:
 def fit_to_scene(model: ModelConfig, scene: Scene, cells_per_pixel: float) -> ModelConfig:
     """The model with its finest level as fine as the pixels: cells of a pixel's width at 1 scene unit.
 
-    The contracted cube is 4 wide and a pixel 1/f, so N_max = 4 f cells_per_pixel.  Finer cells overfit: on the
-    fox scene at 1/8 size (f = 172 px) N_max = 2048 lost held-out PSNR as training went on, 512 did not.
+    The contracted cube is 4 wide and a pixel 1/f, so N_max = 4 f cells_per_pixel.  Finer cells overfit: on
+    the fox scene at 1/8 size (f = 172 px) N_max = 2048 lost held-out PSNR as training went on, 512 did not.
     """
     focal_px = float(scene.cameras.focal_px.mean())
     grid = model.field.grid

@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 
 from plnerf.errors import CheckpointError, ConfigError
+from plnerf.render.files import write_text
 from plnerf.render.model import PLNeRF
 from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene, load_scene
@@ -33,14 +34,15 @@ class TrainedRun:
 def open_run(folder: Path) -> TrainedRun:
     """Loads the newest checkpoint of a run and its scene.
 
-    Raises CheckpointError or ConfigError where the folder is no run or has no checkpoint yet, SceneError where the
-    scene has gone or changed.
+    Raises CheckpointError or ConfigError where the folder is no run or has no checkpoint yet, SceneError
+    where the scene has gone or changed.
     """
     config = read_config(folder)
     checkpoints = list_checkpoints(folder / "checkpoints")
     if not checkpoints:
         raise CheckpointError(
-            f"{folder / 'checkpoints'} holds no complete checkpoint yet. Train first: plnerf train SCENE -o {folder}."
+            f"{folder / 'checkpoints'} holds no complete checkpoint yet. Go on with the run until it writes "
+            f"one: plnerf train {config.scene} -o {folder} --resume."
         )
     scene = open_scene(config, folder)
     model = build_model(config, scene)
@@ -50,11 +52,20 @@ def open_run(folder: Path) -> TrainedRun:
 
 def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None) -> Scene:
     """The scene of a run; its reduced pixels are kept in the run folder."""
-    return load_scene(Path(config.scene), store=folder / "pixels", downscale=config.downscale, progress=progress)
+    store = folder / "pixels"
+    return load_scene(Path(config.scene), store=store, downscale=config.downscale, progress=progress)
 
 
 def build_model(config: RunConfig, scene: Scene) -> PLNeRF:
-    """The untrained model of a run, its weights drawn from the run's seed."""
+    """The untrained model of a run, its weights drawn from the run's seed.
+
+    Raises ConfigError where the run's device is not there.
+    """
+    if config.device == "cuda" and not torch.cuda.is_available():
+        raise ConfigError(
+            "This run is on the device 'cuda', but PyTorch sees no CUDA device. Use a machine with one, or "
+            'set "device" to "cpu" in the run\'s config.json.'
+        )
     generator = torch.Generator().manual_seed(config.seed)
     return PLNeRF(config.model, len(scene.names), config.backend, generator).to(config.device)
 
@@ -65,16 +76,17 @@ def read_config(folder: Path) -> RunConfig:
     try:
         data = json.loads(path.read_text())
     except FileNotFoundError as error:
-        raise ConfigError(f"{folder} is not a run folder: it has no config.json. Give the folder that "
-                          "`plnerf train SCENE -o FOLDER` wrote.") from error  # fmt: skip
-    except (OSError, json.JSONDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read ({error}).") from error
+        raise ConfigError(
+            f"{folder} is not a run folder: it has no config.json. Give the folder that "
+            "`plnerf train SCENE -o FOLDER` wrote."
+        ) from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"{path} cannot be read ({error}). Correct it, or give another run folder."
+        ) from error
     return from_json(RunConfig, data, str(path))
 
 
 def write_config(folder: Path, config: RunConfig) -> None:
-    """Writes config.json, beside and renamed."""
-    folder.mkdir(parents=True, exist_ok=True)
-    beside = folder / "config.json.part"
-    beside.write_text(json.dumps(to_json(config), indent=1))
-    beside.replace(folder / "config.json")
+    """Writes config.json."""
+    write_text(folder / "config.json", json.dumps(to_json(config), indent=1) + "\n")

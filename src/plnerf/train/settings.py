@@ -1,4 +1,4 @@
-"""Frozen dataclasses of settings to JSON and back, strictly: whatever does not fit is an error, not a guess."""
+"""Frozen dataclasses of settings to JSON and back, strictly: what does not fit is an error, not a guess."""
 
 import dataclasses
 import json
