@@ -52,8 +52,8 @@ def frustum_moments(
     return t_mean, var_t, var_r
 
 
-def ray_frustums(rays: Rays, t: Float[Tensor, "r S+1"]) -> Frustums:
-    """Gaussians of the S intervals between edges t along every ray; shapes (r, S)."""
+def ray_frustums(rays: Rays, t: Float[Tensor, "r E"]) -> Frustums:
+    """Gaussians of the E - 1 intervals between the E edges t along every ray; shapes (r, E-1)."""
     t_mean, var_t, var_r = frustum_moments(
         t[:, :-1], t[:, 1:], rays.radius[:, None].expand(-1, t.shape[1] - 1)
     )

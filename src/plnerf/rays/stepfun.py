@@ -1,7 +1,7 @@
 """Step functions along rays.  Mip-NeRF 360, section 3 and supplement A; NeRF 2020, section 5.2.
 
-Letters, always in the last axis: s the S+1 edges in [0, 1], increasing; w the S weights of the intervals,
->= 0 and summing to at most 1; pdf the S weights normalised to sum to 1.
+Letters, always in the last axis: s the E = S + 1 edges in [0, 1], increasing; w the S weights of the
+intervals, >= 0 and summing to at most 1.
 """
 
 import torch
@@ -24,7 +24,7 @@ def even_edges(
 
 
 def resample_edges(
-    s: Float[Tensor, "r S+1"], w: Float[Tensor, "r S"], intervals: int, generator: Generator | None
+    s: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"], intervals: int, generator: Generator | None
 ) -> Float[Tensor, "r {intervals}+1"]:
     """Edges of `intervals` intervals of equal probability, by inverse transform sampling of the histogram w.
 
@@ -45,7 +45,7 @@ def resample_edges(
 
 
 def interpolate(
-    x: Float[Tensor, "r n"], xs: Float[Tensor, "r S+1"], ys: Float[Tensor, "r S+1"]
+    x: Float[Tensor, "r n"], xs: Float[Tensor, "r E"], ys: Float[Tensor, "r E"]
 ) -> Float[Tensor, "r n"]:
     """The piecewise linear function through (xs, ys), xs increasing, at x; constant beyond the ends."""
     upper = torch.searchsorted(xs.contiguous(), x, right=True).clamp(1, xs.shape[-1] - 1)
@@ -57,8 +57,8 @@ def interpolate(
 
 
 def outer_measure(
-    s: Float[Tensor, "r S+1"], s_other: Float[Tensor, "r P+1"], w_other: Float[Tensor, "r P"]
-) -> Float[Tensor, "r S"]:
+    s: Float[Tensor, "r E"], s_other: Float[Tensor, "r P"], w_other: Float[Tensor, "r P-1"]
+) -> Float[Tensor, "r E-1"]:
     """Most weight the histogram (s_other, w_other) can have in each interval of s.  Mip-NeRF 360 eq. 12."""
     total = torch.nn.functional.pad(w_other.cumsum(-1), (1, 0))
     edges = s_other.contiguous()
@@ -69,10 +69,10 @@ def outer_measure(
 
 
 def interlevel_loss(
-    s: Float[Tensor, "r S+1"],
-    w: Float[Tensor, "r S"],
-    s_proposal: Float[Tensor, "r P+1"],
-    w_proposal: Float[Tensor, "r P"],
+    s: Float[Tensor, "r E"],
+    w: Float[Tensor, "r E-1"],
+    s_proposal: Float[Tensor, "r P"],
+    w_proposal: Float[Tensor, "r P-1"],
 ) -> Float[Tensor, " r"]:
     """How much weight w lies where the proposal could not have it.  Mip-NeRF 360 eq. 13.
 
@@ -83,7 +83,7 @@ def interlevel_loss(
     return (excess**2 / (w + torch.finfo(w.dtype).eps)).sum(-1)
 
 
-def distortion_loss(s: Float[Tensor, "r S+1"], w: Float[Tensor, "r S"]) -> Float[Tensor, " r"]:
+def distortion_loss(s: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"]) -> Float[Tensor, " r"]:
     """How spread out the weight of a ray is.  Mip-NeRF 360 eq. 15.
 
     sum_ij w_i w_j |m_i - m_j| + 1/3 sum_i w_i^2 (s_{i+1} - s_i),  m the middles; the double sum in linear

@@ -133,8 +133,8 @@ class PLNeRF(nn.Module):
         return bound(frustums, self.config.stretch)
 
     def _proposal_density(
-        self, field: nn.Module, rays: Rays, t: Float[Tensor, "r P+1"]
-    ) -> Float[Tensor, "r P"]:
+        self, field: nn.Module, rays: Rays, t: Float[Tensor, "r E"]
+    ) -> Float[Tensor, "r E-1"]:
         density: Tensor = field(self._contracted(ray_frustums(rays, t))[0])
         return density
 

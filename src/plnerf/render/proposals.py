@@ -49,10 +49,10 @@ class SamplerConfig:
 
 @dataclass(frozen=True)
 class Histogram:
-    """What a round of sampling found: edges s (r, S+1) in [0, 1] and weights w (r, S)."""
+    """What a round of sampling found: E = S + 1 edges s in [0, 1] and S weights w."""
 
-    s: Float[Tensor, "r S+1"]
-    w: Float[Tensor, "r S"]
+    s: Float[Tensor, "r E"]
+    w: Float[Tensor, "r E-1"]
 
 
 def _warp(t: Tensor | float, knee: float) -> Tensor:
@@ -74,7 +74,7 @@ def sample_along_rays(
     anneal: float,
     generator: Generator | None,
     train_proposals: bool,
-) -> tuple[Float[Tensor, "r S+1"], tuple[Histogram, ...]]:
+) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...]]:
     """Edges s of the final intervals, and the histograms of the proposal rounds that led to them.
 
     `densities` maps rays and edges t (r, P+1) to densities (r, P), one for each round.  `anneal` in (0, 1]
