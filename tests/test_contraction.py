@@ -1,7 +1,7 @@
 """The contraction: invertible, bounded, monotone; its Jacobian is that of finite differences and of sampling.
 
-Points *between the ball and the cube* (L2 norm above 1, L-infinity norm below) are tested on their own: a mask
-by the wrong norm goes wrong there alone.
+Points *between the ball and the cube* (L2 norm above 1, L-infinity norm below) are tested apart: a mask by
+the wrong norm goes wrong there alone.
 """
 
 import numpy as np

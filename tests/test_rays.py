@@ -9,13 +9,7 @@ from scipy.spatial.transform import Rotation
 from plnerf.rays.rays import Rays, pixel_rays, undistort
 from plnerf.scene.cameras import Cameras, project
 
-WIDE = [
-    -0.28,
-    0.09,
-    8e-4,
-    -6e-4,
-    -0.012,
-]  # k1 k2 p1 p2 k3 of an action camera; 100 degrees across the diagonal
+WIDE = [-0.28, 0.09, 8e-4, -6e-4, -0.012]  # k1 k2 p1 p2 k3 of an action camera
 NONE = [0.0] * 5
 
 
@@ -100,7 +94,7 @@ def test_the_principal_point_looks_along_the_camera_s_axis() -> None:
 
 
 def test_the_cone_is_as_wide_as_the_pixel() -> None:
-    """At distance t the disc has the variance of a square pixel: r^2/4 = a^2/12, a the pixel's width there."""
+    """At distance t the disc has the variance of a square pixel: r^2/4 = a^2/12, a the pixel's width."""
     focal = 640.0
     cameras = make_cameras([NONE], torch.float64)
     cameras = Cameras(
