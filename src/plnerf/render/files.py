@@ -21,15 +21,16 @@ def complete_file(path: Path) -> Iterator[Path]:
     beside = path.with_name(f"{path.stem}.partial{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield beside
-        beside.replace(path)
+        try:
+            yield beside
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
     except OSError as error:
         raise PlnerfError(
             f"The file {path} cannot be written ({error.strerror or error}). Make room on the disk, or "
             "check that you may write into its folder. No half-written file is left behind."
         ) from error
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

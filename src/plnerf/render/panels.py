@@ -3,6 +3,8 @@
 Letters: h rows, w columns.
 """
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -47,14 +49,17 @@ def evaluation_panel(
         (f"photo {title}", _fit(photo)),
         (f"render, {score}", _fit(rgb_picture(view.rgb))),
         (f"absolute error, times {ERROR_TIMES}", _fit(error_picture(view.rgb, truth, valid, ERROR_TIMES))),
-        ("depth along the camera's axis", with_legend(_fit(depth_picture(depth, shown)), shown)),
+        (
+            "depth along the camera's axis (grey: no surface)",
+            with_legend(_fit(depth_picture(depth, shown)), shown),
+        ),
     ]
     if view.normals is not None:
         tiles.append(("normals (x along the line, z up) as red, green, blue", _fit(normals_picture(view))))
     return side_by_side(tiles)
 
 
-def side_by_side(tiles: list[tuple[str, UInt8[np.ndarray, "h w 3"]]]) -> UInt8[np.ndarray, "h2 w2 3"]:
+def side_by_side(tiles: Sequence[tuple[str, UInt8[np.ndarray, "_ _ 3"]]]) -> UInt8[np.ndarray, "h2 w2 3"]:
     """Labelled pictures in one row on white, aligned at their tops."""
     text_px = max(label_px(tile.shape[1]) for _, tile in tiles)
     head = round(1.7 * text_px)

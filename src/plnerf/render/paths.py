@@ -108,9 +108,9 @@ def _apart(centre: Float[np.ndarray, "n 3"]) -> list[int]:
 
 def _steadied(position: Float[np.ndarray, "k 3"], smooth: float) -> Float[np.ndarray, "k 3"]:
     """Positions under a Gaussian along the track; reflected through its ends, which stay in place."""
-    pad = min(len(position) - 1, int(np.ceil(4 * smooth)))
-    if pad < 1:
+    if smooth <= 0:
         return position
+    pad = int(np.ceil(4 * smooth)) + 1  # beyond the filter's reach, whatever it does at its own ends
     longer = np.pad(position, ((pad, pad), (0, 0)), mode="reflect", reflect_type="odd")
     steady: Float[np.ndarray, "k 3"] = gaussian_filter1d(longer, smooth, axis=0, mode="nearest")[pad:-pad]
     return steady

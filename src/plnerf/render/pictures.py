@@ -4,6 +4,8 @@ Letters: h rows, w columns.  Depth pictures hold the depth along the camera's z 
 or the units of an unscaled scene.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -26,7 +28,7 @@ class DepthRange:
     near: float
     far: float
     unit: str
-    """"m", or "units (unscaled)"."""
+    """"m", or "units, unscaled"."""
 
 
 def rgb_picture(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
@@ -72,10 +74,10 @@ def depth_16bit_meaning(frames: Frames) -> str:
     )
 
 
-def depth_range(depths: list[Float[np.ndarray, "h w"]], frames: Frames) -> DepthRange:
+def depth_range(depths: Sequence[Float[np.ndarray, "_ _"]], frames: Frames) -> DepthRange:
     """Robust range of some arrays of `world_depth`: from the 1st to the 98th percentile of the surfaces."""
-    unit = "m" if frames.unit == "m" else "units (unscaled)"
-    surfaces = np.concatenate([depth[depth > 0] for depth in depths] or [np.empty(0)])
+    unit = "m" if frames.unit == "m" else "units, unscaled"
+    surfaces = np.concatenate([np.empty(0), *(depth[depth > 0] for depth in depths)])
     if not surfaces.size:
         return DepthRange(1.0, 2.0, unit)
     near, far = (float(value) for value in np.percentile(surfaces, [1, 98]))
@@ -99,16 +101,16 @@ def with_legend(picture: UInt8[np.ndarray, "h w 3"], shown: DepthRange) -> UInt8
     ramp = _viridis(np.linspace(1, 0, max(2, right - left), dtype=np.float32)[None].repeat(bar_px, 0))
     strip.paste(Image.fromarray(ramp), (left, round(0.3 * text_px)))
     draw, font = ImageDraw.Draw(strip), ImageFont.load_default(text_px)
-    ticks, taken = _ticks(shown), -1.0
-    for i, tick in enumerate(ticks):
-        x = left + (right - left) * np.log(tick / shown.near) / np.log(shown.far / shown.near)
-        text = f"{tick:.3g}" + (f" {shown.unit}" if i == len(ticks) - 1 else "")
+    taken: list[tuple[float, float]] = []
+    for tick, text in _ticks(shown):
+        x = left + (right - left) * math.log(tick / shown.near) / math.log(shown.far / shown.near)
         half = draw.textlength(text, font=font) / 2
         middle = min(max(x, half), width - half)
-        if middle - half > taken:
+        span = (middle - half - text_px / 2, middle + half + text_px / 2)
+        if all(span[1] <= low or span[0] >= high for low, high in taken):
             draw.line([(x, bar_px), (x, bar_px + 0.6 * text_px)], fill="black")
             draw.text((middle, bar_px + 0.6 * text_px), text, fill="black", font=font, anchor="ma")
-            taken = middle + half + text_px * 0.6
+            taken.append(span)
     return np.concatenate([picture, np.asarray(strip)])
 
 
@@ -117,12 +119,12 @@ def label_px(width: int) -> int:
     return int(np.clip(width // 26, 9, 40))
 
 
-def _ticks(shown: DepthRange) -> list[float]:
-    """Both ends of the range, and round numbers between them."""
-    decades = 10.0 ** np.arange(np.floor(np.log10(shown.near)), np.ceil(np.log10(shown.far)) + 1)
-    round_ones = (decades[:, None] * np.array([1.0, 2.0, 5.0])).ravel()
-    inner = [float(v) for v in round_ones if shown.near * 1.15 < v < shown.far / 1.15]
-    return [shown.near, *inner, shown.far]
+def _ticks(shown: DepthRange) -> list[tuple[float, str]]:
+    """Labels of a legend, the most important first: far end with unit, near end, round numbers."""
+    decades = 10.0 ** np.arange(math.floor(math.log10(shown.near)), math.ceil(math.log10(shown.far)) + 1)
+    round_ones = [float(step * decade) for step in (1, 2, 5, 3, 7, 1.5) for decade in decades]
+    ends = [(shown.far, f"{shown.far:.3g} {shown.unit}"), (shown.near, f"{shown.near:.3g}")]
+    return ends + [(value, f"{value:.3g}") for value in round_ones if shown.near < value < shown.far]
 
 
 def _viridis(value: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from plnerf.render.files import write_png, write_text
-from plnerf.render.images import CHUNK_RAYS, RenderedView, render_view
+from plnerf.render.images import RenderedView, render_view
 from plnerf.render.panels import evaluation_panel
 from plnerf.render.pictures import world_depth
 from plnerf.scene.build_store import Progress
@@ -54,7 +54,7 @@ class ImageScores:
     """Where the image has no wire mask: over all pixels."""
 
 
-def evaluate_run(run: TrainedRun, *, chunk_rays: int = CHUNK_RAYS, progress: Progress | None = None) -> Path:
+def evaluate_run(run: TrainedRun, *, chunk_rays: int | None = None, progress: Progress | None = None) -> Path:
     """Renders and measures every held-out image; returns the path of eval/metrics.json.
 
     Raises SceneError where a wire mask or depth picture cannot be used, PlnerfError at a full disk.

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Generator, Tensor
 
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.images import CHUNK_RAYS
+from plnerf.render.images import default_chunk
 from plnerf.render.model import PLNeRF
 from plnerf.scene.scene import Scene
 
@@ -106,14 +106,14 @@ def validation_psnr(model: PLNeRF, scene: Scene, pixels: int, generator: Generat
     flat = flat[scene.images.valid_flat(flat)]
     camera, pixel_px = scene.images.locate(flat)
     rays = pixel_rays(scene.cameras, camera, pixel_px)
-    device = model.appearance.device
+    device, chunk = model.appearance.device, default_chunk(model)
     squared, count = 0.0, 0
     with torch.no_grad():
         train = torch.tensor(scene.train, device=device)
-        for first in range(0, len(rays), CHUNK_RAYS):
-            part = slice(first, first + CHUNK_RAYS)
-            chunk = rays[part].to(device)
-            out = model(chunk, appearance=model.mean_appearance(len(chunk), train))
+        for first in range(0, len(rays), chunk):
+            part = slice(first, first + chunk)
+            some = rays[part].to(device)
+            out = model(some, appearance=model.mean_appearance(len(some), train))
             error = out.colour.cpu().clamp(0, 1) - scene.images.colours(flat[part])
             squared, count = squared + float(error.double().square().sum()), count + error.numel()
     return psnr_of_mse(squared / count) if count else math.nan

@@ -42,8 +42,8 @@ def protocol(run: TrainedRun, render_seconds: float, lpips_absent: str | None) -
         "wire_mask": f"{WIRE_RULE}; not dilated",
         "depth": (
             "where the density lets half of the light through, along the camera's z axis, against the truth "
-            "at full size; no surface where the accumulation is below 0.5; median_m is over pixels with a "
-            f"surface, close_share is that of errors up to {CLOSE_M} m among all pixels"
+            "at full size where it is nearer than 65.5 m; no surface where the accumulation is below 0.5; "
+            f"median_m is over pixels with a surface, close_share is that of errors up to {CLOSE_M} m among all"
         ),
         "unit": scene.frames.unit,
         "backend": config.backend,

@@ -192,6 +192,7 @@ def _description(
 ) -> dict[str, Any]:
     """What render.json says."""
     frames = run.scene.frames
+    refined = views != "test" and run.config.train.pose_refinement
     content: dict[str, Any] = {
         "format_version": 1,
         "views": views,
@@ -203,15 +204,14 @@ def _description(
         "training_seconds": run.seconds,
         "rgb": "8-bit sRGB; appearance vector: "
         + ("each image's own" if views == "train" else "mean of the training images' vectors"),
-        "poses": "as refined in training"
-        if views != "test" and run.config.train.pose_refinement
-        else "the scene's",
+        "poses": "as refined in training" if refined else "the scene's",
         "normals": "(n + 1)/2 of the scene frame (x along the line, z up), black where there is no surface",
         "accumulation": "8-bit grey, 255 = every ray ends",
     }
     if shown is not None:
         content["depth"] = {
-            "picture": "viridis, even in the logarithm of the depth along the camera's axis; near is bright",
+            "picture": "viridis, even in the logarithm of the depth along the camera's axis, near is bright; "
+            "dark grey: no surface",
             "near": shown.near,
             "far": shown.far,
             "unit": "m" if frames.unit == "m" else "unscaled",

@@ -16,6 +16,8 @@ from plnerf.scene.build_store import reduce_by_area
 
 WIRE_RULE = "a pixel is the wire's where at least half of a line one full-size pixel wide would cover it"
 CLOSE_M = 0.25
+FARTHEST_MM = 65535
+"""The largest number of a 16-bit picture, which also stands for whatever is farther."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +38,10 @@ def depth_error(
 ) -> DepthError | None:
     """Compares each full-size pixel in use that has a true depth with the rendered pixel that covers it.
 
-    rendered_m: 0 = no surface; truth_mm: 0 = no surface.  No depth is averaged.  None where no pixel is left.
+    rendered_m: 0 = no surface; truth_mm: 0 = no surface, 65535 = that far or farther; neither is compared.  No
+    depth is averaged.  None where no pixel is left.
     """
-    use = use & (truth_mm > 0)
+    use = use & (truth_mm > 0) & (truth_mm < FARTHEST_MM)
     if not use.any():
         return None
     rendered = at_full_size(rendered_m, truth_mm.shape)[use].astype(np.float64)
