@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from plnerf.errors import ConfigError, SceneError
-from plnerf.synth import render
+from plnerf.synth import parts, render
 from plnerf.synth.capture import View, look
 from plnerf.synth.meshes import grid, tube
 from plnerf.synth.parts import Part, Surface
@@ -37,9 +37,9 @@ def test_a_rod_before_a_wall_is_seen_where_and_as_far_away_as_it_is(tmp_path):
     rod = tube(np.stack([np.full(9, 5.0), np.linspace(-9, 9, 9), np.full(9, 0.5)], axis=1), 0.05, 24)
     floor = grid(np.linspace(-50, 50, 5), np.linspace(-50, 50, 5), np.full((5, 5), -1.0))
     grey = Surface("matt", (0.3, 0.3, 0.3))
-    parts = [Part("rod", rod, grey, wire=True), Part("floor", floor, grey)]
+    bodies = [Part("rod", rod, grey, wire=True), Part("floor", floor, grey)]
     config = SpanConfig(width_px=96, height_px=64, focal_px=80.0, samples_per_pixel=4)
-    studio = open_studio(parts, config, tmp_path)
+    studio = open_studio(bodies, config, tmp_path)
     view = View("0000", "right", look(0.0, 0.0, 0.0), np.zeros(3))
 
     coverage = studio.wire_coverage(view)
@@ -61,7 +61,9 @@ def test_a_rod_before_a_wall_is_seen_where_and_as_far_away_as_it_is(tmp_path):
 
 
 @needs_mitsuba
-def test_a_tiny_span_becomes_a_complete_scene_folder(tmp_path):
+def test_a_tiny_span_becomes_a_complete_scene_folder(tmp_path, monkeypatch):
+    coarse = tuple((x, y, step, 8 * texel) for x, y, step, texel in parts.GROUND_PATCHES)
+    monkeypatch.setattr(parts, "GROUND_PATCHES", coarse)  # the fine textures take seconds to make
     calls = []
     out = synthesize(tmp_path / "a" / "span", TINY, progress=lambda done, total: calls.append((done, total)))
     assert calls == [(i + 1, 12) for i in range(12)]

@@ -5,6 +5,7 @@ truth.json.
 """
 
 import json
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -120,4 +121,7 @@ def _film(studio: Studio, view: View, index: int, folder: Path) -> None:
 
 
 def _write_json(path: Path, content: dict[str, object]) -> None:
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    """Indented, but with each list of numbers on one line."""
+    text = json.dumps(content, indent=1)
+    text = re.sub(r"\[[-+.\deE,\s]+\]", lambda numbers: " ".join(numbers[0].split()), text)
+    path.write_text(text + "\n", encoding="utf-8")
