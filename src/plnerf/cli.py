@@ -4,6 +4,7 @@ Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 o
 """
 
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -143,7 +144,9 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
-            app.cli(prog="plnerf", description="From photos of a power line to a radiance field and its measures.")
+            app.cli(
+                prog="plnerf", description="From photos of a power line to a radiance field and its measures."
+            )
     except PlnerfError as error:
         tell(type(error).__name__, str(error))
         sys.exit(1)

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
+from plnerf.render.files import write_text
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 
@@ -18,14 +19,16 @@ LOG_EVERY = 20  # steps between two lines of the log
 
 
 class Report(Protocol):
-    """Who listens to a run.  `steps` counts the steps reported since `begin`."""
+    """Who listens to a run.  `steps` counts the steps reported; `close` follows `begin`, come what may."""
 
     steps: int
 
+    def nothing_left(self, config: RunConfig, step: int, seconds: float) -> None: ...
     def begin(self, config: RunConfig, scene: Scene, step: int) -> None: ...
     def step(self, step: int, seconds: float, progress: float, terms: Mapping[str, Tensor]) -> None: ...
     def validation(self, step: int, seconds: float, psnr_db: float) -> None: ...
     def end(self, step: int, seconds: float) -> None: ...
+    def close(self) -> None: ...
 
 
 class RunReport:
@@ -46,16 +49,21 @@ class RunReport:
         self._held_out = ""
         self._mark = (0, 0.0)
 
+    def nothing_left(self, config: RunConfig, step: int, seconds: float) -> None:
+        """Says that a run had already used up its budget."""
+        used = (
+            f"{step} of {config.steps} steps" if config.steps else f"{seconds:.0f} of {config.seconds:.0f} s"
+        )
+        self._console.print(f"Nothing left to train: {used} are done. Give a larger budget to go on.")
+
     def begin(self, config: RunConfig, scene: Scene, step: int) -> None:
         """Opens the logs; drops lines that a run cut off after its last checkpoint left behind."""
         from torch.utils.tensorboard import SummaryWriter  # takes a second to import
 
-        self._folder.mkdir(parents=True, exist_ok=True)
         log = self._folder / "metrics.jsonl"
-        kept = [line for line in _lines(log) if json.loads(line)["step"] <= step]
-        log.write_text("".join(kept))
+        write_text(log, "".join(line for line in _lines(log) if json.loads(line)["step"] <= step))
         self._log = log.open("a")
-        self._events = SummaryWriter(str(self._folder), purge_step=step)
+        self._events = SummaryWriter(str(self._folder), purge_step=step + 1)
         self._rays, self._begin = config.train.rays, time.perf_counter()
         width, height = scene.cameras.size_px[0].tolist()
         self._console.print(
@@ -69,7 +77,8 @@ class RunReport:
         """Logs every few steps: until then, nothing is read from the device."""
         self.steps += 1
         if self.steps == 1:
-            self._console.print(f"first step after {time.perf_counter() - self._begin:.1f} s (kernels compiled or loaded)")
+            waited = time.perf_counter() - self._begin
+            self._console.print(f"first step after {waited:.1f} s (kernels compiled or loaded)")
             self._mark = (step, seconds)
         if step % LOG_EVERY and progress < 1:
             return
@@ -95,12 +104,16 @@ class RunReport:
         self._write(step, seconds, {"held_out_psnr_db": psnr_db})
 
     def end(self, step: int, seconds: float) -> None:
-        """Closes the logs and the bar."""
+        """Says what was reached."""
         self._bar.update(self._task, completed=1.0)
+        self._bar.stop()
+        self._console.print(f"{step} steps in {seconds:.0f} s of training{self._held_out}")
+
+    def close(self) -> None:
+        """Closes the logs and the bar, which hides the terminal's cursor while it is there."""
         self._bar.stop()
         self._log.close()
         self._events.close()
-        self._console.print(f"{step} steps in {seconds:.0f} s of training{self._held_out}")
 
     def _write(self, step: int, seconds: float, values: Mapping[str, float]) -> None:
         self._log.write(json.dumps({"step": step, "seconds": round(seconds, 3), **values}) + "\n")
@@ -116,6 +129,9 @@ class SilentReport:
         self.steps = 0
         self.held_out_db: list[float] = []
 
+    def nothing_left(self, config: RunConfig, step: int, seconds: float) -> None:
+        """Nothing to say."""
+
     def begin(self, config: RunConfig, scene: Scene, step: int) -> None:
         """Nothing to open."""
 
@@ -128,9 +144,13 @@ class SilentReport:
         self.held_out_db.append(psnr_db)
 
     def end(self, step: int, seconds: float) -> None:
+        """Nothing to say."""
+
+    def close(self) -> None:
         """Nothing to close."""
 
 
 def _lines(path: Path) -> list[str]:
     """Whole lines of a log; a last line that was cut off in writing is left out."""
-    return [line for line in path.read_text().splitlines(keepends=True) if line.endswith("\n")] if path.exists() else []
+    text = path.read_text() if path.exists() else ""
+    return [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
