@@ -76,7 +76,7 @@ def test_errors_are_found_where_they_are(scene_with_truth: Scene, tmp_path: Path
     assert mean["wire_psnr_db"] < 15 and mean["elsewhere_psnr_db"] == "inf"
     assert mean["wire_psnr_db"] < mean["psnr_db"] < 30
     assert 0.4 < mean["wire_depth"]["median_m"] <= 0.5 and mean["wire_depth"]["close_share"] == 0
-    assert mean["elsewhere_depth"]["median_m"] < 6e-4
+    assert mean["elsewhere_depth"]["median_m"] < 6e-4 and mean["elsewhere_depth"]["close_share"] == 1
 
 
 def test_a_scene_without_truth_is_measured_by_its_colours(tiny_scene: Path, tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ def test_a_plane_across_the_axis_has_one_z_depth(distortion: tuple[float, ...]) 
     z = torch.from_numpy(view.z_depth)
     torch.testing.assert_close(z, torch.full_like(z, 2.5), rtol=0, atol=1e-5)
     # Along the rays the plane is farther away, by the ray's slant alone.
-    assert (view.depth >= 2.5 - 1e-5).all() and view.depth.max() > 2.7
+    assert (view.depth_median >= 2.5 - 1e-5).all() and view.depth_median.max() > 2.7
+    torch.testing.assert_close(torch.from_numpy(view.depth), 1.25 * torch.from_numpy(view.depth_median))
     torch.testing.assert_close(torch.from_numpy(view.normals), axis.expand(9, 13, 3))
     assert view.has_surface.all()
 

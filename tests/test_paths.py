@@ -40,12 +40,12 @@ def test_a_straight_even_track_is_kept_from_end_to_end(n: int, frames: int) -> N
 
 
 def test_frames_are_even_along_a_curve_of_uneven_cameras() -> None:
-    angle = np.sort(np.random.default_rng(0).uniform(0, 3, 30))
+    angle = np.array([0.0, 0.4, 1.6, 1.9, 3.0, 3.2])
     ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
     path = fly_along(cameras_at(ring, Rotation.from_rotvec(angle[:, None] * [0, 0, 1])), 200, smooth=0.0)
     length = steps(path)
-    assert length.std() / length.mean() < 0.01
-    np.testing.assert_allclose(np.linalg.norm(path.centre.numpy(), axis=1), 1.0, atol=0.02)
+    assert length.std() / length.mean() < 1e-3
+    np.testing.assert_allclose(np.linalg.norm(path.centre.numpy(), axis=1), 1.0, atol=0.05)
 
 
 def test_without_smoothing_the_path_passes_through_every_camera() -> None:

@@ -82,7 +82,7 @@ def test_training_views_have_their_own_appearance_and_refined_pose(scene: Scene,
     used = run.model.appearances  # type: ignore[union-attr]
     assert [round(float(vector[0, 0])) for vector in used] == [3 * i for i in scene.train]
     content = json.loads((folder / "render.json").read_text())
-    assert content["poses"] == "as refined in training"
+    assert content["poses"] == "as refined in training" and content["rgb"].endswith("each image's own")
     for view, i in zip(content["cameras"]["views"], scene.train, strict=True):
         T = np.array(view["T_world_camera"])
         moved = scene.frames.to_scene(T[:3, 3]) - scene.cameras.centre[i].numpy()

@@ -37,6 +37,13 @@ def test_a_line_one_pixel_wide_stays_whole_and_thin(kind: str, factor: int) -> N
     assert (small == expected).all()
 
 
+def test_a_line_across_the_reduced_pixels_keeps_those_that_it_half_crosses() -> None:
+    """At a reduction by 4, a diagonal 2 px off crosses two pixels in turn, half of each; 3 px off, 1/4 and 3/4."""
+    small = reduced_wire_mask(np.eye(64, k=2) > 0, (16, 16))
+    assert (small == (np.eye(16) + np.eye(16, k=1) > 0)).all()
+    assert (reduced_wire_mask(np.eye(64, k=3) > 0, (16, 16)) == (np.eye(16, k=1) > 0)).all()
+
+
 def test_at_full_size_the_mask_is_itself_and_nothing_stays_nothing() -> None:
     mask = np.random.default_rng(0).random((20, 30)) < 0.1
     assert (reduced_wire_mask(mask, (30, 20)) == mask).all()

@@ -43,7 +43,7 @@ def protocol(run: TrainedRun, render_seconds: float, lpips_absent: str | None) -
         "depth": (
             "where the density lets half of the light through, along the camera's z axis, against the truth "
             "at full size where it is nearer than 65.5 m; no surface where the accumulation is below 0.5; "
-            f"median_m is over pixels with a surface, close_share is that of errors up to {CLOSE_M} m among all"
+            f"median_m is over pixels with a surface, close_share counts errors up to {CLOSE_M} m among all"
         ),
         "unit": scene.frames.unit,
         "backend": config.backend,

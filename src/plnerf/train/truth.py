@@ -38,8 +38,8 @@ def depth_error(
 ) -> DepthError | None:
     """Compares each full-size pixel in use that has a true depth with the rendered pixel that covers it.
 
-    rendered_m: 0 = no surface; truth_mm: 0 = no surface, 65535 = that far or farther; neither is compared.  No
-    depth is averaged.  None where no pixel is left.
+    rendered_m: 0 = no surface; truth_mm: 0 = no surface, 65535 = that far or farther; neither is compared.
+    No depth is averaged.  None where no pixel is left.
     """
     use = use & (truth_mm > 0) & (truth_mm < FARTHEST_MM)
     if not use.any():
