@@ -72,7 +72,12 @@ def train_scene(
 
 
 def resume_run(
-    scene: Path, out: Path, *, steps: int | None = None, seconds: float | None = None, console: Console | None = None
+    scene: Path,
+    out: Path,
+    *,
+    steps: int | None = None,
+    seconds: float | None = None,
+    console: Console | None = None,
 ) -> Path:
     """Goes on with a run from its newest checkpoint, with its own settings; a larger budget may be given."""
     config = read_config(out)
@@ -129,21 +134,30 @@ def synthesize_span(out: Path, *, seed: int, samples: int, console: Console | No
     return folder
 
 
-def run_demo(out: Path, *, seconds: float = 240.0, quick: bool = False, console: Console | None = None) -> Path:
+def run_demo(
+    out: Path, *, seconds: float = 240.0, quick: bool = False, console: Console | None = None
+) -> Path:
     """The bundled span: trained, evaluated, rendered as a fly-along.  `quick` is a short look at half size."""
     console = console or Console()
     budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 48, 0.75)
     train_scene(bundled_span(), out, seconds=budget, downscale=downscale, console=console)
     evaluate(out, console=console)
     render(out, views="path", outputs=("rgb", "depth"), frames=frames, fps=12.0, scale=scale, console=console)
-    console.print(f"[bold]Look at[/] {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves.")
+    console.print(
+        f"[bold]Look at[/] {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves."
+    )
     return out
 
 
 @contextmanager
 def bar(console: Console, title: str) -> Iterator[Callable[[int, int], None]]:
     """A progress bar that is told (done, total)."""
-    columns = (TextColumn(f"[bold]{title}"), BarColumn(bar_width=24), MofNCompleteColumn(), TimeRemainingColumn(compact=True))
+    columns = (
+        TextColumn(f"[bold]{title}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(compact=True),
+    )
     with Progress(*columns, console=console) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
@@ -151,7 +165,9 @@ def bar(console: Console, title: str) -> Iterator[Callable[[int, int], None]]:
 
 def _device(choice: Device) -> Literal["cpu", "cuda"]:
     if choice == "cuda" and not torch.cuda.is_available():
-        raise ConfigError("--device cuda was asked for, but PyTorch sees no CUDA device. Choose --device cpu.")
+        raise ConfigError(
+            "--device cuda was asked for, but PyTorch sees no CUDA device. Choose --device cpu."
+        )
     if choice == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
     return choice

@@ -24,15 +24,19 @@ def even_edges(
 
 
 def resample_edges(
-    s: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"], intervals: int, generator: Generator | None
+    s: Float[Tensor, "r E"],
+    w: Float[Tensor, "r E-1"],
+    intervals: int,
+    generator: Generator | None,
+    padding: float = 1e-5,
 ) -> Float[Tensor, "r {intervals}+1"]:
     """Edges of `intervals` intervals of equal probability, by inverse transform sampling of the histogram w.
 
     NeRF 2020, section 5.2.  With a generator the levels of the distribution function are jittered, one a
-    stratum.  Each interval also gets a share of 1e-2/S, so that no place is lost for good and 0/0 cannot
-    arise.
+    stratum.  Every interval is given `padding` > 0 of weight on top, so that no place is lost for good and
+    0/0 cannot arise.
     """
-    padded = w + 1e-2 / w.shape[-1]
+    padded = w + padding
     cdf = torch.nn.functional.pad(padded.cumsum(-1), (1, 0))
     cdf = cdf / cdf[..., -1:]
     count = intervals + 1

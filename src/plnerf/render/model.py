@@ -15,11 +15,12 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
+from plnerf.errors import ConfigError
 from plnerf.field.density import DensityConfig, DensityField
 from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
-from plnerf.rays.contraction import clamp_frustums, contract_frustums
+from plnerf.rays.contraction import clamp_frustums, contract, contract_frustums
 from plnerf.rays.frustums import Frustums, ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
@@ -43,6 +44,16 @@ class ModelConfig:
     """L-infinity contraction of unbounded space; without it, all beyond [-2, 2]^3 is clamped to its faces."""
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Stretch of x, y and z before the contraction; a span wants more cells across (y, z) than along (x)."""
+
+    def __post_init__(self) -> None:
+        if len(self.proposals) != len(self.sampler.proposals):
+            raise ConfigError(
+                "Every proposal round needs a proposal field, but sampler.proposals has "
+                f"{len(self.sampler.proposals)} rounds and proposals {len(self.proposals)} fields. "
+                "Give both the same number of entries."
+            )
+        if min(self.stretch) <= 0:
+            raise ConfigError(f"The stretch of every axis must be above 0, but got {self.stretch}.")
 
 
 @dataclass(frozen=True)
@@ -113,7 +124,7 @@ class PLNeRF(nn.Module):
         colour = composite(w, colours) + (1 - total)[:, None] * colours[:, -1]
         normal_samples = None
         if q := normal_rays:
-            normal_samples = self._normal_samples(frustums[:q], feature[:q], w[:q], rays.directions[:q])
+            normal_samples = self._normal_samples(frustums.mean[:q], feature[:q], w[:q], rays.directions[:q])
         return RenderedRays(
             colour=colour,
             accumulation=total,
@@ -135,19 +146,19 @@ class PLNeRF(nn.Module):
     def _proposal_density(
         self, field: nn.Module, rays: Rays, t: Float[Tensor, "r E"]
     ) -> Float[Tensor, "r E-1"]:
-        density: Tensor = field(self._contracted(ray_frustums(rays, t))[0])
+        density: Tensor = field(self._bounded(ray_frustums(rays, t).mean))
         return density
 
-    def _normal_samples(
-        self, frustums: Frustums, feature: Tensor, w: Tensor, directions: Tensor
-    ) -> NormalSamples:
+    def _bounded(self, position: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
+        """Positions in the cube, where only they are needed and not the frustums' extent."""
+        stretched = position * position.new_tensor(self.config.stretch)
+        return contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
+
+    def _normal_samples(self, mean: Tensor, feature: Tensor, w: Tensor, directions: Tensor) -> NormalSamples:
         """Normals as the density says, n = -grad sigma / |grad sigma|, and as predicted.  Ref-NeRF eq. 3."""
         with torch.enable_grad():
-            position = frustums.mean.detach().requires_grad_()
-            moved = Frustums(
-                position, frustums.direction.detach(), frustums.var_t.detach(), frustums.var_r.detach()
-            )
-            raw, _ = self.field.raw_density(self._contracted(moved)[0])
+            position = mean.detach().requires_grad_()
+            raw, _ = self.field.raw_density(self._bounded(position))
             (gradient,) = torch.autograd.grad(raw.sum(), position, create_graph=True)
         # The raw density grows with the density: its gradient has the same direction, not the range of exp.
         length = (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()

@@ -32,6 +32,9 @@ class SamplerConfig:
     """Where rays end."""
     knee: float = 1.0
     """Where even samples in t give way to even samples in 1/t."""
+    padding: float = 0.01
+    """Weight given to every interval before resampling (nerfacto's value): with 32 intervals a quarter of the
+    samples goes on looking where nothing was found yet, which is how thin things are found."""
 
     def __post_init__(self) -> None:
         if (
@@ -55,16 +58,16 @@ class Histogram:
     w: Float[Tensor, "r E-1"]
 
 
-def _warp(t: Tensor | float, knee: float) -> Tensor:
-    t = torch.as_tensor(t)
-    return torch.where(t < knee, t / (2 * knee), 1 - knee / (2 * t.clamp_min(knee)))
+def _warp(t: float, knee: float) -> float:
+    return t / (2 * knee) if t < knee else 1 - knee / (2 * t)
 
 
 def to_distance(s: Float[Tensor, "*n"], config: SamplerConfig) -> Float[Tensor, "*n"]:
     """Distance t of warped distance s: near at 0, far at 1."""
-    low, high = _warp(config.near, config.knee).item(), _warp(config.far, config.knee).item()
+    low, high = _warp(config.near, config.knee), _warp(config.far, config.knee)
     g = low + s * (high - low)
-    return torch.where(g < 0.5, 2 * config.knee * g, config.knee / (2 * (1 - g.clamp(0.5, high))))
+    rest = (1 - high) + (1 - s) * (high - low)  # 1 - g, without cancellation at the far end
+    return torch.where(g < 0.5, 2 * config.knee * g, config.knee / (2 * rest))
 
 
 def sample_along_rays(
@@ -82,14 +85,12 @@ def sample_along_rays(
     sampler.
     """
     history: list[Histogram] = []
-    s = even_edges(
-        len(rays), config.proposals[0] if config.proposals else config.final, generator, rays.origins
-    )
-    rounds = (*config.proposals[1:], config.final)
+    first, *rounds = *config.proposals, config.final
+    s = even_edges(len(rays), first, generator, rays.origins)
     for density, intervals in zip(densities, rounds, strict=True):
         with nullcontext() if train_proposals else torch.no_grad():
             t = to_distance(s, config)
             w = weights_from_density(density(rays, t), t)
         history.append(Histogram(s, w))
-        s = resample_edges(s, w.detach().pow(anneal), intervals, generator)
+        s = resample_edges(s, w.detach().pow(anneal), intervals, generator, config.padding)
     return s, tuple(history)

@@ -36,7 +36,12 @@ def loss_terms(
     weights: LossWeights,
     train_proposals: bool,
 ) -> dict[str, Tensor]:
-    """Weighted terms by name; their sum is what is minimised."""
+    """Weighted terms by name; their sum is what is minimised.
+
+    A ray's importance counts for all that shapes the field: weighing only the colour would leave the distortion
+    loss five times too strong on wires, where rays are drawn five times as often.  The proposals are not weighed:
+    they shall cover wires best.
+    """
     final = out.histograms[-1]
     terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
     if train_proposals:
@@ -46,10 +51,11 @@ def loss_terms(
             torch.zeros(()),
         )
     if weights.distortion:
-        terms["distortion"] = distortion_loss(final.s, final.w).mean()
+        terms["distortion"] = (importance * distortion_loss(final.s, final.w)).mean()
     if out.normal_samples is not None:
-        terms["normals"] = normal_loss(out.normal_samples).mean()
-        terms["orientation"] = orientation_loss(out.normal_samples).mean()
+        counts = importance[: len(out.normal_samples.weights)]
+        terms["normals"] = (counts * normal_loss(out.normal_samples)).mean()
+        terms["orientation"] = (counts * orientation_loss(out.normal_samples)).mean()
     return {name: getattr(weights, name) * term for name, term in terms.items()}
 
 
