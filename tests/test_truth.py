@@ -38,7 +38,7 @@ def test_a_line_one_pixel_wide_stays_whole_and_thin(kind: str, factor: int) -> N
 
 
 def test_a_line_across_the_reduced_pixels_keeps_those_that_it_half_crosses() -> None:
-    """At a reduction by 4, a diagonal 2 px off crosses two pixels in turn, half of each; 3 px off, 1/4 and 3/4."""
+    """Reduced by 4, a diagonal 2 px off crosses two pixels in turn, half of each; 3 px off, 1/4 and 3/4."""
     small = reduced_wire_mask(np.eye(64, k=2) > 0, (16, 16))
     assert (small == (np.eye(16) + np.eye(16, k=1) > 0)).all()
     assert (reduced_wire_mask(np.eye(64, k=3) > 0, (16, 16)) == (np.eye(16, k=1) > 0)).all()
