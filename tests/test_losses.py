@@ -1,0 +1,130 @@
+"""Losses: each is zero where it should be and only there, weighted by name, unbiased under importance."""
+
+import dataclasses
+
+import pytest
+import torch
+from torch import Tensor
+
+from plnerf.rays.stepfun import distortion_loss, interlevel_loss
+from plnerf.render.model import NormalSamples, RenderedRays
+from plnerf.render.proposals import Histogram
+from plnerf.train.losses import LossWeights, loss_terms, normal_loss, orientation_loss
+
+R, S, Q = 6, 5, 4
+ONE = torch.ones(R)
+
+
+def unit(*shape: int, seed: int) -> Tensor:
+    return torch.nn.functional.normalize(
+        torch.randn(*shape, 3, generator=torch.Generator().manual_seed(seed)), dim=-1
+    )
+
+
+def histogram(intervals: int, seed: int) -> Histogram:
+    generator = torch.Generator().manual_seed(seed)
+    s = torch.rand(R, intervals + 1, generator=generator).sort(-1).values
+    w = torch.rand(R, intervals, generator=generator)
+    return Histogram(s, 0.8 * w / w.sum(-1, keepdim=True))
+
+
+def samples() -> NormalSamples:
+    weights = torch.rand(Q, S, generator=torch.Generator().manual_seed(0)) / S
+    return NormalSamples(weights, unit(Q, S, seed=1), unit(Q, S, seed=2), unit(Q, seed=3))
+
+
+def rendered(normal_samples: NormalSamples | None) -> RenderedRays:
+    colour = torch.rand(R, 3, generator=torch.Generator().manual_seed(4))
+    return RenderedRays(
+        colour, ONE * 0.8, ONE, ONE, None, (histogram(8, 5), histogram(6, 6), histogram(S, 7)), normal_samples
+    )
+
+
+def test_terms_are_their_losses_times_their_weights() -> None:
+    out, truth = rendered(samples()), torch.zeros(R, 3)
+    weights = LossWeights(colour=1.5, interlevel=0.7, distortion=0.3, normals=0.2, orientation=0.1)
+    terms = loss_terms(out, truth, ONE, weights, train_proposals=True)
+    first, second, final = out.histograms
+    between = sum(interlevel_loss(final.s, final.w, h.s, h.w).mean() for h in (first, second))
+    assert out.normal_samples is not None
+    expected = {
+        "colour": 1.5 * (out.colour**2).mean(),
+        "interlevel": 0.7 * between,
+        "distortion": 0.3 * distortion_loss(final.s, final.w).mean(),
+        "normals": 0.2 * normal_loss(out.normal_samples).mean(),
+        "orientation": 0.1 * orientation_loss(out.normal_samples).mean(),
+    }
+    assert terms.keys() == expected.keys()
+    for name, value in expected.items():
+        torch.testing.assert_close(terms[name], value)
+        assert value > 0
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(LossWeights)])
+def test_a_weight_of_zero_turns_its_term_off_alone(name: str) -> None:
+    out, truth = rendered(samples()), torch.zeros(R, 3)
+    terms = loss_terms(
+        out, truth, ONE, dataclasses.replace(LossWeights(), **{name: 0.0}), train_proposals=True
+    )
+    assert float(terms.pop(name, torch.zeros(()))) == 0
+    assert all(value > 0 for value in terms.values())
+    assert len(terms) == 4
+
+
+def test_terms_without_their_data_are_left_out() -> None:
+    terms = loss_terms(rendered(None), torch.zeros(R, 3), ONE, LossWeights(), train_proposals=False)
+    assert terms.keys() == {"colour", "distortion"}
+
+
+def test_colour_loss_is_zero_at_the_truth_alone() -> None:
+    out = rendered(None)
+    assert float(loss_terms(out, out.colour, ONE, LossWeights(), False)["colour"]) == 0
+    off = loss_terms(out, out.colour + 0.1, ONE, LossWeights(), False)
+    assert float(off["colour"]) == pytest.approx(0.01)
+
+
+def test_importance_keeps_the_colour_loss_unbiased() -> None:
+    """Rays drawn with probability q and weighted by (1/R)/q have the loss of all rays on average."""
+    out, truth = rendered(None), torch.zeros(R, 3)
+    whole = loss_terms(out, truth, ONE, LossWeights(), False)["colour"]
+    q = torch.tensor([0.4, 0.05, 0.05, 0.2, 0.1, 0.2])
+    expectation = torch.zeros(())
+    for ray in range(R):  # one draw each, every outcome with its probability
+        alone = dataclasses.replace(
+            out, colour=out.colour[[ray]], accumulation=ONE[:1], depth=ONE[:1], depth_median=ONE[:1],
+            histograms=(Histogram(out.histograms[-1].s[[ray]], out.histograms[-1].w[[ray]]),),
+        )  # fmt: skip
+        importance = (1 / R / q[ray])[None]
+        expectation = (
+            expectation + q[ray] * loss_terms(alone, truth[[ray]], importance, LossWeights(), False)["colour"]
+        )
+    torch.testing.assert_close(expectation, whole)
+
+
+def test_normal_loss_is_zero_only_where_the_normals_agree() -> None:
+    some = samples()
+    assert not normal_loss(dataclasses.replace(some, predicted=some.from_density)).any()
+    assert bool((normal_loss(some) > 0).all())
+    opposite = dataclasses.replace(some, predicted=-some.from_density)
+    torch.testing.assert_close(normal_loss(opposite), 4 * some.weights.sum(-1))  # |2 n|^2
+
+
+def test_orientation_loss_is_zero_where_surfaces_face_the_camera() -> None:
+    some = samples()
+    along = some.directions[:, None].expand(Q, S, 3)
+    assert not orientation_loss(dataclasses.replace(some, predicted=-along)).any()
+    torch.testing.assert_close(
+        orientation_loss(dataclasses.replace(some, predicted=along)), some.weights.sum(-1)
+    )
+    across = torch.linalg.cross(along, unit(Q, S, seed=9))
+    tilted = torch.nn.functional.normalize(across, dim=-1) * 0.8 + 0.6 * along
+    torch.testing.assert_close(
+        orientation_loss(dataclasses.replace(some, predicted=tilted)), 0.36 * some.weights.sum(-1)
+    )
+
+
+def test_samples_without_weight_do_not_count() -> None:
+    some = samples()
+    empty = dataclasses.replace(some, weights=torch.zeros(Q, S))
+    assert not normal_loss(empty).any()
+    assert not orientation_loss(empty).any()

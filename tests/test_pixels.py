@@ -1,0 +1,158 @@
+"""Drawing pixels: unbiased whatever the share of detail, from the training images alone; ridges are lines."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from plnerf.scene.images import ImageStore
+from plnerf.train.pixels import PixelSampler, detail_pixels, ridge_strength
+
+SIZES = [(24, 16), (10, 30), (17, 13), (20, 20)]
+TRAIN = (2, 0, 3)  # in no order, and not all
+
+
+def make_store(folder: Path, masked: bool = False) -> ImageStore:
+    rng = np.random.default_rng(0)
+    total = sum(w * h for w, h in SIZES)
+    rng.integers(0, 256, (total, 3), dtype=np.uint8).tofile(folder / "images.u8")
+    if masked:
+        (rng.uniform(size=total) > 0.25).astype(np.uint8).tofile(folder / "valid.u8")
+    return ImageStore(folder, np.array(SIZES))
+
+
+def pattern(camera: Tensor, pixel_px: Tensor) -> Tensor:
+    """Some function of the pixel that differs a lot from pixel to pixel."""
+    return torch.sin(camera * 2.1 + pixel_px[:, 0] * 1.3 + pixel_px[:, 1] * 0.37).double() + 0.5
+
+
+def all_pixels(image: int) -> tuple[Tensor, Tensor]:
+    width, height = SIZES[image]
+    y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    pixel = torch.stack([x.flatten(), y.flatten()], -1) + 0.5
+    return torch.full((width * height,), image), pixel
+
+
+@pytest.mark.parametrize("masked", [False, True], ids=["no masks", "masks"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_the_weighted_mean_is_the_mean_over_all_training_pixels(
+    tmp_path: Path, share: float, masked: bool
+) -> None:
+    """E[importance f] = 1/N sum f over valid pixels: within 5 standard errors of 200,000 draws."""
+    store = make_store(tmp_path, masked)
+    batch = PixelSampler(store, TRAIN, share, part=0.1).draw(200_000, torch.Generator().manual_seed(0))
+    drawn = batch.importance * pattern(batch.camera, batch.pixel_px)
+    truth = torch.cat([
+        pattern(*all_pixels(i)) * torch.from_numpy(store.valid(i).ravel()) for i in TRAIN
+    ])  # fmt: skip
+    error = float(drawn.mean() - truth.mean())
+    assert abs(error) < 5 * float(drawn.std()) / len(drawn) ** 0.5
+    assert float(drawn.std()) / len(drawn) ** 0.5 < 0.01
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_pixels_are_those_of_the_training_images_and_whole(tmp_path: Path, share: float) -> None:
+    store = make_store(tmp_path)
+    batch = PixelSampler(store, TRAIN, share, part=0.1).draw(20_000, torch.Generator().manual_seed(0))
+    assert set(batch.camera.tolist()) == set(TRAIN)
+    for image in TRAIN:
+        mine = batch.camera == image
+        corner = (batch.pixel_px[mine] - 0.5).long()
+        torch.testing.assert_close(corner + 0.5, batch.pixel_px[mine])
+        width, height = SIZES[image]
+        assert len(torch.unique(corner, dim=0)) == width * height  # each of them, and none beyond
+        colour = store.image(image)[corner[:, 1], corner[:, 0]]
+        torch.testing.assert_close(batch.colour[mine], torch.from_numpy(colour).float() / 255)
+
+
+def test_masked_pixels_do_not_count(tmp_path: Path) -> None:
+    store = make_store(tmp_path, masked=True)
+    batch = PixelSampler(store, TRAIN, 0.5, part=0.1).draw(5_000, torch.Generator().manual_seed(0))
+    corner = (batch.pixel_px - 0.5).long().numpy()
+    valid = [store.valid(c)[y, x] for c, (x, y) in zip(batch.camera.tolist(), corner, strict=True)]
+    assert torch.equal(batch.importance > 0, torch.tensor(valid))
+    assert 0.1 < 1 - np.mean(valid) < 0.4
+
+
+def test_detail_gets_its_share_of_the_draws(tmp_path: Path) -> None:
+    store = make_store(tmp_path)
+    detail = set(detail_pixels(store, TRAIN, 0.1).tolist())
+    total = sum(SIZES[i][0] * SIZES[i][1] for i in TRAIN)
+    assert len(detail) == sum(round(0.1 * SIZES[i][0] * SIZES[i][1]) for i in TRAIN)
+    batch = PixelSampler(store, TRAIN, 0.6, part=0.1).draw(50_000, torch.Generator().manual_seed(0))
+    corner = (batch.pixel_px - 0.5).long()
+    width = torch.tensor([w for w, _ in SIZES])[batch.camera]
+    flat = torch.from_numpy(store.starts)[batch.camera] + corner[:, 1] * width + corner[:, 0]
+    is_detail = torch.tensor([value in detail for value in flat.tolist()])
+    assert is_detail.double().mean().item() == pytest.approx(0.6 + 0.4 * len(detail) / total, abs=0.01)
+    assert batch.importance[~is_detail].unique().tolist() == [pytest.approx(1 / 0.4)]
+    assert batch.importance[is_detail].unique().tolist() == [
+        pytest.approx(1 / (0.4 + 0.6 * total / len(detail)))
+    ]
+
+
+def test_detail_pixels_are_sorted_and_the_strongest_of_each_image(tmp_path: Path) -> None:
+    store = make_store(tmp_path)
+    detail = detail_pixels(store, TRAIN, 0.2)
+    assert (np.diff(detail) > 0).all()
+    for image in TRAIN:
+        first, end = store.starts[image], store.starts[image + 1]
+        mine = detail[(detail >= first) & (detail < end)] - first
+        strength = ridge_strength(store.image(image)).ravel()
+        others = np.delete(strength, mine)
+        assert len(mine) == round(0.2 * strength.size)
+        assert strength[mine].min() >= others.max()
+
+
+def test_draws_are_a_function_of_the_generator(tmp_path: Path) -> None:
+    sampler = PixelSampler(make_store(tmp_path), TRAIN, 0.5, part=0.1)
+    a, b, c = (sampler.draw(100, torch.Generator().manual_seed(seed)) for seed in (0, 0, 1))
+    assert torch.equal(a.pixel_px, b.pixel_px)
+    assert not torch.equal(a.pixel_px, c.pixel_px)
+
+
+def picture(grey: np.ndarray) -> np.ndarray:
+    return np.repeat(np.round(grey)[..., None], 3, -1).astype(np.uint8)
+
+
+def band(width_px: float, angle_deg: float, phase_px: float, contrast: float) -> np.ndarray:
+    """A straight band across a grey picture, edges area-sampled; a width of infinity makes a step edge."""
+    fine = (np.mgrid[0:640, 0:640] + 0.5) / 10 - 32
+    normal = np.deg2rad(angle_deg)
+    across = fine[1] * np.cos(normal) + fine[0] * np.sin(normal) + phase_px
+    inside = (across > 0) & (across < width_px) if np.isinf(width_px) else np.abs(across) < width_px / 2
+    return 100 + contrast * inside.reshape(64, 10, 64, 10).mean((1, 3))
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["bright", "dark"])
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 90.0])
+def test_a_thin_line_outranks_an_edge_of_the_same_contrast(angle_deg: float, sign: int) -> None:
+    """Of one to three pixels, on average over where it lies between them; a flat area has no strength."""
+    inner = np.s_[16:48, 16:48]
+    phases = (0.0, 0.25, 0.5)  # from the border of two pixels to a pixel's centre
+
+    def strongest(width_px: float, phase_px: float) -> float:
+        return float(ridge_strength(picture(band(width_px, angle_deg, phase_px, 90 * sign)))[inner].max())
+
+    edge = max(strongest(np.inf, phase) for phase in phases)
+    for width_px in (1.0, 2.0, 3.0):
+        assert np.mean([strongest(width_px, phase) for phase in phases]) > 1.2 * edge
+    assert ridge_strength(picture(np.full((20, 30), 77.0))).max() < 1e-6
+
+
+def test_ridge_strength_is_the_curvature_along_the_worst_direction() -> None:
+    """Of a x^2 + b x y + c y^2: sigma^2 |eigenvalue| of its Hessian, sigma = 2 being the stronger scale."""
+    y, x = np.mgrid[-30:31, -30:31].astype(float)
+    a, b, c = 0.10, 0.06, -0.04
+    strength = ridge_strength(picture(128 + a * x**2 + b * x * y + c * y**2))[30, 30]
+    hessian = np.array([[2 * a, b], [b, 2 * c]])
+    assert strength == pytest.approx(4 * np.abs(np.linalg.eigvalsh(hessian)).max() / 255, rel=0.05)
+
+
+def test_ridge_strength_turns_with_the_picture() -> None:
+    image = np.random.default_rng(1).integers(0, 256, (20, 30, 3), dtype=np.uint8)
+    strength = ridge_strength(image)
+    np.testing.assert_allclose(ridge_strength(np.rot90(image).copy()), np.rot90(strength), atol=1e-5)
+    np.testing.assert_allclose(ridge_strength(255 - image), strength, atol=1e-5)
