@@ -83,10 +83,11 @@ def test_colour_loss_is_zero_at_the_truth_alone() -> None:
     assert float(off["colour"]) == pytest.approx(0.01)
 
 
-def test_importance_keeps_the_colour_loss_unbiased() -> None:
+@pytest.mark.parametrize("name", ["colour", "distortion"])
+def test_importance_keeps_losses_unbiased(name: str) -> None:
     """Rays drawn with probability q and weighted by (1/R)/q have the loss of all rays on average."""
     out, truth = rendered(None), torch.zeros(R, 3)
-    whole = loss_terms(out, truth, ONE, LossWeights(), False)["colour"]
+    whole = loss_terms(out, truth, ONE, LossWeights(), False)[name]
     q = torch.tensor([0.4, 0.05, 0.05, 0.2, 0.1, 0.2])
     expectation = torch.zeros(())
     for ray in range(R):  # one draw each, every outcome with its probability
@@ -94,11 +95,26 @@ def test_importance_keeps_the_colour_loss_unbiased() -> None:
             out, colour=out.colour[[ray]], accumulation=ONE[:1], depth=ONE[:1], depth_median=ONE[:1],
             histograms=(Histogram(out.histograms[-1].s[[ray]], out.histograms[-1].w[[ray]]),),
         )  # fmt: skip
-        importance = (1 / R / q[ray])[None]
-        expectation = (
-            expectation + q[ray] * loss_terms(alone, truth[[ray]], importance, LossWeights(), False)["colour"]
-        )
+        terms = loss_terms(alone, truth[[ray]], (1 / R / q[ray])[None], LossWeights(), False)
+        expectation = expectation + q[ray] * terms[name]
     torch.testing.assert_close(expectation, whole)
+
+
+def test_importance_counts_for_all_but_the_proposals() -> None:
+    """Each ray's terms by its own importance; normals belong to the first rays."""
+    out, truth = rendered(samples()), torch.zeros(R, 3)
+    total = dict.fromkeys(["colour", "distortion", "normals", "orientation"], 0.0)
+    whole = loss_terms(out, truth, ONE, LossWeights(), True)
+    for ray in range(R):
+        only = torch.zeros(R)
+        only[ray] = 1
+        terms = loss_terms(out, truth, only, LossWeights(), True)
+        torch.testing.assert_close(terms["interlevel"], whole["interlevel"])
+        assert (float(terms["normals"]) > 0) == (ray < Q)
+        for name in total:
+            total[name] += float(terms[name])
+    for name, value in total.items():
+        assert value == pytest.approx(float(whole[name]), rel=1e-5)
 
 
 def test_normal_loss_is_zero_only_where_the_normals_agree() -> None:

@@ -124,7 +124,14 @@ def test_without_proposals_samples_are_even() -> None:
 
 @pytest.mark.parametrize(
     "bad",
-    [{"near": 0.0}, {"near": 5.0, "far": 5.0}, {"knee": 0.0}, {"final": 0}, {"proposals": (64, 0)}],
+    [
+        {"near": 0.0},
+        {"near": 5.0, "far": 5.0},
+        {"knee": 0.0},
+        {"final": 0},
+        {"padding": 0.0},
+        {"proposals": (64, 0)},
+    ],
     ids=str,
 )
 def test_a_sampler_that_cannot_be_is_refused(bad: dict[str, Any]) -> None:

@@ -40,13 +40,14 @@ class SamplerConfig:
         if (
             not 0 < self.near < self.far
             or self.knee <= 0
+            or self.padding <= 0
             or self.final < 1
             or any(n < 1 for n in self.proposals)
         ):
             raise ConfigError(
-                f"A sampler needs 0 < near < far, knee > 0 and at least one interval a round, "
+                f"A sampler needs 0 < near < far, knee > 0, padding > 0 and at least one interval a round, "
                 f"but got near={self.near}, far={self.far}, knee={self.knee}, proposals={self.proposals}, "
-                f"final={self.final}."
+                f"final={self.final}, padding={self.padding}."
             )
 
 
