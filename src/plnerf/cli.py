@@ -1,6 +1,7 @@
 """The command line.  Each subcommand is one call; whatever is heavy is imported where it is used.
 
-Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 130 on Ctrl-C.
+Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 130 on
+Ctrl-C.
 """
 
 import sys
@@ -11,7 +12,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from plnerf.errors import PlnerfError
+from plnerf.errors import ConfigError, PlnerfError
 
 app = tyro.extras.SubcommandApp()
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -33,7 +34,7 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
 
 
 @app.command
-def train(
+def train(  # noqa: PLR0913 (an argument is an option)
     scene: tyro.conf.Positional[Path],
     *,
     out: Out,
@@ -45,14 +46,14 @@ def train(
     seed: int = 0,
     device: Literal["auto", "cpu", "cuda"] = "auto",
     backend: Literal["auto", "torch", "numba"] = "auto",
-    set: tuple[str, ...] = (),
+    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
 ) -> None:
     """Train a radiance field on images with known camera poses.
 
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
-        preset: Named settings to start from.
+        preset: Named settings to start from: pl-nerf.
         seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
@@ -60,10 +61,15 @@ def train(
         seed: Decides the initial weights and every random draw.
         device: Where to train.
         backend: Implementation of the ops: numba on a CPU, plain torch anywhere.
-        set: Settings to change, as path.to.key=value, e.g. model.field.direction_encoding=sh.
+        set: A setting to change, as path.to.key=value, e.g. model.field.direction_encoding=sh.
     """
     from plnerf.pipeline import resume_run, train_scene
 
+    if resume and set:
+        raise ConfigError(
+            "--resume goes on with the run's own settings, so it takes no --set. Change them in "
+            f"{out / 'config.json'}, or train anew into another folder."
+        )
     if resume:
         resume_run(scene, out, steps=steps, seconds=seconds, console=Console())
     else:
@@ -131,7 +137,7 @@ def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) 
 
 def main() -> None:
     """Entry point of the `plnerf` command."""
-    console = Console(stderr=True)
+    console = Console(stderr=True, emoji=False)  # a path may read :x:
 
     def tell(title: str, text: str) -> None:
         console.print(f"[bold red]{title}[/]: ", end="")

@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from plnerf.errors import CheckpointError, TrainingError
@@ -59,9 +59,9 @@ def save_checkpoint(
     tensors |= _optimizer_tensors(optimizer)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _replace(beside, lambda part: save_file(tensors, part))
+        _replace(beside, lambda part: part.write_bytes(save(tensors)))
         _replace(path, lambda part: part.write_text(json.dumps(about, indent=1)))
-    except (OSError, SafetensorError) as error:
+    except OSError as error:
         if beside.exists() and not path.exists():  # tensors that nothing refers to
             beside.unlink()
         raise CheckpointError(
