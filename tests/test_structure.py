@@ -1,0 +1,121 @@
+"""The house: imports go downwards, in no circle; files stay short; the way to the rendering sum is short."""
+
+import ast
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parent.parent / "src" / "plnerf"
+FLOORS = {
+    "errors": 0,
+    "ops": 1,
+    "scene": 1,
+    "rays": 2,
+    "capture": 2,
+    "field": 3,
+    "render": 4,
+    "train": 5,
+    "survey": 5,
+    "presets": 6,
+    "synth": 6,
+    "view": 6,
+    "pipeline": 6.5,  # ties the rooms of floor 6 together
+    "cli": 7,
+}
+MAX_LINES = 400
+# From the command line to the rendering sum: (file, function, the name by which it calls the next one).
+CHAIN = [
+    ("cli.py", "train", "train_scene"),
+    ("pipeline.py", "train_scene", "train"),
+    ("train/loop.py", "train", "model"),  # calling a module runs its forward
+    ("render/model.py", "PLNeRF.forward", "composite"),
+    ("render/volume.py", "composite", None),
+]
+MAX_HOPS = 5
+
+FILES = sorted(path for path in SOURCE.rglob("*.py") if "data" not in path.relative_to(SOURCE).parts)
+MODULES = {".".join(("plnerf", *path.relative_to(SOURCE).with_suffix("").parts)): path for path in FILES}
+
+
+def imports(path: Path) -> set[str]:
+    """The plnerf modules that a file imports, at its top or inside of a function."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            submodules = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in MODULES else str(node.module) for name in submodules}
+    return {name for name in found if name.split(".")[0] == "plnerf"}
+
+
+def room(module: str) -> str:
+    return module.split(".")[1]
+
+
+GRAPH = {module: imports(path) for module, path in MODULES.items()}
+
+
+def test_every_room_has_its_floor() -> None:
+    rooms = {room(module) for module in MODULES if module != "plnerf.__init__"}
+    assert rooms <= FLOORS.keys()
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if not module.endswith("__init__")])
+def test_imports_go_downwards(module: str) -> None:
+    mine = FLOORS[room(module)]
+    for other in GRAPH[module] - {"plnerf"}:
+        below = FLOORS[room(other)] < mine
+        assert below or room(other) == room(module), f"{module} (floor {mine}) imports {other}"
+
+
+def test_packages_import_nothing() -> None:
+    """So that `plnerf --help` loads none of the rooms."""
+    for module, path in MODULES.items():
+        if path.name == "__init__.py":
+            assert not GRAPH[module], module
+
+
+def test_no_circles() -> None:
+    """By taking away, again and again, the modules that import none of those left."""
+    left = {module: {other for other in others if other in MODULES} for module, others in GRAPH.items()}
+    while free := {module for module, others in left.items() if not others & left.keys()}:
+        left = {module: others for module, others in left.items() if module not in free}
+    assert not left, f"imports in a circle among {sorted(left)}"
+
+
+def test_files_are_short() -> None:
+    lengths = {str(path.relative_to(SOURCE)): len(path.read_text().splitlines()) for path in FILES}
+    assert {name: length for name, length in lengths.items() if length > MAX_LINES} == {}
+
+
+def function(path: Path, name: str) -> ast.FunctionDef:
+    body: list[ast.stmt] = ast.parse(path.read_text(encoding="utf-8")).body
+    for part in name.split("."):
+        (node,) = [n for n in body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == part]
+        body = node.body
+    assert isinstance(node, ast.FunctionDef)
+    return node
+
+
+def test_the_way_from_the_command_line_to_the_rendering_sum_is_short() -> None:
+    assert len(CHAIN) - 1 <= MAX_HOPS
+    for (file, name, calls), (next_file, next_name, _) in pairwise(CHAIN):
+        node = function(SOURCE / file, name)
+        called = {
+            n.func.id for n in ast.walk(node) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
+        }
+        assert calls in called, f"{file}:{name} does not call {calls}"
+        next_module = "plnerf." + next_file.removesuffix(".py").replace("/", ".")
+        owner = next_name.split(".", maxsplit=1)[0]
+        tree = ast.parse((SOURCE / file).read_text(encoding="utf-8"))
+        imported = {
+            alias.name
+            for n in ast.walk(tree)
+            if isinstance(n, ast.ImportFrom) and n.module == next_module
+            for alias in n.names
+        }
+        assert owner in imported, f"{file} does not import {owner} from {next_module}"
+    function(SOURCE / CHAIN[-1][0], CHAIN[-1][1])
