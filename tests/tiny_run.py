@@ -91,7 +91,7 @@ def log_of(run: Path) -> list[dict[str, Any]]:
 
 def start_plnerf(*arguments: str | Path, **options: Any) -> subprocess.Popen[str]:
     """The real command in a process of its own, at a fixed width and without colours."""
-    environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "PYTHONWARNINGS": "default"}
+    environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}
     command = [sys.executable, "-m", "plnerf.cli", *map(str, arguments)]
     return subprocess.Popen(
         command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options

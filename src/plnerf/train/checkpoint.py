@@ -156,8 +156,9 @@ def _read_about(path: Path) -> dict[str, Any]:
     whole = isinstance(about.get("step"), int) and isinstance(about.get("frames"), dict)
     if not whole or not isinstance(about.get("seconds"), int | float):
         raise CheckpointError(
-            f"The checkpoint {path} is damaged: it needs step, seconds and frames, but has "
-            f"{', '.join(about)}. {_REMOVE}"
+            f"The checkpoint {path} is damaged: it needs step, seconds and frames, but its step is "
+            f"{about.get('step')!r}, its seconds {about.get('seconds')!r}, its frames {about.get('frames')!r}. "
+            f"{_REMOVE}"
         )
     return about
 

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -18,6 +18,7 @@ from plnerf.train.config import RunConfig
 LOG_EVERY = 20  # steps between two lines of the log
 
 
+@runtime_checkable
 class Report(Protocol):
     """Who listens to a run.  `steps` counts the steps reported; `close` follows `begin`, come what may."""
 
