@@ -176,7 +176,8 @@ def test_a_full_disk_costs_only_the_new_checkpoint(tmp_path: Path) -> None:
     """Writes that really fail, at the beginning and in the middle of the tensors."""
     pytest.importorskip("resource")
     code = FULL_DISK.format(tests=str(Path(__file__).parent), folder=str(tmp_path))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("step-20 could not be written ([Errno 27] File too large)") == 2
     assert names(tmp_path) == ["step-10.json", "step-10.safetensors"]

@@ -32,6 +32,7 @@ SMALL = (
     "train.normal_rays=16",
     "train.anneal_steps=50",
     "train.warmup_steps=10",
+    "train.validations=2",
 )
 """A model and steps that are small enough for tests; every part of the method stays on."""
 

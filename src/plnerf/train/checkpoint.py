@@ -156,9 +156,8 @@ def _read_about(path: Path) -> dict[str, Any]:
     whole = isinstance(about.get("step"), int) and isinstance(about.get("frames"), dict)
     if not whole or not isinstance(about.get("seconds"), int | float):
         raise CheckpointError(
-            f"The checkpoint {path} is damaged: it needs step, seconds and frames, but its step is "
-            f"{about.get('step')!r}, its seconds {about.get('seconds')!r}, its frames {about.get('frames')!r}. "
-            f"{_REMOVE}"
+            f"The checkpoint {path} is damaged: its step is {about.get('step')!r}, its seconds are "
+            f"{about.get('seconds')!r}, its frames {about.get('frames')!r}. {_REMOVE}"
         )
     return about
 

@@ -1,0 +1,105 @@
+"""What a run may be asked for, and what is refused before it starts."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plnerf.errors import ConfigError
+from plnerf.presets import PL_NERF
+from plnerf.scene.scene import load_scene
+from plnerf.train.config import RunConfig, TrainConfig, fit_to_scene
+from tiny_run import open_tiny
+
+GOOD: dict[str, Any] = {
+    "scene": "/s",
+    "downscale": 1,
+    "preset": "pl-nerf",
+    "backend": "numba",
+    "device": "cpu",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rays", 0),
+        ("normal_rays", -1),
+        ("normal_rays", 513),
+        ("detail_share", 1.0),
+        ("detail_share", -0.1),
+        ("detail_part", 0.0),
+        ("detail_part", 1.1),
+        ("checkpoints", 0),
+        ("validations", -1),
+        ("warmup_steps", 0),
+        ("anneal_steps", 0),
+        ("proposal_every", 0),
+        ("table_rate", -1e-3),
+        ("network_rate", -1e-3),
+        ("pose_rate", -1e-3),
+        ("final_rate", 0.0),
+        ("final_rate", 1.5),
+        ("pose_from", 1.5),
+    ],
+)
+def test_a_wrong_value_is_named(name: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=rf"\b{name}={value}\b"):
+        TrainConfig(**{name: value})
+
+
+def test_the_bounds_themselves_are_allowed() -> None:
+    TrainConfig(rays=1, normal_rays=0, detail_share=0.0, detail_part=1.0, checkpoints=1, validations=0)
+    TrainConfig(
+        warmup_steps=1, anneal_steps=1, proposal_every=1, table_rate=0.0, final_rate=1.0, pose_from=1.0
+    )
+
+
+@pytest.mark.parametrize(
+    "budget",
+    [
+        {},
+        {"steps": 10, "seconds": 1.0},
+        {"steps": 0},
+        {"steps": -5},
+        {"seconds": 0.0},
+        {"seconds": -1.0},
+        {"seconds": math.nan},
+        {"seconds": math.inf},
+    ],
+)
+def test_a_budget_is_one_positive_number(budget: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="budget"):
+        RunConfig(**GOOD, model=PL_NERF.model, **budget)
+
+
+@pytest.mark.parametrize("seed", [-1, 1 << 63])
+def test_a_seed_that_no_generator_takes(seed: int) -> None:
+    with pytest.raises(ConfigError, match=f"is {seed}"):
+        RunConfig(**GOOD, model=PL_NERF.model, steps=1, seed=seed)
+
+
+def test_a_run_cannot_be_changed_in_place() -> None:
+    run = RunConfig(**GOOD, model=PL_NERF.model, steps=1)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        run.seed = 3  # type: ignore[misc]  # that is the test
+
+
+def test_the_finest_cells_follow_the_pixels(tiny_scene: Path, tmp_path: Path) -> None:
+    """A cell of the 4 wide contracted cube is as wide as a pixel at 1 scene unit, at any resolution."""
+    scene = open_tiny(tiny_scene, tmp_path)
+    half = load_scene(tiny_scene, store=tmp_path / "half", downscale=2)
+    for one, share in ((scene, 1.0), (half, 1.0), (scene, 0.5)):
+        model = fit_to_scene(PL_NERF.model, one, share)
+        cell, pixel = 4 / model.field.grid.finest, 1 / float(one.cameras.focal_px.mean())
+        assert cell == pytest.approx(pixel / share, rel=0.02)
+        rest = dataclasses.replace(model.field.grid, finest=PL_NERF.model.field.grid.finest)
+        field = dataclasses.replace(model.field, grid=rest)
+        assert dataclasses.replace(model, field=field) == PL_NERF.model
+
+
+def test_the_finest_cells_are_never_coarser_than_the_coarsest(tiny_scene: Path, tmp_path: Path) -> None:
+    model = fit_to_scene(PL_NERF.model, open_tiny(tiny_scene, tmp_path), 1e-6)
+    assert model.field.grid.finest == model.field.grid.coarsest
