@@ -10,7 +10,9 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import Rays
+from plnerf.rays.stepfun import resample_edges
 from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
+from plnerf.render.volume import weights_from_density
 
 CONFIG = SamplerConfig(proposals=(64, 32), final=24, near=0.05, far=1000.0, knee=1.0)
 
@@ -85,6 +87,15 @@ def test_annealing_flattens_the_histogram() -> None:
         shares.append(((to_distance(s, CONFIG) - 3).abs() < 0.75).double().mean().item())
     assert shares == sorted(shares)
     assert shares[-1] > shares[0] + 0.05
+
+
+@pytest.mark.parametrize("anneal", [0.3, 1.0])
+def test_samples_follow_the_annealed_weights_of_the_round_before(anneal: float) -> None:
+    s, (first, second) = sample_along_rays(make_rays(2), [wall(3.0)] * 2, CONFIG, anneal, None, False)
+    torch.testing.assert_close(second.s, resample_edges(first.s, first.w**anneal, 32, None, CONFIG.padding))
+    torch.testing.assert_close(s, resample_edges(second.s, second.w**anneal, 24, None, CONFIG.padding))
+    t = to_distance(first.s, CONFIG)
+    torch.testing.assert_close(first.w, weights_from_density(wall(3.0)(make_rays(2), t), t))
 
 
 def test_samples_are_deterministic_without_a_generator_and_a_function_of_its_seed_with_one() -> None:

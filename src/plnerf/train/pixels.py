@@ -54,10 +54,9 @@ def _gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndar
     x = np.arange(-math.ceil(4 * sigma), math.ceil(4 * sigma) + 1, dtype=np.float64)
     smooth = np.exp(-(x**2) / (2 * sigma**2))
     smooth /= smooth.sum()
-    slope = x * smooth / (x**2 * smooth).sum()
-    bend = (x**2 / sigma**2 - 1) * smooth
-    bend -= smooth * bend.sum()
-    return smooth, slope, 2 * bend / (x**2 * bend).sum()
+    variance = (x**2 * smooth).sum()  # sigma^2, but for the sampling
+    bend = (x**2 - variance) * smooth
+    return smooth, x * smooth / variance, 2 * bend / (x**2 * bend).sum()
 
 
 def detail_pixels(store: ImageStore, images: tuple[int, ...], part: float) -> Int[np.ndarray, " d"]:
