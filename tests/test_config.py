@@ -36,7 +36,6 @@ GOOD: dict[str, Any] = {
         ("validations", -1),
         ("warmup_steps", 0),
         ("anneal_steps", 0),
-        ("proposal_every", 0),
         ("table_rate", -1e-3),
         ("network_rate", -1e-3),
         ("pose_rate", -1e-3),
@@ -52,9 +51,7 @@ def test_a_wrong_value_is_named(name: str, value: float) -> None:
 
 def test_the_bounds_themselves_are_allowed() -> None:
     TrainConfig(rays=1, normal_rays=0, detail_share=0.0, detail_part=1.0, checkpoints=1, validations=0)
-    TrainConfig(
-        warmup_steps=1, anneal_steps=1, proposal_every=1, table_rate=0.0, final_rate=1.0, pose_from=1.0
-    )
+    TrainConfig(warmup_steps=1, anneal_steps=1, table_rate=0.0, final_rate=1.0, pose_from=1.0)
 
 
 @pytest.mark.parametrize(
