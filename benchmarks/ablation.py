@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from plnerf.pipeline import bundled_span, evaluate, train_scene
+from plnerf.pipeline import SPAN_SETTINGS, bundled_span, evaluate, train_scene
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "pl-nerf": (),
@@ -21,6 +21,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "direction sh": ("model.field.direction_encoding=sh",),
     "direction both": ("model.field.direction_encoding=both",),
     "no appearance": ("model.field.appearance=0",),
+    "normals shape density": ("train.loss.normals_shape_density=true",),
     "no normals": ("model.field.normals=false",),
     "uniform pixels": ("train.detail_share=0",),
 }
@@ -50,9 +51,10 @@ def main(arguments: Arguments) -> None:
             continue
         run = arguments.out / name.replace(" ", "-")
         if not (run / "eval" / "metrics.json").exists():
+            fitted = () if arguments.scene else SPAN_SETTINGS
             train_scene(
                 arguments.scene or bundled_span(), run, steps=arguments.steps, downscale=arguments.downscale,
-                settings=settings,
+                settings=(*fitted, *settings),
             )  # fmt: skip
             evaluate(run)
         rows.append((name, json.loads((run / "eval" / "metrics.json").read_text())))

@@ -4,6 +4,7 @@ Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 o
 Ctrl-C.
 """
 
+import os
 import sys
 import warnings
 from pathlib import Path
@@ -137,6 +138,9 @@ def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) 
 
 def main() -> None:
     """Entry point of the `plnerf` command."""
+    # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the other's: where
+    # anything else runs, a step took three times as long.  Read when the libraries are loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     console = Console(stderr=True, emoji=False)  # a path may read :x:
 
     def tell(title: str, text: str) -> None:

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
-from plnerf.ops.dispatch import Backend, hash_encode
+from plnerf.ops.dispatch import Backend, hash_encode, hash_position_gradient
 from plnerf.ops.grid import GridShape
 
 
@@ -21,3 +21,13 @@ class HashGrid(nn.Module):
         unit = (contracted.reshape(-1, 3) + 2) / 4
         encoded = hash_encode(unit, self.table, self.shape, self.backend)
         return encoded.reshape(*contracted.shape[:-1], self.shape.width)
+
+    def position_gradient(
+        self, contracted: Float[Tensor, "*n 3"], g_encoded: Float[Tensor, "*n LF"]
+    ) -> Float[Tensor, "*n 3"]:
+        """Gradient of <g_encoded, self(contracted)> by position, in closed form and differentiable."""
+        unit = (contracted.detach().reshape(-1, 3) + 2) / 4
+        g_unit = hash_position_gradient(
+            unit, g_encoded.reshape(-1, self.shape.width), self.table, self.shape, self.backend
+        )
+        return g_unit.reshape(contracted.shape) / 4

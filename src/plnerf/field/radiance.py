@@ -69,17 +69,24 @@ class RadianceField(nn.Module):
         self.colour_network = mlp([inputs, *[config.hidden] * config.colour_layers, 3], generator)
         self.normal_network = mlp([config.feature, 32, 3], generator) if config.normals else None
 
-    def raw_density(
-        self, contracted: Float[Tensor, "*n 3"]
-    ) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
-        """The density before its activation, whose gradient gives the normals, and the feature vector."""
-        out = self.density_network(self.grid(contracted))
-        return out[..., 0], out[..., 1:]
-
     def density(self, contracted: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
         """Density in 1/length of the scene frame, and the feature vector."""
-        raw, feature = self.raw_density(contracted)
-        return density_activation(raw), feature
+        out = self.density_network(self.grid(contracted))
+        return density_activation(out[..., 0]), out[..., 1:]
+
+    def log_density_gradient(self, contracted: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
+        """Gradient of the log density by contracted position: through the network, then the hash grid.
+
+        Differentiable by all weights, so that the losses on normals shape the density.  (The network is piecewise
+        linear: its gradient by the encoding does not depend on the encoding.)
+        """
+        with torch.no_grad():
+            encoded = self.grid(contracted)
+        with torch.enable_grad():
+            encoded.requires_grad_()
+            raw = self.density_network(encoded)[..., 0]
+            (g_encoded,) = torch.autograd.grad(raw.sum(), encoded, create_graph=True)
+        return self.grid.position_gradient(contracted, g_encoded)
 
     def colour(
         self,

@@ -193,6 +193,22 @@ def _kernels_of(grid: GridShape) -> _Kernels:
     return _kernels(grid.features, grid.interpolation == "cubic")
 
 
+def _adds_in_place(table: Tensor) -> bool:
+    """Whether a backward pass may add to `table.grad` itself, as autograd would do with what it is handed.
+
+    A fresh array of the table's size at each step costs more, in page faults alone, than the gradient itself: half
+    of a training step was spent on it.  Only for a leaf whose gradient is there already, contiguous, and not while
+    a graph of the gradient is made.
+    """
+    there = table.is_leaf and table.grad is not None and table.grad.is_contiguous()
+    return there and not torch.is_grad_enabled()
+
+
+def _add_table_gradient(x: Tensor, g_out: Tensor, g_table: Tensor, grid: GridShape) -> None:
+    array = g_table.detach().numpy()
+    _kernels_of(grid).table_gradient(_array(x), _array(g_out), grid.layout, array, _parts())
+
+
 class _HashEncode(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, table: Tensor, grid: GridShape) -> Tensor:
@@ -207,7 +223,11 @@ class _HashEncode(torch.autograd.Function):
         (g_out,) = g_outputs
         x, table = ctx.saved_tensors
         g_x = _PositionGradient.apply(x, g_out, table, ctx.grid) if ctx.needs_input_grad[0] else None
-        g_table = _TableGradient.apply(x, g_out, table, ctx.grid) if ctx.needs_input_grad[1] else None
+        g_table = None
+        if ctx.needs_input_grad[1] and _adds_in_place(table):
+            _add_table_gradient(x, g_out, table.grad, ctx.grid)
+        elif ctx.needs_input_grad[1]:
+            g_table = _TableGradient.apply(x, g_out, table, ctx.grid)
         return g_x, g_table, None
 
 
@@ -217,7 +237,7 @@ class _TableGradient(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
         g_table = torch.zeros_like(table, memory_format=torch.contiguous_format)
-        _kernels_of(grid).table_gradient(_array(x), _array(g_out), grid.layout, g_table.numpy(), _parts())
+        _add_table_gradient(x, g_out, g_table, grid)
         return g_table
 
     @staticmethod
@@ -241,22 +261,34 @@ class _PositionGradient(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor, Tensor, Tensor, None]:
+    def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor, Tensor, Tensor | None, None]:
         (q,) = g_outputs
         x, g_out, table = ctx.saved_tensors
         parts_x = x.new_zeros(ctx.grid.levels, *x.shape)
         g_g_out = torch.zeros_like(g_out, memory_format=torch.contiguous_format)
-        g_table = torch.zeros_like(table, memory_format=torch.contiguous_format)
+        in_place = _adds_in_place(table)
+        g_table = table.grad if in_place else torch.zeros_like(table, memory_format=torch.contiguous_format)
         _kernels_of(ctx.grid).position_gradient_backward(
             _array(x), _array(g_out), _array(table), ctx.grid.layout, _array(q),
             parts_x.numpy(), g_g_out.numpy(), g_table.numpy(), _parts(),
         )  # fmt: skip
-        return parts_x.sum(0), g_g_out, g_table, None
+        return parts_x.sum(0), g_g_out, None if in_place else g_table, None
 
 
 def hash_encode(
     x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape
 ) -> Float[Tensor, "n LF"]:
-    """Twin of `reference.hash_encode`: same values and gradients, including those of the gradient of x."""
+    """Twin of `reference.hash_encode`: same values and gradients, including those of the gradient of x.
+
+    Where `table.grad` is there already, a backward pass adds to it in place and hands autograd nothing.
+    """
     out: Tensor = _HashEncode.apply(x, table, grid)
     return out
+
+
+def hash_position_gradient(
+    x: Float[Tensor, "n 3"], g_out: Float[Tensor, "n LF"], table: Float[Tensor, "rows F"], grid: GridShape
+) -> Float[Tensor, "n 3"]:
+    """Twin of `reference.hash_position_gradient`."""
+    g_x: Tensor = _PositionGradient.apply(x, g_out, table, grid)
+    return g_x

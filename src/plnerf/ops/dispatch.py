@@ -1,6 +1,6 @@
 """Which implementation of an op runs.  Chosen once, printed, written into the run; never changed silently."""
 
-from collections.abc import Callable
+from types import ModuleType
 from typing import Literal
 
 from jaxtyping import Float
@@ -33,12 +33,25 @@ def hash_encode(
     x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape, backend: Backend
 ) -> Float[Tensor, "n LF"]:
     """Multi-resolution hash encoding of points in [0, 1]^3; see `reference.hash_encode`."""
-    return _hash_encode(backend)(x, table, grid)
+    encoded: Tensor = _twin(backend).hash_encode(x, table, grid)
+    return encoded
 
 
-def _hash_encode(backend: Backend) -> Callable[[Tensor, Tensor, GridShape], Tensor]:
+def hash_position_gradient(
+    x: Float[Tensor, "n 3"],
+    g_out: Float[Tensor, "n LF"],
+    table: Float[Tensor, "rows F"],
+    grid: GridShape,
+    backend: Backend,
+) -> Float[Tensor, "n 3"]:
+    """Gradient of <g_out, hash_encode(x)> with respect to x; see `reference.hash_position_gradient`."""
+    g_x: Tensor = _twin(backend).hash_position_gradient(x, g_out, table, grid)
+    return g_x
+
+
+def _twin(backend: Backend) -> ModuleType:
     if backend == "torch":
-        return reference.hash_encode
+        return reference
     from plnerf.ops import cpu  # Numba takes a third of a second to import: only where it is used
 
-    return cpu.hash_encode
+    return cpu

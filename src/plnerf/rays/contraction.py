@@ -46,6 +46,12 @@ def jacobian(x: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3 3"]:
     return a[..., None, None] * eye + b[..., :, None] * one_hot[..., None, :]
 
 
+def pull_back(gradient: Float[Tensor, "*n 3"], x: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
+    """J^T g: the gradient by x of a function whose gradient by f(x) is g."""
+    a, b, one_hot = jacobian_terms(x)
+    return a[..., None] * gradient + one_hot * (b * gradient).sum(-1, keepdim=True)
+
+
 def contract_frustums(
     frustums: Frustums, factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 ) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:

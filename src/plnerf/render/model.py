@@ -20,7 +20,7 @@ from plnerf.field.density import DensityConfig, DensityField
 from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
-from plnerf.rays.contraction import clamp_frustums, contract, contract_frustums
+from plnerf.rays.contraction import clamp_frustums, contract, contract_frustums, pull_back
 from plnerf.rays.frustums import Frustums, ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
@@ -155,11 +155,18 @@ class PLNeRF(nn.Module):
         return contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
 
     def _normal_samples(self, mean: Tensor, feature: Tensor, w: Tensor, directions: Tensor) -> NormalSamples:
-        """Normals as the density says, n = -grad sigma / |grad sigma|, and as predicted.  Ref-NeRF eq. 3."""
-        with torch.enable_grad():
-            position = mean.detach().requires_grad_()
-            raw, _ = self.field.raw_density(self._bounded(position))
-            (gradient,) = torch.autograd.grad(raw.sum(), position, create_graph=True)
-        # The raw density grows with the density: its gradient has the same direction, not the range of exp.
+        """Normals as the density says, n = -grad sigma / |grad sigma|, and as predicted.  Ref-NeRF eq. 3.
+
+        The log density has a gradient of the same direction, without the range of exp.
+        """
+        mean = mean.detach()
+        stretch = mean.new_tensor(self.config.stretch)
+        stretched = mean * stretch
+        gradient = self.field.log_density_gradient(self._bounded(mean))
+        if self.config.contraction:
+            gradient = pull_back(gradient, stretched)
+        else:
+            gradient = gradient * (stretched.abs() <= 2)  # clamped: nothing changes beyond
+        gradient = gradient * stretch
         length = (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()
         return NormalSamples(w, -gradient / length, self.field.predicted_normals(feature), directions)

@@ -19,7 +19,7 @@ class TrainConfig:
     """Rays of a step."""
     table_rate: float = 1e-2
     """Learning rate of the hash tables."""
-    network_rate: float = 1e-2
+    network_rate: float = 2e-2
     """Learning rate of the networks and appearance vectors."""
     pose_rate: float = 5e-4
     """Learning rate of the pose corrections (radians, scene units)."""
@@ -29,9 +29,7 @@ class TrainConfig:
     """Steps over which the learning rates rise from zero."""
     anneal_steps: int = 300
     """Steps over which the proposals' histograms sharpen (Mip-NeRF 360: 1000)."""
-    proposal_every: int = 1
-    """Proposals are trained on every step of the first 100, then on every n-th."""
-    normal_rays: int = 64
+    normal_rays: int = 32
     """Rays of a step on which normals are trained; their losses are means, so this only sets the noise."""
     detail_share: float = 0.5
     """Share of the rays drawn from the detail pixels (thin lines)."""
@@ -59,11 +57,10 @@ class TrainConfig:
                 f"detail_part={self.detail_part}, checkpoints={self.checkpoints}, "
                 f"validations={self.validations}."
             )
-        if min(self.warmup_steps, self.anneal_steps, self.proposal_every) < 1:
+        if self.warmup_steps < 1 or self.anneal_steps < 1:
             raise ConfigError(
-                "Training needs warmup_steps, anneal_steps and proposal_every of 1 or more, but got "
-                f"warmup_steps={self.warmup_steps}, anneal_steps={self.anneal_steps}, "
-                f"proposal_every={self.proposal_every}."
+                "Training needs warmup_steps and anneal_steps of 1 or more, but got "
+                f"warmup_steps={self.warmup_steps}, anneal_steps={self.anneal_steps}."
             )
         rates = (self.table_rate, self.network_rate, self.pose_rate)
         if min(rates) < 0 or not 0 < self.final_rate <= 1 or not 0 <= self.pose_from <= 1:

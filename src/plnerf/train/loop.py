@@ -67,21 +67,20 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
             rays = pixel_rays(cameras, batch.camera, batch.pixel_px).to(device)
             if cfg.pose_refinement and progress >= cfg.pose_from:
                 rays = model.poses(rays)
-            train_proposals = step < 100 or step % cfg.proposal_every == 0
             out = model(
                 rays,
                 appearance=model.appearance[rays.camera],
                 anneal=anneal(step, cfg.anneal_steps),
                 generator=generator,
-                train_proposals=train_proposals,
+                train_proposals=True,
                 normal_rays=cfg.normal_rays if config.model.field.normals else 0,
             )
             colour, importance = batch.colour.to(device), batch.importance.to(device)
-            terms = loss_terms(out, colour, importance, cfg.loss, train_proposals)
+            terms = loss_terms(out, colour, importance, cfg.loss)
             total = torch.stack(list(terms.values())).sum()
             if not math.isfinite(total.item()):
                 raise TrainingError(_not_finite(step, terms, checkpoints))
-            optimizer.zero_grad(set_to_none=True)
+            optimizer.zero_grad(set_to_none=False)  # the ops add to the gradients in place
             total.backward()
             optimizer.step()
             step += 1
@@ -107,6 +106,8 @@ def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> torch.optim.Adam:
     poses = list(model.poses.parameters())
     others = {id(value) for value in (*tables, *poses)}
     networks = [value for value in model.parameters() if id(value) not in others]
+    for value in model.parameters():
+        value.grad = torch.zeros_like(value)
     groups = [{"params": tables, "rate": cfg.table_rate}, {"params": networks, "rate": cfg.network_rate}]
     if cfg.pose_refinement:
         groups.append({"params": poses, "rate": cfg.pose_rate})
