@@ -138,8 +138,9 @@ def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) 
 
 def main() -> None:
     """Entry point of the `plnerf` command."""
-    # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the other's: where
-    # anything else runs, a step took three times as long.  Read when the libraries are loaded.
+    # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the
+    # other's: where anything else runs, a step took three times as long.  Read when the libraries are
+    # loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     console = Console(stderr=True, emoji=False)  # a path may read :x:
 

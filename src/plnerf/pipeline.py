@@ -1,4 +1,6 @@
-"""The stages in order.  Each is a function on paths; they meet only through files, so that any can be run again alone."""
+"""The stages in order.  Each is a function on paths; they meet only through files, so that any can be
+run again alone.
+"""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -29,8 +31,8 @@ from plnerf.train.settings import override
 Device = Literal["auto", "cpu", "cuda"]
 
 
-# The bundled span is 40 m long, and all that matters of it lies within 5 m to either side: cells across the line
-# shall be three times smaller than along it, upwards twice.
+# The bundled span is 40 m long, and all that matters of it lies within 5 m to either side: cells across
+# the line shall be three times smaller than along it, upwards twice.
 SPAN_SETTINGS = ("model.stretch=[1,3,2]",)
 
 
@@ -39,7 +41,7 @@ def bundled_span() -> Path:
     return Path(str(files("plnerf"))) / "data" / "span"
 
 
-def train_scene(
+def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     scene: Path,
     out: Path,
     *,
@@ -53,7 +55,9 @@ def train_scene(
     backend: BackendChoice = "auto",
     console: Console | None = None,
 ) -> Path:
-    """Trains a preset on a scene, into a new run folder.  `settings` are key=value overrides of the run's settings."""
+    """Trains a preset on a scene, into a new run folder.  `settings` are key=value overrides of the
+    run's settings.
+    """
     if (out / "config.json").exists():
         raise ConfigError(
             f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
@@ -88,8 +92,8 @@ def resume_run(
     config = read_config(out)
     if Path(config.scene) != scene.resolve():
         raise ConfigError(
-            f"The run in {out} was trained on {config.scene}, not on {scene.resolve()}. Give that scene, or another "
-            "folder to train anew."
+            f"The run in {out} was trained on {config.scene}, not on {scene.resolve()}. Give that scene, or "
+            "another folder to train anew."
         )
     if steps is not None or seconds is not None:
         config = replace(config, steps=steps, seconds=seconds)
@@ -142,7 +146,9 @@ def synthesize_span(out: Path, *, seed: int, samples: int, console: Console | No
 def run_demo(
     out: Path, *, seconds: float = 240.0, quick: bool = False, console: Console | None = None
 ) -> Path:
-    """The bundled span: trained, evaluated, rendered as a fly-along.  `quick` is a short look at half size."""
+    """The bundled span: trained, evaluated, rendered as a fly-along.  `quick` is a short look at half
+    size.
+    """
     console = console or Console()
     budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 48, 0.75)
     train_scene(

@@ -21,7 +21,9 @@ class Preset:
     model: ModelConfig
     train: TrainConfig
     cells_per_pixel: float = 1.0
-    """Cells of the finest level per pixel's width at a distance of one scene unit; decides field.grid.finest."""
+    """Cells of the finest level per pixel's width at a distance of one scene unit; decides
+    field.grid.finest.
+    """
 
 
 def _proposal(finest: int) -> DensityConfig:
@@ -29,8 +31,9 @@ def _proposal(finest: int) -> DensityConfig:
 
 
 PL_NERF = Preset(
-    # Sensors 2023, 23(23), 9537, section 4.2.2, sized for a CPU: eight levels of four features in a table that stays
-    # in cache, instead of Instant-NGP's sixteen of two in 2^19 entries; 24 final samples instead of nerfacto's 48.
+    # Sensors 2023, 23(23), 9537, section 4.2.2, sized for a CPU: eight levels of four features in a table
+    # that stays in cache, instead of Instant-NGP's sixteen of two in 2^19 entries; 24 final samples
+    # instead of nerfacto's 48.
     model=ModelConfig(
         field=RadianceConfig(GridShape(levels=8, coarsest=16, finest=512, features=4, log2_table=17)),
         proposals=(_proposal(64), _proposal(128)),

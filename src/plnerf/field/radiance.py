@@ -77,8 +77,8 @@ class RadianceField(nn.Module):
     def log_density_gradient(self, contracted: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
         """Gradient of the log density by contracted position: through the network, then the hash grid.
 
-        Differentiable by all weights, so that the losses on normals shape the density.  (The network is piecewise
-        linear: its gradient by the encoding does not depend on the encoding.)
+        Differentiable by all weights, so that the losses on normals shape the density.  (The network is
+        piecewise linear: its gradient by the encoding does not depend on the encoding.)
         """
         with torch.no_grad():
             encoded = self.grid(contracted)

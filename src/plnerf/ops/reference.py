@@ -55,7 +55,9 @@ def hash_encode(
 def hash_position_gradient(
     x: Float[Tensor, "n 3"], g_out: Float[Tensor, "n LF"], table: Float[Tensor, "rows F"], grid: GridShape
 ) -> Float[Tensor, "n 3"]:
-    """Gradient of <g_out, hash_encode(x)> with respect to x, itself differentiable: what normals are made of."""
+    """Gradient of <g_out, hash_encode(x)> with respect to x, itself differentiable: what normals are
+    made of.
+    """
     with torch.enable_grad():
         position = x if x.requires_grad else x.detach().requires_grad_()
         encoded = hash_encode(position, table, grid)

@@ -33,8 +33,9 @@ class SamplerConfig:
     knee: float = 0.25
     """Where even samples in t give way to even samples in 1/t."""
     padding: float = 0.03
-    """Weight given to every interval before resampling: with 32 intervals half of the samples go on looking where
-    nothing was found yet, which is how thin things are found (nerfacto: 0.01 of many more intervals)."""
+    """Weight given to every interval before resampling: with 32 intervals half of the samples go on
+    looking where nothing was found yet, which is how thin things are found (nerfacto: 0.01 of many more
+    intervals)."""
 
     def __post_init__(self) -> None:
         if (

@@ -28,8 +28,9 @@ class LossWeights:
     orientation: float = 1e-3
     """Normals that face away from the camera (Ref-NeRF R_o)."""
     normals_shape_density: bool = False
-    """Whether the losses on normals also move the density, as in Ref-NeRF, or only the predicted normals, as in
-    nerfacto.  They smooth surfaces, at 0.5 to 1 dB of held-out PSNR on the fox scene after 600 steps."""
+    """Whether the losses on normals also move the density, as in Ref-NeRF, or only the predicted
+    normals, as in nerfacto.  They smooth surfaces, at 0.5 to 1 dB of held-out PSNR on the fox scene after
+    600 steps."""
 
 
 def loss_terms(
@@ -40,9 +41,9 @@ def loss_terms(
 ) -> dict[str, Tensor]:
     """Weighted terms by name; their sum is what is minimised.
 
-    A ray's importance counts for all that shapes the field: weighing only the colour would leave the distortion
-    loss five times too strong on wires, where rays are drawn five times as often.  The proposals are not weighed:
-    they shall cover wires best.
+    A ray's importance counts for all that shapes the field: weighing only the colour would leave the
+    distortion loss five times too strong on wires, where rays are drawn five times as often.  The
+    proposals are not weighed: they shall cover wires best.
     """
     final = out.histograms[-1]
     terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
