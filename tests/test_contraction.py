@@ -15,6 +15,7 @@ from plnerf.rays.contraction import (
     contract,
     contract_frustums,
     jacobian,
+    pull_back,
     uncontract,
 )
 from plnerf.rays.frustums import Frustums
@@ -100,6 +101,13 @@ def test_jacobian_is_that_of_autograd_and_of_finite_differences(where: str) -> N
     for axis in torch.eye(3, dtype=x.dtype) * step:
         columns.append((contract(x + axis) - contract(x - axis)) / (2 * step))
     torch.testing.assert_close(jacobian(x), torch.stack(columns, -1), atol=1e-7, rtol=0)
+
+
+@REGIONS
+def test_pulling_a_gradient_back_is_the_transposed_jacobian(where: str) -> None:
+    x = points(where)
+    gradient = torch.randn(x.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    torch.testing.assert_close(pull_back(gradient, x), (jacobian(x).mT @ gradient[..., None])[..., 0])
 
 
 @FACTORS

@@ -202,6 +202,58 @@ def test_strided_inputs_agree_and_compile_nothing_new() -> None:
     assert [len(kernel.signatures) for kernel in kernels] == compiled
 
 
+@CASES
+def test_position_gradient_is_the_gradient_of_the_position(
+    features: int, interpolation: Literal["linear", "cubic"], dtype: torch.dtype
+) -> None:
+    """Of both twins, whether or not positions ask for gradients themselves; and it trains the table."""
+    grid = make_grid(features, interpolation)
+    x, table, cotangent = make_inputs(grid, 200, dtype)
+    truth = derivatives(reference.hash_encode, grid, x, table, cotangent)
+    tolerance = 1e-5 if dtype == torch.float32 else 1e-12
+    q = torch.randn(x.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64).to(x)
+    for twin in (reference, cpu):
+        for moving in (False, True):
+            inputs = (
+                x.clone().requires_grad_(moving),
+                cotangent.clone().requires_grad_(),
+                table.requires_grad_(),
+            )
+            g_x = twin.hash_position_gradient(*inputs, grid)
+            second = torch.autograd.grad(g_x, inputs[0 if moving else 1 :], q)
+            for a, b in zip([g_x, *second], [truth[1], *truth[3 if moving else 4 :]], strict=True):
+                torch.testing.assert_close(a, b, atol=tolerance * float(b.abs().max()), rtol=0)
+    assert not x.requires_grad
+
+
+def test_backward_passes_add_to_a_table_s_gradient() -> None:
+    """Into nothing, into zeros and onto what is there already, of first and second derivatives alike."""
+    grid = make_grid(2, "cubic")
+    x, table, cotangent = make_inputs(grid, 200, torch.float32)
+    x.requires_grad_()
+
+    def run(encode: Encode, before: Tensor | None, times: int) -> Tensor:
+        leaf = table.clone().requires_grad_()
+        leaf.grad = before
+        for _ in range(times):
+            out = encode(x, leaf, grid)
+            (g_x,) = torch.autograd.grad(out, x, cotangent, create_graph=True)
+            ((out * cotangent).sum() + g_x.square().sum()).backward()
+        assert leaf.grad is not None
+        return leaf.grad
+
+    once = run(reference.hash_encode, None, 1)
+    scale = float(once.abs().max())
+    for before, times, truth in [
+        (None, 1, once),
+        (torch.zeros_like(table), 1, once),
+        (torch.full_like(table, scale), 1, once + scale),
+        (None, 2, 2 * once),
+    ]:
+        found = run(cpu.hash_encode, before, times)
+        torch.testing.assert_close(found, truth, atol=1e-5 * scale, rtol=0)
+
+
 def test_the_gradient_of_a_table_s_gradient_is_refused() -> None:
     """Silence would be a wrong number."""
     grid = make_grid(2, "cubic")

@@ -43,7 +43,7 @@ def rendered(normal_samples: NormalSamples | None) -> RenderedRays:
 def test_terms_are_their_losses_times_their_weights() -> None:
     out, truth = rendered(samples()), torch.zeros(R, 3)
     weights = LossWeights(colour=1.5, interlevel=0.7, distortion=0.3, normals=0.2, orientation=0.1)
-    terms = loss_terms(out, truth, ONE, weights, train_proposals=True)
+    terms = loss_terms(out, truth, ONE, weights)
     first, second, final = out.histograms
     between = sum(interlevel_loss(final.s, final.w, h.s, h.w).mean() for h in (first, second))
     assert out.normal_samples is not None
@@ -60,26 +60,24 @@ def test_terms_are_their_losses_times_their_weights() -> None:
         assert value > 0
 
 
-@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(LossWeights)])
+@pytest.mark.parametrize("name", ["colour", "interlevel", "distortion", "normals", "orientation"])
 def test_a_weight_of_zero_turns_its_term_off_alone(name: str) -> None:
     out, truth = rendered(samples()), torch.zeros(R, 3)
-    terms = loss_terms(
-        out, truth, ONE, dataclasses.replace(LossWeights(), **{name: 0.0}), train_proposals=True
-    )
+    terms = loss_terms(out, truth, ONE, dataclasses.replace(LossWeights(), **{name: 0.0}))
     assert float(terms.pop(name, torch.zeros(()))) == 0
     assert all(value > 0 for value in terms.values())
     assert len(terms) == 4
 
 
 def test_terms_without_their_data_are_left_out() -> None:
-    terms = loss_terms(rendered(None), torch.zeros(R, 3), ONE, LossWeights(), train_proposals=False)
-    assert terms.keys() == {"colour", "distortion"}
+    terms = loss_terms(rendered(None), torch.zeros(R, 3), ONE, LossWeights())
+    assert terms.keys() == {"colour", "interlevel", "distortion"}
 
 
 def test_colour_loss_is_zero_at_the_truth_alone() -> None:
     out = rendered(None)
-    assert float(loss_terms(out, out.colour, ONE, LossWeights(), False)["colour"]) == 0
-    off = loss_terms(out, out.colour + 0.1, ONE, LossWeights(), False)
+    assert float(loss_terms(out, out.colour, ONE, LossWeights())["colour"]) == 0
+    off = loss_terms(out, out.colour + 0.1, ONE, LossWeights())
     assert float(off["colour"]) == pytest.approx(0.01)
 
 
@@ -87,7 +85,7 @@ def test_colour_loss_is_zero_at_the_truth_alone() -> None:
 def test_importance_keeps_losses_unbiased(name: str) -> None:
     """Rays drawn with probability q and weighted by (1/R)/q have the loss of all rays on average."""
     out, truth = rendered(None), torch.zeros(R, 3)
-    whole = loss_terms(out, truth, ONE, LossWeights(), False)[name]
+    whole = loss_terms(out, truth, ONE, LossWeights())[name]
     q = torch.tensor([0.4, 0.05, 0.05, 0.2, 0.1, 0.2])
     expectation = torch.zeros(())
     for ray in range(R):  # one draw each, every outcome with its probability
@@ -95,7 +93,7 @@ def test_importance_keeps_losses_unbiased(name: str) -> None:
             out, colour=out.colour[[ray]], accumulation=ONE[:1], depth=ONE[:1], depth_median=ONE[:1],
             histograms=(Histogram(out.histograms[-1].s[[ray]], out.histograms[-1].w[[ray]]),),
         )  # fmt: skip
-        terms = loss_terms(alone, truth[[ray]], (1 / R / q[ray])[None], LossWeights(), False)
+        terms = loss_terms(alone, truth[[ray]], (1 / R / q[ray])[None], LossWeights())
         expectation = expectation + q[ray] * terms[name]
     torch.testing.assert_close(expectation, whole)
 
@@ -104,17 +102,29 @@ def test_importance_counts_for_all_but_the_proposals() -> None:
     """Each ray's terms by its own importance; normals belong to the first rays."""
     out, truth = rendered(samples()), torch.zeros(R, 3)
     total = dict.fromkeys(["colour", "distortion", "normals", "orientation"], 0.0)
-    whole = loss_terms(out, truth, ONE, LossWeights(), True)
+    whole = loss_terms(out, truth, ONE, LossWeights())
     for ray in range(R):
         only = torch.zeros(R)
         only[ray] = 1
-        terms = loss_terms(out, truth, only, LossWeights(), True)
+        terms = loss_terms(out, truth, only, LossWeights())
         torch.testing.assert_close(terms["interlevel"], whole["interlevel"])
         assert (float(terms["normals"]) > 0) == (ray < Q)
         for name in total:
             total[name] += float(terms[name])
     for name, value in total.items():
         assert value == pytest.approx(float(whole[name]), rel=1e-5)
+
+
+@pytest.mark.parametrize("shape_density", [False, True])
+def test_normals_move_the_density_only_when_asked_to(shape_density: bool) -> None:
+    """The predicted normals learn in either case."""
+    some = samples()
+    tensors = [value.requires_grad_() for value in (some.weights, some.from_density, some.predicted)]
+    weights = LossWeights(normals_shape_density=shape_density)
+    terms = loss_terms(rendered(some), torch.zeros(R, 3), ONE, weights)
+    total = terms["normals"] + terms["orientation"]
+    moved = [g is not None and bool(g.any()) for g in torch.autograd.grad(total, tensors, allow_unused=True)]
+    assert moved == [shape_density, shape_density, True]
 
 
 def test_normal_loss_is_zero_only_where_the_normals_agree() -> None:

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.field.density import DensityConfig
-from plnerf.field.networks import density_activation
 from plnerf.field.radiance import RadianceConfig
 from plnerf.ops.dispatch import Backend
 from plnerf.ops.grid import GridShape
@@ -103,7 +102,7 @@ def test_a_gradient_reaches_every_parameter() -> None:
     """Tables, networks, appearance and poses, from the sum of all losses."""
     model, rays = make_model(), make_rays(64)
     out = render(model, model.poses(rays), train_proposals=True, normal_rays=32)
-    terms = loss_terms(out, torch.rand(64, 3), torch.ones(64), LossWeights(), train_proposals=True)
+    terms = loss_terms(out, torch.rand(64, 3), torch.ones(64), LossWeights())
     torch.stack(list(terms.values())).sum().backward()
     for name, parameter in model.named_parameters():
         assert parameter.grad is not None, name
@@ -114,7 +113,7 @@ def test_a_gradient_reaches_every_parameter() -> None:
 def test_only_the_interlevel_loss_trains_the_proposals() -> None:
     model, rays = make_model(), make_rays(16)
     out = render(model, rays, train_proposals=True)
-    terms = loss_terms(out, torch.rand(16, 3), torch.ones(16), LossWeights(), train_proposals=True)
+    terms = loss_terms(out, torch.rand(16, 3), torch.ones(16), LossWeights())
     proposals = list(model.proposals.parameters())
     field = list(model.field.parameters())
     others = terms["colour"] + terms["distortion"]
@@ -124,38 +123,63 @@ def test_only_the_interlevel_loss_trains_the_proposals() -> None:
     assert all(g is None for g in torch.autograd.grad(terms["interlevel"], field, allow_unused=True))
 
 
+@pytest.mark.parametrize("backend", ["torch", "numba"])
 @pytest.mark.parametrize("contraction", [True, False], ids=["contracted", "clamped"])
-def test_density_normals_are_finite_differences_in_the_scene(contraction: bool) -> None:
+def test_density_normals_are_finite_differences_in_the_scene(contraction: bool, backend: Backend) -> None:
     """n = -grad sigma/|grad sigma| by moving the frustums' means in scene space.
 
     Through stretch, contraction and the cubic grid, inside the cube and far outside of it.
     """
-    model = make_model(dataclasses.replace(CONFIG, contraction=contraction), dtype=torch.float64)
-    rays = make_rays(12, torch.float64)
+    config = dataclasses.replace(CONFIG, contraction=contraction)
+    if backend == "torch":  # linear weights too, whose slope does not vanish at the cube's faces
+        grid = dataclasses.replace(CONFIG.field.grid, interpolation="linear")
+        config = dataclasses.replace(config, field=dataclasses.replace(CONFIG.field, grid=grid))
+    model, rays = make_model(config, backend, torch.float64), make_rays(12, torch.float64)
     out = render(model, rays, normal_rays=12)
     samples = out.normal_samples
     assert samples is not None
     frustums = ray_frustums(rays, to_distance(out.histograms[-1].s, CONFIG.sampler))
     bound = contract_frustums if contraction else clamp_frustums
 
-    def raw(move: Tensor) -> Tensor:
+    def density(move: Tensor) -> Tensor:
         moved = Frustums(frustums.mean + move, frustums.direction, frustums.var_t, frustums.var_r)
-        return model.field.raw_density(bound(moved, CONFIG.stretch)[0])[0]
+        return model.field.density(bound(moved, CONFIG.stretch)[0])[0]
 
     steps = 1e-6 * torch.eye(3, dtype=torch.float64)
-    gradient = torch.stack([(raw(step) - raw(-step)) / 2e-6 for step in steps], -1)
+    gradient = torch.stack([(density(step).log() - density(-step).log()) / 2e-6 for step in steps], -1)
     expected = -gradient / (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()
     torch.testing.assert_close(samples.from_density, expected, atol=1e-5, rtol=0)
     outside = (frustums.mean.abs() * torch.tensor(CONFIG.stretch)).amax(-1) > 1
     assert 0.2 < outside.double().mean().item() < 0.95
     assert bool((samples.from_density.norm(dim=-1) <= 1).all())
+    rise = torch.stack([density(step) - density(-step) for step in steps], -1)
+    assert bool(((samples.from_density * rise).sum(-1) <= 0).all())  # normals point to where it is emptier
     if contraction:
-        sigma = torch.stack(
-            [density_activation(raw(step)) - density_activation(raw(-step)) for step in steps], -1
-        )
-        towards = (samples.from_density * sigma).sum(-1)
-        assert bool((towards <= 0).all())  # normals point to where it is emptier
         assert float(samples.from_density.detach().norm(dim=-1).median()) > 0.99
+
+
+@pytest.mark.parametrize("backend", ["torch", "numba"])
+def test_losses_on_the_normals_train_the_density(backend: Backend) -> None:
+    """The gradient of a function of the density's normals, by differences of a table and of a weight."""
+    model, rays = make_model(backend=backend, dtype=torch.float64), make_rays(4, torch.float64)
+    pull = torch.randn(4, 8, 3, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+
+    def loss() -> Tensor:
+        samples = render(model, rays, normal_rays=4).normal_samples
+        assert samples is not None
+        return (pull * samples.from_density).sum()
+
+    for parameter in (model.field.grid.table, model.field.density_network[0].weight):
+        (gradient,) = torch.autograd.grad(loss(), parameter)
+        place = divmod(int(gradient.abs().argmax()), parameter.shape[1])
+        sides = []
+        for step in (1e-6, -1e-6):
+            with torch.no_grad():
+                parameter[place] += step
+            sides.append(loss().item())
+            with torch.no_grad():
+                parameter[place] -= step
+        assert gradient[place].item() == pytest.approx((sides[0] - sides[1]) / 2e-6, rel=1e-4)
 
 
 def test_predicted_normals_are_unit_vectors() -> None:
@@ -184,7 +208,7 @@ def test_what_the_ray_does_not_hit_has_the_colour_of_its_last_sample() -> None:
     with torch.no_grad():
         model.field.density_network[-1].bias[0] = -50
     out = render(model, rays)
-    assert float(out.accumulation.max()) < 1e-9
+    assert float(out.accumulation.detach().max()) < 1e-9
     t = to_distance(out.histograms[-1].s, CONFIG.sampler)
     mean, variance = contract_frustums(ray_frustums(rays, t), CONFIG.stretch)
     _, feature = model.field.density(mean)

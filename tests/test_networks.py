@@ -1,4 +1,4 @@
-"""Networks, the density's activation and the proposal field: made of the generator alone, finite, not stuck."""
+"""Networks, the density's activation, the proposal field: made of the generator alone, finite, not stuck."""
 
 import math
 

@@ -8,17 +8,17 @@ import torch
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.field.networks import density_activation
 from plnerf.field.radiance import DirectionEncoding, RadianceConfig, RadianceField
+from plnerf.ops.dispatch import Backend
 from plnerf.ops.grid import GridShape
 
 CONFIG = RadianceConfig(GridShape(3, 4, 16, 2, 10, "cubic"), hidden=16, feature=7, appearance=4)
 ENCODINGS = pytest.mark.parametrize("encoding", ["ipe", "sh", "both"])
 
 
-def make_field(**changes: Any) -> RadianceField:
+def make_field(backend: Backend = "torch", **changes: Any) -> RadianceField:
     """A field whose table is large enough for points to differ."""
-    field = RadianceField(dataclasses.replace(CONFIG, **changes), "torch", torch.Generator().manual_seed(0))
+    field = RadianceField(dataclasses.replace(CONFIG, **changes), backend, torch.Generator().manual_seed(0))
     with torch.no_grad():
         field.grid.table *= 1e4
     return field
@@ -37,16 +37,32 @@ def make_inputs(field: RadianceField, rays: int = 3, samples: int = 5) -> dict[s
     }
 
 
-def test_density_is_the_activation_of_the_raw_density() -> None:
+def test_density_and_feature_are_functions_of_the_point() -> None:
     field = make_field()
     x = make_inputs(field)["mean"]
-    raw, feature = field.raw_density(x)
-    density, same = field.density(x)
-    assert raw.shape == density.shape == (3, 5)
+    density, feature = field.density(x)
+    assert density.shape == (3, 5)
     assert feature.shape == (3, 5, 7)
-    torch.testing.assert_close(density, density_activation(raw))
-    assert torch.equal(feature, same)
-    assert float(raw.std()) > 0.01
+    assert bool((density > 0).all())
+    assert float(density.detach().log().std()) > 0.01
+    for ray in range(3):
+        alone, same = field.density(x[ray])
+        torch.testing.assert_close(alone, density[ray])
+        torch.testing.assert_close(same, feature[ray])
+
+
+@pytest.mark.parametrize("backend", ["torch", "numba"])
+@pytest.mark.parametrize("quiet", [False, True], ids=["recording", "no_grad"])
+def test_log_density_gradient_is_that_of_finite_differences(backend: Backend, quiet: bool) -> None:
+    """By contracted position, whether or not gradients are being recorded around it."""
+    field = make_field(backend).double()
+    x = make_inputs(make_field())["mean"].double()
+    with torch.set_grad_enabled(not quiet):
+        found = field.log_density_gradient(x)
+    steps = 1e-6 * torch.eye(3, dtype=torch.float64)
+    rise = [field.density(x + step)[0].log() - field.density(x - step)[0].log() for step in steps]
+    torch.testing.assert_close(found, torch.stack(rise, -1) / 2e-6, atol=1e-6, rtol=0)
+    assert not x.requires_grad
 
 
 @ENCODINGS
