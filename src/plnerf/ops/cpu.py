@@ -4,6 +4,9 @@ Numba brings its own LLVM, so nothing is compiled at install time; a kernel is c
 kept in Numba's cache on disk.  Gradients of the table are summed by one thread per level, in the order of the
 points, so that results do not depend on the number of threads.
 
+Arithmetic is done in the type of the points, `real`: to Numba an integer times a float32 is a float64, which
+makes the kernels half as fast.
+
 Letters as in `reference.py`.  Per axis: weight s(u) of the upper vertex, its slope s'(u) N and its curvature
 s''(u) N^2.
 
@@ -29,28 +32,28 @@ _FAST = {"contract", "nsz", "arcp"}  # fused multiply-add, but infinities and Na
 
 @njit(inline="always")
 @no_type_check
-def weight(u, cubic):
-    return u * u * (3 - 2 * u) if cubic else u
+def weight(u, cubic, real):
+    return u * u * (real(3) - real(2) * u) if cubic else u
 
 
 @njit(inline="always")
 @no_type_check
-def slope(u, cubic):
-    return 6 * u * (1 - u) if cubic else u * 0 + 1
+def slope(u, cubic, real):
+    return real(6) * u * (real(1) - u) if cubic else real(1)
 
 
 @njit(inline="always")
 @no_type_check
-def curvature(u, cubic):
-    return 6 - 12 * u if cubic else u * 0
+def curvature(u, cubic, real):
+    return real(6) - real(12) * u if cubic else real(0)
 
 
 @njit(inline="always")
 @no_type_check
-def locate(value, n):
-    scaled = value * n
+def locate(value, n, real):
+    scaled = value * real(n)
     cell = min(max(np.int64(np.floor(scaled)), 0), n - 1)
-    return cell, scaled - cell
+    return cell, scaled - real(cell)
 
 
 @njit(inline="always")
@@ -76,61 +79,66 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
     def forward(x, table, layout, out, parts):
-        points, levels = x.shape[0], layout.shape[0]
+        points, levels, real = x.shape[0], layout.shape[0], x.dtype.type
+        one = real(1)
         for part in prange(parts):
             for level in range(levels):
                 n, start, dense, mask = layout[level]
                 for p in range(points * part // parts, points * (part + 1) // parts):
-                    i, u = locate(x[p, 0], n)
-                    j, v = locate(x[p, 1], n)
-                    k, w = locate(x[p, 2], n)
-                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    i, u = locate(x[p, 0], n, real)
+                    j, v = locate(x[p, 1], n, real)
+                    k, w = locate(x[p, 2], n, real)
+                    u, v, w = weight(u, cubic, real), weight(v, cubic, real), weight(w, cubic, real)
                     for f in range(F):
                         out[p, level * F + f] = 0
                     for c in range(8):
                         a, b, d = c & 1, c >> 1 & 1, c >> 2
-                        share = (u if a else 1 - u) * (v if b else 1 - v) * (w if d else 1 - w)
+                        share = (u if a else one - u) * (v if b else one - v) * (w if d else one - w)
                         r = row(i + a, j + b, k + d, n, start, dense, mask)
                         for f in range(F):
                             out[p, level * F + f] += share * table[r, f]
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
     def table_gradient(x, g_out, layout, g_table, parts):
-        points, levels = x.shape[0], layout.shape[0]
+        points, levels, real = x.shape[0], layout.shape[0], x.dtype.type
+        one = real(1)
         for part in prange(parts):
             for level in range(part, levels, parts):
                 n, start, dense, mask = layout[level]
                 for p in range(points):
-                    i, u = locate(x[p, 0], n)
-                    j, v = locate(x[p, 1], n)
-                    k, w = locate(x[p, 2], n)
-                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    i, u = locate(x[p, 0], n, real)
+                    j, v = locate(x[p, 1], n, real)
+                    k, w = locate(x[p, 2], n, real)
+                    u, v, w = weight(u, cubic, real), weight(v, cubic, real), weight(w, cubic, real)
                     for c in range(8):
                         a, b, d = c & 1, c >> 1 & 1, c >> 2
-                        share = (u if a else 1 - u) * (v if b else 1 - v) * (w if d else 1 - w)
+                        share = (u if a else one - u) * (v if b else one - v) * (w if d else one - w)
                         r = row(i + a, j + b, k + d, n, start, dense, mask)
                         for f in range(F):
                             g_table[r, f] += share * g_out[p, level * F + f]
 
     @njit(parallel=True, cache=True, fastmath=_FAST)
     def position_gradient(x, g_out, table, layout, g_x, parts):
-        points, levels = x.shape[0], layout.shape[0]
+        points, levels, real = x.shape[0], layout.shape[0], x.dtype.type
+        one = real(1)
         for part in prange(parts):
             for level in range(levels):
                 n, start, dense, mask = layout[level]
                 for p in range(points * part // parts, points * (part + 1) // parts):
-                    i, u = locate(x[p, 0], n)
-                    j, v = locate(x[p, 1], n)
-                    k, w = locate(x[p, 2], n)
-                    du, dv, dw = slope(u, cubic) * n, slope(v, cubic) * n, slope(w, cubic) * n
-                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    i, u = locate(x[p, 0], n, real)
+                    j, v = locate(x[p, 1], n, real)
+                    k, w = locate(x[p, 2], n, real)
+                    du = slope(u, cubic, real) * real(n)
+                    dv = slope(v, cubic, real) * real(n)
+                    dw = slope(w, cubic, real) * real(n)
+                    u, v, w = weight(u, cubic, real), weight(v, cubic, real), weight(w, cubic, real)
                     for c in range(8):
                         a, b, d = c & 1, c >> 1 & 1, c >> 2
                         r = row(i + a, j + b, k + d, n, start, dense, mask)
-                        value = x[p, 0] * 0
+                        value = real(0)
                         for f in range(F):
                             value += g_out[p, level * F + f] * table[r, f]
-                        pu, pv, pw = (u if a else 1 - u), (v if b else 1 - v), (w if d else 1 - w)
+                        pu, pv, pw = (u if a else one - u), (v if b else one - v), (w if d else one - w)
                         g_x[p, 0] += value * (du if a else -du) * pv * pw
                         g_x[p, 1] += value * pu * (dv if b else -dv) * pw
                         g_x[p, 2] += value * pu * pv * (dw if d else -dw)
@@ -141,28 +149,31 @@ def _kernels(features: int, cubic: bool) -> _Kernels:
     ):
         # q = gradient of the position gradient; with m_c = sum_i q_i d(share_c)/dx_i the scalar to
         # differentiate is sum_c m_c <g_out, table_c>.  parts_x has one slab a level, added up by the caller.
-        points, levels = x.shape[0], layout.shape[0]
+        points, levels, real = x.shape[0], layout.shape[0], x.dtype.type
+        one = real(1)
         for part in prange(parts):
             for level in range(part, levels, parts):
                 n, start, dense, mask = layout[level]
                 for p in range(points):
-                    i, u = locate(x[p, 0], n)
-                    j, v = locate(x[p, 1], n)
-                    k, w = locate(x[p, 2], n)
-                    du, dv, dw = slope(u, cubic) * n, slope(v, cubic) * n, slope(w, cubic) * n
-                    ddu = curvature(u, cubic) * n * n
-                    ddv = curvature(v, cubic) * n * n
-                    ddw = curvature(w, cubic) * n * n
-                    u, v, w = weight(u, cubic), weight(v, cubic), weight(w, cubic)
+                    i, u = locate(x[p, 0], n, real)
+                    j, v = locate(x[p, 1], n, real)
+                    k, w = locate(x[p, 2], n, real)
+                    du = slope(u, cubic, real) * real(n)
+                    dv = slope(v, cubic, real) * real(n)
+                    dw = slope(w, cubic, real) * real(n)
+                    ddu = curvature(u, cubic, real) * real(n) * real(n)
+                    ddv = curvature(v, cubic, real) * real(n) * real(n)
+                    ddw = curvature(w, cubic, real) * real(n) * real(n)
+                    u, v, w = weight(u, cubic, real), weight(v, cubic, real), weight(w, cubic, real)
                     q0, q1, q2 = q[p, 0], q[p, 1], q[p, 2]
                     for c in range(8):
                         a, b, d = c & 1, c >> 1 & 1, c >> 2
                         r = row(i + a, j + b, k + d, n, start, dense, mask)
-                        pu, pv, pw = (u if a else 1 - u), (v if b else 1 - v), (w if d else 1 - w)
+                        pu, pv, pw = (u if a else one - u), (v if b else one - v), (w if d else one - w)
                         su, sv, sw = (du if a else -du), (dv if b else -dv), (dw if d else -dw)
                         tu, tv, tw = (ddu if a else -ddu), (ddv if b else -ddv), (ddw if d else -ddw)
                         m = q0 * su * pv * pw + q1 * pu * sv * pw + q2 * pu * pv * sw
-                        value = x[p, 0] * 0
+                        value = real(0)
                         for f in range(F):
                             value += g_out[p, level * F + f] * table[r, f]
                             g_g_out[p, level * F + f] += m * table[r, f]
