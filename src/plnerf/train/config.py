@@ -17,7 +17,7 @@ class TrainConfig:
 
     rays: int = 512
     """Rays of a step."""
-    table_rate: float = 1e-2
+    table_rate: float = 2e-2
     """Learning rate of the hash tables."""
     network_rate: float = 2e-2
     """Learning rate of the networks and appearance vectors."""
