@@ -165,7 +165,7 @@ def main() -> None:
         tell("OSError", f"{error}. Check that the folder exists, is writable and has space left.")
         sys.exit(1)
     except KeyboardInterrupt:
-        console.print("Interrupted. Go on later with --resume.")
+        console.print("Interrupted. A training run goes on with --resume.")
         sys.exit(130)
 
 
