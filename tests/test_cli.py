@@ -62,9 +62,6 @@ def run(trained: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(trained, tmp_path / "run"))
 
 
-# -- wrong input
-
-
 @dataclass(frozen=True)
 class Place:
     """Where a case works: a scene folder, a finished run on another copy of it, and a free folder."""
@@ -262,12 +259,9 @@ def test_text_of_wrong_input(
     arguments = CASES[name](place)
     result = plnerf(*arguments)
     assert_one_paragraph(result)
-    text = result.err.rstrip("\n").replace(read_config_scene(run), "<trained scene>")
+    trained_scene = json.loads((run / "config.json").read_text())["scene"]
+    text = result.err.rstrip("\n").replace(trained_scene, "<trained scene>")
     snapshot(f"cli_{name}", text.replace(str(tmp_path), "<here>"))
-
-
-def read_config_scene(run: Path) -> str:
-    return str(json.loads((run / "config.json").read_text())["scene"])
 
 
 def test_no_stored_text_is_left_over() -> None:
@@ -311,9 +305,6 @@ def test_paths_are_printed_as_they_are(tmp_path: Path, plnerf: Call) -> None:
     assert str(folder) in plnerf("eval", folder).err
 
 
-# -- wrong arguments
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -335,9 +326,6 @@ def test_wrong_arguments_end_with_status_2(arguments: list[str], plnerf: Call) -
     result = plnerf(*arguments)
     assert result.status == 2 and result.err and result.out == ""
     assert "Traceback" not in result.err
-
-
-# -- right input
 
 
 def test_a_run_from_the_first_step_to_its_pictures(tiny_scene: Path, tmp_path: Path, plnerf: Call) -> None:
