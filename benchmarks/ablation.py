@@ -6,6 +6,7 @@ Runs that are already there are not repeated, so that the table can be finished 
 """
 
 import json
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,6 +52,8 @@ def main(arguments: Arguments) -> None:
             continue
         run = arguments.out / name.replace(" ", "-")
         if not (run / "eval" / "metrics.json").exists():
+            if (run / "config.json").exists():  # cut off: begin this one anew
+                shutil.rmtree(run)
             fitted = () if arguments.scene else SPAN_SETTINGS
             train_scene(
                 arguments.scene or bundled_span(), run, steps=arguments.steps, downscale=arguments.downscale,

@@ -20,6 +20,7 @@ from plnerf.presets import find_preset
 from plnerf.scene.scene import load_scene
 from plnerf.synth.scene import synthesize
 from plnerf.synth.span import SpanConfig
+from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import RunConfig, fit_to_scene
 from plnerf.train.evaluate import evaluate_run
 from plnerf.train.loop import train
@@ -55,29 +56,39 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     backend: BackendChoice = "auto",
     console: Console | None = None,
 ) -> Path:
-    """Trains a preset on a scene, into a new run folder.  `settings` are key=value overrides of the
-    run's settings.
+    """Trains a preset on a scene, into a new run folder.
+
+    `settings` are overrides like model.field.direction_encoding=sh, of the preset's settings after these were
+    fitted to the scene.
     """
-    if (out / "config.json").exists():
+    if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
         raise ConfigError(
             f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
         )
+    for setting in settings:
+        if not setting.startswith(("model.", "train.")):
+            raise ConfigError(
+                f"--set changes settings of the model and the training (model.… or train.…), but got "
+                f"{setting!r}. For the rest there are options of their own."
+            )
     chosen = find_preset(preset)
     on = _device(device)
-    loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
     config = RunConfig(
         scene=str(scene.resolve()),
         downscale=downscale,
         preset=preset,
         backend=resolve_backend(backend, torch.device(on)),
         device=on,
-        model=fit_to_scene(chosen.model, loaded, chosen.cells_per_pixel),
+        model=chosen.model,
         train=chosen.train,
         steps=steps,
         seconds=seconds,
         seed=seed,
     )
-    return train(override(config, tuple(settings)), out, RunReport(out, console or Console()), scene=loaded)
+    override(config, tuple(settings))  # a mistake shall show before any image is read
+    loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
+    fitted = replace(config, model=fit_to_scene(chosen.model, loaded, chosen.cells_per_pixel))
+    return train(override(fitted, tuple(settings)), out, RunReport(out, console or Console()), scene=loaded)
 
 
 def resume_run(
@@ -106,7 +117,7 @@ def evaluate(run: Path, *, console: Console | None = None) -> dict[str, Any]:
     with bar(console, "evaluate") as progress:
         metrics = evaluate_run(open_run(run), progress=progress)
     console.print((metrics.parent / "summary.md").read_text(), highlight=False, markup=False)
-    console.print(f"measures and panels: {metrics.parent}")
+    _say(console, f"measures and panels: {metrics.parent}")
     content: dict[str, Any] = json.loads(metrics.read_text())
     return content
 
@@ -129,7 +140,7 @@ def render(
             open_run(run), views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video,
             progress=progress,
         )  # fmt: skip
-    console.print(f"pictures: {folder}")
+    _say(console, f"pictures: {folder}")
     return folder
 
 
@@ -139,7 +150,7 @@ def synthesize_span(out: Path, *, seed: int, samples: int, console: Console | No
     config = replace(SpanConfig(), seed=seed, samples_per_pixel=samples)
     with bar(console, "synth") as progress:
         folder = synthesize(out, config, progress=progress)
-    console.print(f"scene folder: {folder}")
+    _say(console, f"scene folder: {folder}")
     return folder
 
 
@@ -150,6 +161,10 @@ def run_demo(
     size.
     """
     console = console or Console()
+    if out.exists():
+        raise ConfigError(
+            f"The demo writes a new folder, but {out} is there already. Remove it, or name another: -o."
+        )
     budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 48, 0.75)
     train_scene(
         bundled_span(), out, seconds=budget, downscale=downscale, settings=SPAN_SETTINGS, console=console
@@ -174,6 +189,11 @@ def bar(console: Console, title: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=console) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _say(console: Console, text: str) -> None:
+    """Prints text as it is: a path may hold what looks like markup."""
+    console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
 def _device(choice: Device) -> Literal["cpu", "cuda"]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
+from plnerf.errors import ConfigError
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp
 from plnerf.ops.dispatch import Backend
@@ -18,6 +19,10 @@ class DensityConfig:
     grid: GridShape
     hidden: int = 16
     """Width of the only hidden layer."""
+
+    def __post_init__(self) -> None:
+        if self.hidden < 1:
+            raise ConfigError(f"A proposal field needs hidden of 1 or more, but got {self.hidden}.")
 
 
 class DensityField(nn.Module):

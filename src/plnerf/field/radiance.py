@@ -53,6 +53,17 @@ class RadianceConfig:
             raise ConfigError(
                 f"direction_encoding must be ipe, sh or both, but got {self.direction_encoding!r}."
             )
+        if min(self.hidden, self.feature, self.colour_layers) < 1:
+            raise ConfigError(
+                "A field needs hidden, feature and colour_layers of 1 or more, but got "
+                f"hidden={self.hidden}, feature={self.feature}, colour_layers={self.colour_layers}."
+            )
+        if min(self.ipe_octaves, self.direction_octaves) < 1 or self.appearance < 0:
+            raise ConfigError(
+                "A field needs ipe_octaves and direction_octaves of 1 or more and appearance of 0 or more, "
+                f"but got ipe_octaves={self.ipe_octaves}, direction_octaves={self.direction_octaves}, "
+                f"appearance={self.appearance}."
+            )
 
 
 class RadianceField(nn.Module):

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from plnerf.errors import ConfigError
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss
 from plnerf.render.model import NormalSamples, RenderedRays
 
@@ -31,6 +32,11 @@ class LossWeights:
     """Whether the losses on normals also move the density, as in Ref-NeRF, or only the predicted
     normals, as in nerfacto.  They smooth surfaces, at 0.5 to 1 dB of held-out PSNR on the fox scene after
     600 steps."""
+
+    def __post_init__(self) -> None:
+        values = (self.colour, self.interlevel, self.distortion, self.normals, self.orientation)
+        if min(values) < 0:
+            raise ConfigError(f"The weights of losses must be 0 or more, but are {self}.")
 
 
 def loss_terms(
