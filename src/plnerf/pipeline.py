@@ -33,8 +33,22 @@ Device = Literal["auto", "cpu", "cuda"]
 
 
 # The bundled span is 40 m long, and all that matters of it lies within 5 m to either side: cells across
-# the line shall be three times smaller than along it, upwards twice.
-SPAN_SETTINGS = ("model.stretch=[1,3,2]",)
+# the line shall be three times smaller than along it, upwards twice.  Conductors 3 cm thick at 3 m are
+# missed by most samples of the preset: three times as many samples on fewer rays, more of them on thin
+# lines, triple the wire pixels that are found in place (4 to 11 %), at 0.6 dB of PSNR over the whole
+# picture.
+SPAN_SETTINGS = (
+    "model.stretch=[1,3,2]",
+    "model.sampler.proposals=[128,96]",
+    "model.sampler.final=64",
+    "train.rays=320",
+    "train.normal_rays=16",
+    "train.table_rate=0.01",
+    "train.network_rate=0.01",
+    "train.detail_share=0.6",
+    "train.detail_part=0.05",
+    "train.loss.distortion=0.0003",
+)
 
 
 def bundled_span() -> Path:
@@ -165,7 +179,7 @@ def run_demo(
         raise ConfigError(
             f"The demo writes a new folder, but {out} is there already. Remove it, or name another: -o."
         )
-    budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 48, 0.75)
+    budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 40, 0.5)
     train_scene(
         bundled_span(), out, seconds=budget, downscale=downscale, settings=SPAN_SETTINGS, console=console
     )
