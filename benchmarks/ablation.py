@@ -69,7 +69,8 @@ def table(rows: list[tuple[str, dict[str, Any]]]) -> str:
     """The table in Markdown, over the held-out images."""
     protocol = rows[0][1]["protocol"]
     lines = [
-        f"Step {protocol['step']}, seed {protocol['seed']}, {protocol['hardware']}",
+        f"Step {protocol['step']}, seed {protocol['seed']}, {protocol['hardware']['cpu']}, "
+        f"{protocol['hardware']['cores']} cores",
         "",
         "| variant | PSNR dB | SSIM | PSNR on wires dB | depth error on wires m | elsewhere m | training s |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",

@@ -208,7 +208,7 @@ def _adds_in_place(table: Tensor) -> bool:
     """Whether a backward pass may add to `table.grad` itself, as autograd would do with what it is handed.
 
     A fresh array of the table's size at each step costs more, in page faults alone, than the gradient
-    itself: half of a training step was spent on it.  Only for a leaf whose gradient is there already,
+    itself: up to 40 % of a training step was spent on it.  Only for a leaf whose gradient is there already,
     contiguous, and not while a graph of the gradient is made.
     """
     there = table.is_leaf and table.grad is not None and table.grad.is_contiguous()
