@@ -1,6 +1,6 @@
 """Write the poses of any scene as a COLMAP model beside its images, so that other tools can read it.
 
-    python examples/00_export_colmap.py SCENE OUT
+python examples/00_export_colmap.py SCENE OUT
 """
 
 import sys

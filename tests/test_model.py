@@ -101,7 +101,7 @@ def test_rendering_is_a_function_of_its_generator() -> None:
 def test_a_gradient_reaches_every_parameter() -> None:
     """Tables, networks, appearance and poses, from the sum of all losses."""
     model, rays = make_model(), make_rays(64)
-    out = render(model, model.poses(rays), train_proposals=True, normal_rays=32)
+    out = render(model, model.poses(rays), normal_rays=32)
     terms = loss_terms(out, torch.rand(64, 3), torch.ones(64), LossWeights())
     torch.stack(list(terms.values())).sum().backward()
     for name, parameter in model.named_parameters():
@@ -112,7 +112,7 @@ def test_a_gradient_reaches_every_parameter() -> None:
 
 def test_only_the_interlevel_loss_trains_the_proposals() -> None:
     model, rays = make_model(), make_rays(16)
-    out = render(model, rays, train_proposals=True)
+    out = render(model, rays)
     terms = loss_terms(out, torch.rand(16, 3), torch.ones(16), LossWeights())
     proposals = list(model.proposals.parameters())
     field = list(model.field.parameters())

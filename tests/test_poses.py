@@ -75,14 +75,3 @@ def test_only_cameras_that_were_seen_get_a_gradient() -> None:
     seen = torch.unique(rays.camera)
     assert bool(gradient[seen].abs().gt(0).any(-1).all())
     assert not gradient[3:].any()
-
-
-def test_size_is_the_root_mean_square() -> None:
-    poses = PoseCorrections(3)
-    with torch.no_grad():
-        poses.correction[0, :3] = torch.tensor([0.3, 0.0, 0.4])
-        poses.correction[1, 3:] = torch.tensor([0.0, 2.0, 0.0])
-        poses.correction[2] = 100  # of a camera that was not asked for
-    rotation_deg, shift = poses.size(torch.tensor([0, 1]))
-    assert abs(rotation_deg - np.rad2deg(0.5) / np.sqrt(2)) < 1e-4
-    assert abs(shift - 2 / np.sqrt(2)) < 1e-6

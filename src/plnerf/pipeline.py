@@ -185,9 +185,7 @@ def run_demo(
     )
     evaluate(out, console=console)
     render(out, views="path", outputs=("rgb", "depth"), frames=frames, fps=12.0, scale=scale, console=console)
-    console.print(
-        f"[bold]Look at[/] {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves."
-    )
+    _say(console, f"Look at {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves.")
     return out
 
 

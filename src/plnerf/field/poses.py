@@ -5,7 +5,7 @@ the start.
 """
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from plnerf.rays.rays import Rays
@@ -33,9 +33,3 @@ class PoseCorrections(nn.Module):
         rotation = rotation_matrix(self.correction[unique, :3])[inverse]
         directions = torch.einsum("rij,rj->ri", rotation, rays.directions)
         return Rays(rays.origins + self.correction[rays.camera, 3:], directions, rays.radius, rays.camera)
-
-    def size(self, cameras: Int[Tensor, " n"]) -> tuple[float, float]:
-        """Root mean square rotation in degrees and shift in scene units of some cameras, for the log."""
-        correction = self.correction.detach()[cameras]
-        rotation = correction[:, :3].norm(dim=-1).square().mean().sqrt().rad2deg()
-        return float(rotation), float(correction[:, 3:].norm(dim=-1).square().mean().sqrt())

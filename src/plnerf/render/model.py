@@ -102,16 +102,13 @@ class PLNeRF(nn.Module):
         appearance: Float[Tensor, "r A"],
         anneal: float = 1.0,
         generator: Generator | None = None,
-        train_proposals: bool = False,
         normal_rays: int = 0,
         normals: bool = False,
     ) -> RenderedRays:
         """Render rays.  With a generator the samples are jittered; `normals` renders the predicted normals;
         the first `normal_rays` rays return their samples' normals for the losses."""
         densities = [partial(self._proposal_density, field) for field in self.proposals]
-        s, history = sample_along_rays(
-            rays, densities, self.config.sampler, anneal, generator, train_proposals
-        )
+        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator)
         t = to_distance(s, self.config.sampler)
         frustums = ray_frustums(rays, t)
         mean, variance = self._contracted(frustums)

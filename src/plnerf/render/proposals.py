@@ -5,7 +5,6 @@ samples are even: linear in t up to the knee, in 1/t beyond, half of the range t
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import torch
@@ -78,21 +77,19 @@ def sample_along_rays(
     config: SamplerConfig,
     anneal: float,
     generator: Generator | None,
-    train_proposals: bool,
 ) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...]]:
     """Edges s of the final intervals, and the histograms of the proposal rounds that led to them.
 
     `densities` maps rays and edges t (r, P+1) to densities (r, P), one for each round.  `anneal` in (0, 1]
     flattens the histograms early in training (w^anneal), so that a first wrong guess does not blind the
-    sampler.
+    sampler.  The edges carry no gradient: only the interlevel loss trains a proposal.
     """
     history: list[Histogram] = []
     first, *rounds = *config.proposals, config.final
     s = even_edges(len(rays), first, generator, rays.origins)
     for density, intervals in zip(densities, rounds, strict=True):
-        with nullcontext() if train_proposals else torch.no_grad():
-            t = to_distance(s, config)
-            w = weights_from_density(density(rays, t), t)
+        t = to_distance(s, config)
+        w = weights_from_density(density(rays, t), t)
         history.append(Histogram(s, w))
         s = resample_edges(s, w.detach().pow(anneal), intervals, generator, config.padding)
     return s, tuple(history)

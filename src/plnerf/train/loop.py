@@ -72,7 +72,6 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
                 appearance=model.appearance[rays.camera],
                 anneal=anneal(step, cfg.anneal_steps),
                 generator=generator,
-                train_proposals=True,
                 normal_rays=cfg.normal_rays if config.model.field.normals else 0,
             )
             colour, importance = batch.colour.to(device), batch.importance.to(device)
