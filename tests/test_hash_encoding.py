@@ -10,11 +10,13 @@ import torch
 from torch import Tensor
 
 import numpy_reference
-from plnerf.ops import cpu, reference
+from plnerf.ops import cpu_hash, reference
 from plnerf.ops.grid import GridShape
 
 Encode = Callable[[Tensor, Tensor, GridShape], Tensor]
-BACKENDS = pytest.mark.parametrize("encode", [reference.hash_encode, cpu.hash_encode], ids=["torch", "numba"])
+BACKENDS = pytest.mark.parametrize(
+    "encode", [reference.hash_encode, cpu_hash.hash_encode], ids=["torch", "numba"]
+)
 # Every number of features, interpolation and dtype at least once; each costs some seconds of compilation.
 CASES = pytest.mark.parametrize(
     ("features", "interpolation", "dtype"),
@@ -64,7 +66,7 @@ def test_twin_agrees_with_the_reference(
     grid = make_grid(features, interpolation)
     inputs = make_inputs(grid, 300, dtype)
     truth = derivatives(reference.hash_encode, grid, *inputs)
-    found = derivatives(cpu.hash_encode, grid, *inputs)
+    found = derivatives(cpu_hash.hash_encode, grid, *inputs)
     names = ["out", "g_x", "g_table", "second x", "second cotangent", "second table"]
     tolerance = 1e-5 if dtype == torch.float32 else 1e-12
     for name, a, b in zip(names, found, truth, strict=True):
@@ -181,8 +183,8 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
             (numba.config.NUMBA_NUM_THREADS, 7),
         ]:
             numba.set_num_threads(threads)
-            monkeypatch.setattr(cpu, "_parts", lambda parts=parts: parts)
-            runs.append(derivatives(cpu.hash_encode, grid, *inputs))
+            monkeypatch.setattr(cpu_hash, "_parts", lambda parts=parts: parts)
+            runs.append(derivatives(cpu_hash.hash_encode, grid, *inputs))
     finally:
         numba.set_num_threads(before)
     for run in runs[1:]:
@@ -192,12 +194,12 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
 def test_strided_inputs_agree_and_compile_nothing_new() -> None:
     grid = make_grid(2, "cubic")
     x, table, cotangent = make_inputs(grid, 100, torch.float32)
-    plain = derivatives(cpu.hash_encode, grid, x, table, cotangent)
-    kernels = cpu._kernels(2, True)
+    plain = derivatives(cpu_hash.hash_encode, grid, x, table, cotangent)
+    kernels = cpu_hash._kernels(2, True)
     compiled = [len(kernel.signatures) for kernel in kernels]
     strided = [value.t().contiguous().t() for value in (x, table, cotangent)]
     assert not any(value.is_contiguous() for value in strided)
-    for a, b in zip(derivatives(cpu.hash_encode, grid, *strided), plain, strict=True):
+    for a, b in zip(derivatives(cpu_hash.hash_encode, grid, *strided), plain, strict=True):
         assert torch.equal(a, b)
     assert [len(kernel.signatures) for kernel in kernels] == compiled
 
@@ -212,7 +214,7 @@ def test_position_gradient_is_the_gradient_of_the_position(
     truth = derivatives(reference.hash_encode, grid, x, table, cotangent)
     tolerance = 1e-5 if dtype == torch.float32 else 1e-12
     q = torch.randn(x.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64).to(x)
-    for twin in (reference, cpu):
+    for twin in (reference, cpu_hash):
         for moving in (False, True):
             inputs = (
                 x.clone().requires_grad_(moving),
@@ -252,7 +254,7 @@ def test_backward_passes_add_to_a_table_s_gradient() -> None:
         (torch.full_like(table, scale), 1, once + scale),
         (None, 2, 2 * once),
     ]:
-        found = run(cpu.hash_encode, before, times)
+        found = run(cpu_hash.hash_encode, before, times)
         torch.testing.assert_close(found, truth, atol=1e-5 * scale, rtol=0)
 
 
@@ -260,6 +262,8 @@ def test_the_gradient_of_a_table_s_gradient_is_refused() -> None:
     """Silence would be a wrong number."""
     grid = make_grid(2, "cubic")
     x, table, cotangent = (value.requires_grad_() for value in make_inputs(grid, 3, torch.float32))
-    (g_table,) = torch.autograd.grad(cpu.hash_encode(x, table, grid), table, cotangent, create_graph=True)
+    (g_table,) = torch.autograd.grad(
+        cpu_hash.hash_encode(x, table, grid), table, cotangent, create_graph=True
+    )
     with pytest.raises(NotImplementedError, match="use the reference"):
         g_table.square().sum().backward()

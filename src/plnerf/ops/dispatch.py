@@ -52,6 +52,6 @@ def hash_position_gradient(
 def _twin(backend: Backend) -> ModuleType:
     if backend == "torch":
         return reference
-    from plnerf.ops import cpu  # Numba takes a third of a second to import: only where it is used
+    from plnerf.ops import cpu_hash  # Numba takes a third of a second to import: only where it is used
 
-    return cpu
+    return cpu_hash
