@@ -4,14 +4,34 @@ import pytest
 import torch
 
 from plnerf.errors import ConfigError
+from plnerf.ops import dispatch
 from plnerf.ops.dispatch import Backend, hash_encode, resolve_backend
 from plnerf.ops.grid import GridShape
 
 
-def test_auto_is_numba_on_a_cpu_and_torch_elsewhere() -> None:
+def test_auto_is_numba_on_a_cpu_and_triton_on_cuda() -> None:
     assert resolve_backend("auto", torch.device("cpu")) == "numba"
-    assert resolve_backend("auto", torch.device("cuda")) == "torch"
+    assert resolve_backend("auto", torch.device("cuda")) == "triton"
     assert resolve_backend("auto", torch.device("mps")) == "torch"
+
+
+def test_cuda_without_triton_is_plain_torch_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dispatch, "find_spec", lambda name: None)
+    with pytest.warns(UserWarning, match="Triton is not installed.*plain torch"):
+        assert resolve_backend("auto", torch.device("cuda")) == "torch"
+    with pytest.raises(ConfigError, match=r"'triton' was asked for.*pip install triton"):
+        resolve_backend("triton", torch.device("cuda"))
+
+
+def test_triton_on_a_cpu_needs_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TRITON_INTERPRET", "1")
+    assert resolve_backend("triton", torch.device("cpu")) == "triton"
+    monkeypatch.delenv("TRITON_INTERPRET")
+    assert resolve_backend("triton", torch.device("cuda:1")) == "triton"
+    with pytest.raises(
+        ConfigError, match=r"'triton' runs on a CUDA device, but the device is cpu.*--backend"
+    ):
+        resolve_backend("triton", torch.device("cpu"))
 
 
 @pytest.mark.parametrize("device", ["cpu", "cuda"])
@@ -26,11 +46,13 @@ def test_numba_elsewhere_is_refused() -> None:
         resolve_backend("numba", torch.device("cuda:1"))
 
 
+@pytest.mark.skipif(torch.cuda.is_available(), reason="Triton's kernels are not interpreted beside a GPU")
 def test_backends_compute_the_same() -> None:
     grid = GridShape(3, 3, 20, 2, 9, "cubic")
     x = torch.rand(50, 3, generator=torch.Generator().manual_seed(0))
     table = torch.randn(grid.rows, 2, generator=torch.Generator().manual_seed(1))
-    backends: tuple[Backend, ...] = ("torch", "numba")
-    a, b = (hash_encode(x, table, grid, backend) for backend in backends)
-    torch.testing.assert_close(a, b, atol=1e-5, rtol=0)
-    assert not torch.equal(a, torch.zeros_like(a))
+    backends: tuple[Backend, ...] = ("torch", "numba", "triton")
+    truth, *found = (hash_encode(x, table, grid, backend) for backend in backends)
+    assert not torch.equal(truth, torch.zeros_like(truth))
+    for twin in found:
+        torch.testing.assert_close(twin, truth, atol=1e-5, rtol=0)

@@ -46,7 +46,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     resume: bool = False,
     seed: int = 0,
     device: Literal["auto", "cpu", "cuda"] = "auto",
-    backend: Literal["auto", "torch", "numba"] = "auto",
+    backend: Literal["auto", "torch", "numba", "triton"] = "auto",
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
 ) -> None:
     """Train a radiance field on images with known camera poses.
@@ -61,7 +61,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
         resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
         seed: Decides the initial weights and every random draw.
         device: Where to train.
-        backend: Implementation of the ops: numba on a CPU, plain torch anywhere.
+        backend: Implementation of the ops: numba on a CPU, triton on a CUDA device, plain torch anywhere.
         set: A setting to change, as path.to.key=value, e.g. model.field.direction_encoding=sh.
     """
     from plnerf.pipeline import resume_run, train_scene

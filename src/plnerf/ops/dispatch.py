@@ -1,5 +1,8 @@
 """Which implementation of an op runs.  Chosen once, printed, written into the run; never changed silently."""
 
+import os
+import warnings
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Literal
 
@@ -10,23 +13,56 @@ from plnerf.errors import ConfigError
 from plnerf.ops import reference
 from plnerf.ops.grid import GridShape
 
-Backend = Literal["torch", "numba"]
-BackendChoice = Literal["auto", "torch", "numba"]
+Backend = Literal["torch", "numba", "triton"]
+BackendChoice = Literal["auto", "torch", "numba", "triton"]
 
 
 def resolve_backend(choice: BackendChoice, on: device) -> Backend:
-    """The backend for a device: Numba's twins on a CPU, plain torch elsewhere, unless one is asked for.
+    """The backend for a device: Numba on a CPU, Triton on a CUDA device, plain torch elsewhere, unless one is
+    asked for.
 
-    Raises ConfigError where the asked-for backend cannot run on the device.
+    Warns where a CUDA device is left with plain torch, since Triton is not installed.  Raises ConfigError
+    where the asked-for backend cannot run on the device.
     """
     if choice == "auto":
-        return "numba" if on.type == "cpu" else "torch"
+        return _default_backend(on)
     if choice == "numba" and on.type != "cpu":
         raise ConfigError(
             f"The backend 'numba' runs on a CPU, but the device is {on}. "
             f"Choose --backend torch or --device cpu."
         )
+    if choice == "triton":
+        _check_triton(on)
     return choice
+
+
+def _default_backend(on: device) -> Backend:
+    if on.type == "cpu":
+        return "numba"
+    if on.type != "cuda":
+        return "torch"
+    if find_spec("triton"):
+        return "triton"
+    warnings.warn(
+        "Triton is not installed, so the ops run in plain torch, which is much slower. "
+        "It comes with PyTorch's Linux builds for CUDA: pip install triton.",
+        stacklevel=2,
+    )
+    return "torch"
+
+
+def _check_triton(on: device) -> None:
+    if not find_spec("triton"):
+        raise ConfigError(
+            "The backend 'triton' was asked for, but Triton is not installed. On Linux, pip install triton, "
+            "or choose --backend auto."
+        )
+    interpreted = on.type == "cpu" and os.environ.get("TRITON_INTERPRET") == "1"
+    if on.type != "cuda" and not interpreted:
+        raise ConfigError(
+            f"The backend 'triton' runs on a CUDA device, but the device is {on}. Choose --backend auto; to "
+            "try its kernels on a CPU, slowly, set TRITON_INTERPRET=1 in the environment."
+        )
 
 
 def hash_encode(
@@ -52,6 +88,10 @@ def hash_position_gradient(
 def _twin(backend: Backend) -> ModuleType:
     if backend == "torch":
         return reference
+    if backend == "triton":
+        from plnerf.ops import cuda_hash  # Triton is there on Linux only
+
+        return cuda_hash
     from plnerf.ops import cpu_hash  # Numba takes a third of a second to import: only where it is used
 
     return cpu_hash
