@@ -3,6 +3,8 @@
 Letters: n points, L levels, F features, N_l cells an axis of level l.
 """
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -63,3 +65,37 @@ def hash_position_gradient(
         encoded = hash_encode(position, table, grid)
         (g_x,) = torch.autograd.grad(encoded, position, g_out, create_graph=True)
     return g_x
+
+
+def hash_mlp(
+    x: Float[Tensor, "n 3"],
+    table: Float[Tensor, "rows F"],
+    grid: GridShape,
+    weights: tuple[Tensor, Tensor, Tensor, Tensor],
+) -> Float[Tensor, " n"]:
+    """A hash encoding and a network of one hidden layer on top: w2 relu(w1 encoded + b1) + b2.
+
+    weights: w1 (hidden, L F), b1 (hidden,), w2 (1, hidden), b2 (1,).
+    """
+    w1, b1, w2, b2 = weights
+    hidden = torch.relu(hash_encode(x, table, grid) @ w1.T + b1)
+    return (hidden @ w2.T + b2)[:, 0]
+
+
+def ray_mlp(
+    x: Float[Tensor, "r S I"],
+    const: Float[Tensor, "r S J"],
+    base: Float[Tensor, "r H"],
+    weights: Sequence[Tensor],
+) -> Float[Tensor, "r S O"]:
+    """A network of ReLU layers on the samples of rays, whose first bias differs from ray to ray.
+
+    Inputs of a sample are x and const side by side, the latter without gradient; what all samples of a ray
+    share (direction, appearance) has gone through its part of the first layer already, into `base`.
+    weights: w1 (H, I + J), then w and b of every further layer; no activation after the last one.
+    """
+    first, *rest = weights
+    hidden = torch.cat([x, const], -1) @ first.T + base[:, None]
+    for w, b in zip(rest[0::2], rest[1::2], strict=True):
+        hidden = torch.relu(hidden) @ w.T + b
+    return hidden
