@@ -136,6 +136,49 @@ def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) 
     synthesize_span(out, seed=seed, samples=samples, console=Console())
 
 
+@app.command
+def bench(  # noqa: PLR0913 (an argument is an option)
+    *,
+    suite: tuple[str, ...] = ("ops", "train", "render"),
+    out: Out = Path("runs/bench"),
+    scene: Path | None = None,
+    run: Path | None = None,
+    preset: str = "pl-nerf",
+    downscale: int = 1,
+    seconds: float = 60.0,
+    targets: tuple[float, ...] = (18.0, 20.0, 22.0),
+    seed: int = 0,
+    device: Literal["auto", "cpu", "cuda"] = "auto",
+    backend: Literal["auto", "torch", "numba", "triton"] = "auto",
+    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    quick: bool = False,
+) -> None:
+    """Measure this machine with plnerf: ops against plain torch, training, rendering.
+
+    Args:
+        suite: What to measure: ops, train, render.
+        out: New folder for bench.json, bench.md and the runs that are made.
+        scene: Scene to train on; the bundled span, with the demo's settings, when left out.
+        run: Finished run to render; one is trained when left out.
+        preset: Named settings to start from.
+        downscale: Integer factor by which images are made smaller.
+        seconds: Training budget of the suite train.
+        targets: Held-out PSNRs in dB whose times are told.
+        seed: Decides the initial weights and every random draw.
+        device: Where to measure.
+        backend: Implementation of the ops.
+        set: A setting to change, as path.to.key=value.
+        quick: Small shapes and few repeats: to see that all works, not to quote.
+    """
+    from plnerf.bench.config import BenchConfig
+    from plnerf.bench.suites import run_bench
+
+    config = BenchConfig(
+        out, suite, scene, run, preset, set, downscale, seconds, targets, seed, device, backend, quick
+    )
+    run_bench(config, Console())
+
+
 def main() -> None:
     """Entry point of the `plnerf` command."""
     # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the

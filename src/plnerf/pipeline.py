@@ -25,7 +25,7 @@ from plnerf.train.config import RunConfig, fit_to_scene
 from plnerf.train.evaluate import evaluate_run
 from plnerf.train.loop import train
 from plnerf.train.render_run import Output, Views, render_run
-from plnerf.train.report import RunReport
+from plnerf.train.report import Report, RunReport
 from plnerf.train.run import open_run, read_config
 from plnerf.train.settings import override
 
@@ -69,11 +69,12 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     device: Device = "auto",
     backend: BackendChoice = "auto",
     console: Console | None = None,
+    report: Report | None = None,
 ) -> Path:
     """Trains a preset on a scene, into a new run folder.
 
     `settings` are overrides like model.field.direction_encoding=sh, of the preset's settings after these were
-    fitted to the scene.
+    fitted to the scene.  `report` takes the place of the progress bar and the logs.
     """
     if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
         raise ConfigError(
@@ -86,7 +87,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
                 f"{setting!r}. For the rest there are options of their own."
             )
     chosen = find_preset(preset)
-    on = _device(device)
+    on = choose_device(device)
     config = RunConfig(
         scene=str(scene.resolve()),
         downscale=downscale,
@@ -102,7 +103,8 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     override(config, tuple(settings))  # a mistake shall show before any image is read
     loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
     fitted = replace(config, model=fit_to_scene(chosen.model, loaded, chosen.cells_per_pixel))
-    return train(override(fitted, tuple(settings)), out, RunReport(out, console or Console()), scene=loaded)
+    report = report or RunReport(out, console or Console())
+    return train(override(fitted, tuple(settings)), out, report, scene=loaded)
 
 
 def resume_run(
@@ -208,7 +210,8 @@ def _say(console: Console, text: str) -> None:
     console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
-def _device(choice: Device) -> Literal["cpu", "cuda"]:
+def choose_device(choice: Device) -> Literal["cpu", "cuda"]:
+    """The device asked for, or the best one there is.  Raises ConfigError for a GPU that is not there."""
     if choice == "cuda" and not torch.cuda.is_available():
         raise ConfigError(
             "--device cuda was asked for, but PyTorch sees no CUDA device. Choose --device cpu."

@@ -1,0 +1,1 @@
+"""Measurements of plnerf itself: ops, training, rendering."""

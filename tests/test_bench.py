@@ -1,0 +1,379 @@
+"""The bench: what is compared was measured in turn, what is written is whole, what cannot be is refused."""
+
+import dataclasses
+import json
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from torch import Tensor
+from torch.autograd.profiler_util import FunctionEvent
+
+from plnerf.bench import breakdown, cases, ceilings, machine, ops_suite, render_suite, suites, train_suite
+from plnerf.bench.cases import OpCase, Work
+from plnerf.bench.config import BenchConfig
+from plnerf.bench.tables import Table, figure
+from plnerf.bench.timing import PairedTimes, alternate
+from plnerf.errors import ConfigError, PlnerfError
+from plnerf.ops import reference
+from plnerf.ops.grid import GridShape
+from plnerf.train.loop import train
+from plnerf.train.run import open_run
+from tiny_run import SMALL, Recorder, tiny_config
+
+CPU = torch.device("cpu")
+
+
+# -- times
+
+
+def test_truth_and_twin_are_measured_in_turn() -> None:
+    calls: list[str] = []
+
+    def sample(name: str) -> tuple[float, float]:
+        calls.append(name)
+        return float(len(calls)), 2.0 * len(calls)
+
+    forward, backward = alternate(lambda: sample("a"), lambda: sample("b"), least=5, seconds=0.0)
+    assert calls == ["a", "b"] * 6  # one pair unmeasured
+    assert forward.truth_s == (3.0, 5.0, 7.0, 9.0, 11.0)
+    assert forward.twin_s == (4.0, 6.0, 8.0, 10.0, 12.0)
+    assert backward.twin_s == tuple(2 * value for value in forward.twin_s)
+
+
+@given(st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3)), min_size=1, max_size=9))
+def test_a_machine_that_slows_down_for_a_whole_pair_changes_no_ratio(
+    pairs: list[tuple[float, float]],
+) -> None:
+    """The reason for pairs: the ratio of the medians would move."""
+    times = PairedTimes(*map(tuple, zip(*pairs, strict=True)))
+    slowed = [(a * 2.0**i, b * 2.0**i) for i, (a, b) in enumerate(pairs)]
+    assert PairedTimes(*map(tuple, zip(*slowed, strict=True))).ratio == times.ratio
+
+
+def test_times_without_a_partner_are_refused() -> None:
+    with pytest.raises(ConfigError, match="2 and 1"):
+        PairedTimes((1.0, 2.0), (1.0,))
+
+
+def test_measuring_goes_on_for_the_seconds_asked_for() -> None:
+    def sample() -> tuple[float]:
+        time.sleep(1e-3)
+        return (1e-3,)
+
+    (times,) = alternate(sample, sample, least=1, seconds=0.05)
+    assert 5 <= len(times.truth_s) <= 30
+
+
+# -- ops
+
+
+def doubled(x: Tensor) -> Tensor:
+    return 2 * x
+
+
+def case_of(twin: Any, backward: Work | None = None) -> OpCase:
+    def setup(generator: torch.Generator) -> tuple[Tensor, ...]:
+        value = torch.randn(50, generator=generator)
+        if backward:
+            value.requires_grad_()
+            value.grad = torch.zeros(50)
+        return (value,)
+
+    return OpCase("double", "50 numbers", setup, doubled, twin, Work(400, flops=50), backward)
+
+
+@pytest.fixture(scope="module")
+def tiny_ceilings() -> ceilings.Ceilings:
+    return ceilings.measure_ceilings([2**16], CPU, small=True, repeats=2)
+
+
+def measure(case: OpCase, limits: ceilings.Ceilings) -> list[ops_suite.PassFigures]:
+    return ops_suite.measure_op(case, limits, CPU, least=3, seconds=0.0, seed=0)
+
+
+def test_an_op_has_a_backward_pass_where_it_says_so(tiny_ceilings: ceilings.Ceilings) -> None:
+    assert [one.direction for one in measure(case_of(doubled), tiny_ceilings)] == ["forward"]
+    both = measure(case_of(doubled, Work(400)), tiny_ceilings)
+    assert [one.direction for one in both] == ["forward", "backward"]
+    assert all(one.difference == 0 and len(one.times.truth_s) == len(one.times.twin_s) == 3 for one in both)
+
+
+class _WrongGradient(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:
+        return 2 * x
+
+    @staticmethod
+    def backward(ctx: Any, *g_outputs: Tensor) -> Tensor:
+        return 2.01 * g_outputs[0]
+
+
+@pytest.mark.parametrize(
+    "twin", [lambda x: 2.001 * x, lambda x: 2 * x * math.nan, _WrongGradient.apply], ids=str
+)
+def test_a_twin_that_computes_something_else_gets_no_times(
+    twin: Any, tiny_ceilings: ceilings.Ceilings
+) -> None:
+    with pytest.raises(PlnerfError, match="does not compute what its truth does"):
+        measure(case_of(twin, Work(400)), tiny_ceilings)
+
+
+def test_shares_are_work_over_time_over_the_ceiling(tiny_ceilings: ceilings.Ceilings) -> None:
+    gather = tiny_ceilings.gather(2**16)
+    work = Work(
+        round(tiny_ceilings.triad.per_second),
+        round(gather.per_second),
+        round(tiny_ceilings.float32.per_second),
+    )
+    shares = ops_suite.shares_of(work, 2.0, tiny_ceilings, gather)
+    assert dataclasses.astuple(shares) == pytest.approx((0.5, 0.5, 0.5))
+    assert ops_suite.shares_of(work, 2.0, tiny_ceilings, None).random is None
+
+
+def test_lines_are_those_that_the_eight_corners_touch() -> None:
+    """By brute force over sets; never fewer than one and never more than eight a level."""
+    grid = GridShape(3, 4, 32, 4, 9)
+    points = cases.random_points(40)
+    expected = 0
+    for level, cells in enumerate(grid.resolutions):
+        for point in points:
+            cell = (point * cells).floor().clamp(0, cells - 1).long()
+            corners = [cell + torch.tensor([c & 1, c >> 1 & 1, c >> 2]) for c in range(8)]
+            rows = [int(reference.vertex_row(corner, level, grid)) for corner in corners]
+            expected += len({row * 16 // 64 for row in rows})
+    assert cases.lines_of_points(points, grid) == expected
+    assert 40 * 3 <= expected <= 40 * 3 * 8
+
+
+def test_points_along_rays_lie_in_the_cube_and_on_lines() -> None:
+    points = cases.points_along_rays(5, 6).reshape(5, 6, 3)
+    assert ((points >= 0) & (points <= 1)).all()
+    inside = (points * 4 - 2).abs().amax(-1) < 1  # where the contraction is the identity
+    steps = points.diff(dim=1)
+    bend = torch.linalg.cross(steps[:, 1:], steps[:, :-1]).norm(dim=-1)
+    straight = bend / steps.norm(dim=-1).amax(1, keepdim=True) ** 2
+    assert (straight[inside[:, 2:] & inside[:, 1:-1] & inside[:, :-2]] < 1e-4).all()
+    assert inside.sum() > 5
+
+
+# -- the training loop
+
+
+@given(st.lists(st.floats(1e-3, 1.0), min_size=0, max_size=300))
+def test_windows_are_whole_and_after_the_warm_up(steps: list[float]) -> None:
+    seconds = torch.tensor(steps, dtype=torch.float64).cumsum(0).tolist()
+    windows = train_suite.windows_of(seconds)
+    warm = max(20, round(0.1 * len(steps)))
+    assert len(windows) == max(0, (len(steps) - warm) // 20)
+    for i, window in enumerate(windows):
+        first = warm + 20 * i
+        assert window == pytest.approx(sum(steps[first : first + 20]))
+
+
+def test_a_stopwatch_listens_to_a_real_run(built_tiny_scene: Path, tmp_path: Path) -> None:
+    watch, recorder = train_suite.Stopwatch(), Recorder()
+    config = tiny_config(built_tiny_scene, steps=70)
+    train(config, tmp_path / "run", watch)
+    found = watch.figures()
+    assert found.steps == 70
+    assert found.config == config
+    assert (found.training_images, found.held_out_images) == (10, 2)
+    assert 0 < found.begin_wall_s < found.first_step_wall_s < found.total_wall_s
+    assert 0 < found.training_s < found.total_wall_s - found.first_step_wall_s + 0.1
+    assert len(found.window_s) == 2
+    assert found.rays_per_s == pytest.approx(128 * found.steps_per_s)
+    assert [one.step for one in found.validations] == [35, 70]
+    reached = found.reached(0.0)
+    assert reached == found.validations[0]
+    assert found.reached(99.0) is None
+    train(config, tmp_path / "again", recorder)  # listening changes nothing
+    assert [one.psnr_db for one in found.validations] == recorder.held_out_db
+
+
+def test_a_run_too_short_for_a_rate_is_refused() -> None:
+    with pytest.raises(ConfigError, match="after 0 steps"):
+        train_suite.Stopwatch().figures()
+
+
+def test_memory_grows_with_what_is_held() -> None:
+    before = machine.peak_resident_bytes()
+    assert before is not None
+    held = bytearray(before + 2**28)  # more than has been resident at once so far
+    held[:: 2**12] = bytes(len(held[:: 2**12]))
+    after = machine.peak_resident_bytes()
+    assert after is not None
+    assert after - before > 2**27
+
+
+# -- where a step's time goes
+
+
+class Trace:
+    """Profiler events as torch makes them: each begins where its parent's last child ended."""
+
+    def __init__(self) -> None:
+        self.events: list[FunctionEvent] = []
+
+    def add(
+        self, name: str, own_us: float, *inner: FunctionEvent, sequence: int = -1, scope: int = 0
+    ) -> FunctionEvent:
+        length = own_us + sum(one.cpu_time_total for one in inner)
+        event = FunctionEvent(len(self.events), name, 1, 0.0, length, sequence_nr=sequence, scope=scope)
+        for one in inner:
+            event.append_cpu_child(one)
+            one.set_cpu_parent(event)
+        self.events.append(event)
+        return event
+
+
+def test_each_event_goes_to_one_part_and_the_parts_add_up() -> None:
+    trace = Trace()
+    mul = trace.add("aten::mul", 5.0, sequence=7)
+    sampling = trace.add("part: sampling, rest", 10.0, mul)
+    product = trace.add("aten::addmm", 40.0, sequence=8)
+    losses = trace.add("part: losses", 1.0, product)
+    inner = trace.add("MulBackward0", 1.0, trace.add("aten::mul", 3.0), sequence=7, scope=1)
+    node = trace.add("autograd::engine::evaluate_function: MulBackward0", 2.0, inner, sequence=7)
+    adam = trace.add("Optimizer.step#Adam.step", 0.5, trace.add("aten::_fused_adam_", 3.5))
+    trace.add("a step", 100.0, sampling, losses, node, adam)
+    trace.add("a step", 900.0, trace.add("aten::mm", 500.0))  # the noisier half
+    found = breakdown.summed(trace.events, 1.0)
+    assert dict(found.parts_s) == pytest.approx({
+        "matrix products": 40e-6,
+        "sampling, rest": 21e-6,  # the forward op, its node, and what the node called
+        "optimiser": 4e-6,
+        "losses": 1e-6,
+        "other": 100e-6,
+    })
+    assert sum(seconds for _, seconds in found.parts_s) == pytest.approx(found.step_s)
+    assert found.all_steps_s == pytest.approx((166e-6, 1400e-6))
+
+
+def test_labels_are_there_and_are_taken_away_again() -> None:
+    """A function that was renamed would go unseen into another part."""
+    from plnerf.train import loop
+
+    before = loop.loss_terms
+    with breakdown.labelled():
+        assert loop.loss_terms is not before
+        assert loop.loss_terms.__wrapped__ is before  # type: ignore[attr-defined]
+    assert loop.loss_terms is before
+    assert "_HashEncode" in breakdown.op_parts()
+
+
+# -- rendering
+
+
+def test_renderers_are_compared_with_the_first(built_tiny_scene: Path, tmp_path: Path) -> None:
+    run = open_run(train(tiny_config(built_tiny_scene, steps=2), tmp_path / "run", Recorder()))
+    whole = render_suite.RENDERERS[0]
+
+    def brighter(*arguments: Any) -> Any:
+        view = whole.render(*arguments)
+        return dataclasses.replace(view, rgb=view.rgb + 0.1)
+
+    renderers = (whole, render_suite.Renderer("brighter", brighter), dataclasses.replace(whole, name="again"))
+    found = render_suite.measure_rendering(run, renderers, views=1, repeats=2)
+    assert [one.renderer for one in found] == ["every sample", "brighter", "again"]
+    assert all(len(one.raw_s) == 2 and one.seconds_per_megapixel > 0 for one in found)
+    assert [one.agreement_db for one in found] == [None, pytest.approx(20.0, abs=1e-3), math.inf]
+    assert "brighter" in render_suite.render_table(run, found).markdown()
+
+
+# -- tables and files
+
+
+def test_a_table_reads_the_same_on_the_console_and_in_markdown() -> None:
+    table = Table("Title [x]", ("what", "a|b"), (("first [bold]", "1.0"), ("second", "–")), ("A note.",))
+    console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115 (the console's)
+    console.print(table.for_console())
+    text, page = console.export_text(), table.markdown()
+    for word in ("Title [x]", "first [bold]", "second", "1.0", "A note."):
+        assert word in text
+        assert word in page
+    assert "| what | a\\|b |\n| --- | ---: |\n" in page
+    with pytest.raises(ConfigError, match="2 columns"):
+        Table("T", ("a", "b"), (("only one",),))
+
+
+@given(st.floats(1e-6, 1e9))
+def test_figures_keep_three_digits(value: float) -> None:
+    assert float(figure(value).replace(",", "")) == pytest.approx(value, rel=5.1e-3)
+
+
+def test_figures_of_round_numbers() -> None:
+    texts = [figure(v) for v in (0.0, None, 0.0123456, 0.5, 1.0, 9.999, 12.345, 123.4, 12345.0, 999.6)]
+    assert texts == ["0", "–", "0.0123", "0.5", "1.00", "10.0", "12.3", "123", "12,300", "1,000"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"suites": ("ops", "spam")}, "no suite 'spam'"),
+        ({"suites": ()}, "one or more of ops, train, render"),
+        ({"suites": ("ops", "ops")}, "each once"),
+        ({"seconds": 0.0}, "--seconds is 0.0"),
+        ({"targets_db": (math.nan,)}, "nan"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(tmp_path: Path, changed: Any, text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        BenchConfig(tmp_path / "out", **changed)
+
+
+def test_another_bench_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "bench.json").write_text("{}")
+    with pytest.raises(ConfigError, match="is there already"):
+        BenchConfig(tmp_path)
+
+
+def test_the_whole_bench_writes_its_files(
+    built_tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In this process, where the checks of types are on."""
+    monkeypatch.setattr(suites, "in_fresh_process", lambda function, bench: function(bench))
+    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, settings=SMALL, seconds=1.5, quick=True)
+    console = Console(width=120, record=True)
+    path = suites.run_bench(bench, console)
+    found = json.loads(path.read_text())
+    assert found["format_version"] == 1
+    assert found["versions"].keys() == {"plnerf", "python", "torch", "numba", "numpy", "triton"}
+    assert {
+        "date_utc",
+        "device",
+        "cpu",
+        "cores",
+        "torch_threads",
+        "numba_threads",
+        "seed",
+        "backend",
+    } <= found.keys()
+    assert found["date_utc"].endswith("+00:00")
+    assert found["suites"].keys() == {"ops", "train", "render"}
+    for case in found["suites"]["ops"]["cases"]:
+        ratios = [a / b for a, b in zip(case["times"]["truth_s"], case["times"]["twin_s"], strict=True)]
+        assert case["median_ratio"] == sorted(ratios)[len(ratios) // 2]
+    trained = found["suites"]["train"]
+    assert len(trained["window_s"]) > 0
+    assert trained["peak_bytes"] > 2**26
+    parts = dict(trained["breakdown"]["parts_s"])
+    assert {"hash encoding", "matrix products", "losses", "optimiser", "batch", "other"} <= parts.keys()
+    assert parts["other"] < 0.7 * trained["breakdown"]["step_s"]
+    assert found["suites"]["render"]["views"][0]["seconds_per_megapixel"] > 0
+    page, shown = (path.parent / "bench.md").read_text(), console.export_text()
+    for title in ("Ops", "Ceilings", "Training", "Time to a held-out PSNR", "A training step", "Rendering"):
+        assert f"## {title}\n" in page
+        assert title in shown
+
+
+def test_a_suite_runs_in_a_process_of_its_own_and_its_errors_come_back(tmp_path: Path) -> None:
+    bench = BenchConfig(tmp_path / "b", run=tmp_path / "no-run")
+    with pytest.raises(ConfigError, match="is not a run folder"):
+        suites.in_fresh_process(suites.run_render, bench)
