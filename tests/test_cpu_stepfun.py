@@ -72,7 +72,7 @@ def test_resampling_is_the_truth(case: str, dtype: torch.dtype, anneal: float) -
 
 def test_samples_carry_no_gradient_and_anneal_may_be_a_tensor() -> None:
     s, w = histograms("random", 16, 0, torch.float64)
-    u = ((torch.arange(10, dtype=torch.float64) + 0.5) / 10).expand(60, -1)
+    u = ((torch.arange(10, dtype=torch.float64) + 0.5) / 10).repeat(60, 1)
     found = cpu_stepfun.resample_edges(s, w.requires_grad_(), u, 0.01, torch.tensor(0.5))
     assert not found.requires_grad
     torch.testing.assert_close(found, stepfun.resample_edges(s, w.detach(), u, 0.01, 0.5))
