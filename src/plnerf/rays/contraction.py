@@ -6,11 +6,25 @@ Letters: m = max_k |x_k|, reached at axis k (the first one where several tie: a 
     J = (2m - 1)/m^2 I  +  (2 - 2m)/m^3 sign(x_k) x e_k^T      beyond, I inside
 """
 
+from functools import cache
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from plnerf.rays.frustums import Frustums
+
+
+def axis_factors(factors: tuple[float, float, float], like: Float[Tensor, "..."]) -> Float[Tensor, "3"]:
+    """A factor for each axis, of the type and on the device of a tensor."""
+    return _constant(factors, like.dtype, like.device)
+
+
+@cache
+def _constant(values: tuple[float, ...], dtype: torch.dtype, device: torch.device) -> Tensor:
+    """Copied to a device once: a CUDA graph cannot hold the copy, and each would wait for the device."""
+    with torch.inference_mode(False):  # it may be used in training later
+        return torch.tensor(values, dtype=dtype, device=device)
 
 
 def contract(x: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
@@ -62,7 +76,7 @@ def contract_frustums(
         (J Sigma' J^T)_ii = a^2 Sigma'_ii + 2 a b_i Sigma'_ik + b_i^2 Sigma'_kk
     so that no 3x3 matrix is formed.  Mip-NeRF 360 eq. 9 (linearisation at the mean).
     """
-    stretch = frustums.mean.new_tensor(factors)
+    stretch = axis_factors(factors, frustums.mean)
     mean, direction = frustums.mean * stretch, frustums.direction * stretch
     a, b, one_hot = jacobian_terms(mean)
     excess = (frustums.var_t - frustums.var_r)[..., None]
@@ -80,7 +94,7 @@ def clamp_frustums(
     frustums: Frustums, factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 ) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
     """Mean and variances without contraction: what lies beyond [-2, 2]^3 is moved onto the cube's faces."""
-    stretch = frustums.mean.new_tensor(factors)
+    stretch = axis_factors(factors, frustums.mean)
     excess = (frustums.var_t - frustums.var_r)[..., None]
     variance = excess * (frustums.direction * stretch) ** 2 + frustums.var_r[..., None] * stretch**2
     return (frustums.mean * stretch).clamp(-2, 2), variance.clamp_min(0)
