@@ -17,6 +17,7 @@ from plnerf.rays.frustums import Frustums, ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.model import ModelConfig, PLNeRF, RenderedRays
 from plnerf.render.proposals import SamplerConfig, to_distance
+from plnerf.render.ray_ops import frustum_features
 from plnerf.train.losses import LossWeights, loss_terms
 
 IMAGES = 4
@@ -143,7 +144,7 @@ def test_density_normals_are_finite_differences_in_the_scene(contraction: bool, 
 
     def density(move: Tensor) -> Tensor:
         moved = Frustums(frustums.mean + move, frustums.direction, frustums.var_t, frustums.var_r)
-        return model.field.density(bound(moved, CONFIG.stretch)[0])[0]
+        return model.field.density((bound(moved, CONFIG.stretch)[0] + 2) / 4)[0]
 
     steps = 1e-6 * torch.eye(3, dtype=torch.float64)
     gradient = torch.stack([(density(step).log() - density(-step).log()) / 2e-6 for step in steps], -1)
@@ -210,9 +211,9 @@ def test_what_the_ray_does_not_hit_has_the_colour_of_its_last_sample() -> None:
     out = render(model, rays)
     assert float(out.accumulation.detach().max()) < 1e-9
     t = to_distance(out.histograms[-1].s, CONFIG.sampler)
-    mean, variance = contract_frustums(ray_frustums(rays, t), CONFIG.stretch)
-    _, feature = model.field.density(mean)
-    colours = model.field.colour(feature, mean, variance, rays.directions, model.appearance[rays.camera])
+    unit, ipe = frustum_features(rays, t, CONFIG.stretch, True, model.field.octaves)
+    _, feature = model.field.density(unit)
+    colours = model.field.colour(feature, ipe, rays.directions, model.appearance[rays.camera])
     torch.testing.assert_close(out.colour, colours[:, -1])
 
 

@@ -24,14 +24,18 @@ def make_field(backend: Backend = "torch", **changes: Any) -> RadianceField:
     return field
 
 
+def points() -> Tensor:
+    """Of three rays, five samples each."""
+    return torch.rand(3, 5, 3, generator=torch.Generator().manual_seed(1))
+
+
 def make_inputs(field: RadianceField, rays: int = 3, samples: int = 5) -> dict[str, Tensor]:
     generator = torch.Generator().manual_seed(1)
-    mean = torch.rand(rays, samples, 3, generator=generator) * 4 - 2
+    unit = torch.rand(rays, samples, 3, generator=generator)
     directions = torch.nn.functional.normalize(torch.randn(rays, 3, generator=generator), dim=-1)
     return {
-        "feature": field.density(mean)[1].detach(),
-        "mean": mean,
-        "variance": torch.rand(rays, samples, 3, generator=generator) * 0.1,
+        "feature": field.density(unit)[1].detach(),
+        "ipe": torch.randn(rays, samples, 6 * field.octaves, generator=generator),
         "directions": directions,
         "appearance": torch.randn(rays, field.config.appearance, generator=generator),
     }
@@ -39,24 +43,24 @@ def make_inputs(field: RadianceField, rays: int = 3, samples: int = 5) -> dict[s
 
 def test_density_and_feature_are_functions_of_the_point() -> None:
     field = make_field()
-    x = make_inputs(field)["mean"]
+    x = points()
     density, feature = field.density(x)
     assert density.shape == (3, 5)
     assert feature.shape == (3, 5, 7)
     assert bool((density > 0).all())
     assert float(density.detach().log().std()) > 0.01
     for ray in range(3):
-        alone, same = field.density(x[ray])
-        torch.testing.assert_close(alone, density[ray])
-        torch.testing.assert_close(same, feature[ray])
+        alone, same = field.density(x[ray : ray + 1])
+        torch.testing.assert_close(alone, density[ray : ray + 1])
+        torch.testing.assert_close(same, feature[ray : ray + 1])
 
 
 @pytest.mark.parametrize("backend", ["torch", "numba"])
 @pytest.mark.parametrize("quiet", [False, True], ids=["recording", "no_grad"])
 def test_log_density_gradient_is_that_of_finite_differences(backend: Backend, quiet: bool) -> None:
-    """By contracted position, whether or not gradients are being recorded around it."""
+    """By position, whether or not gradients are being recorded around it."""
     field = make_field(backend).double()
-    x = make_inputs(make_field())["mean"].double()
+    x = points().double()
     with torch.set_grad_enabled(not quiet):
         found = field.log_density_gradient(x)
     steps = 1e-6 * torch.eye(3, dtype=torch.float64)
@@ -78,15 +82,13 @@ def test_colour_is_in_range_and_depends_on_what_it_should(
     assert bool(((colour > 0) & (colour < 1)).all())
     changed = {
         "feature": inputs["feature"] + 1,
-        "mean": inputs["mean"].flip(0),
-        "variance": inputs["variance"] + 0.5,
+        "ipe": inputs["ipe"].flip(0),
         "directions": inputs["directions"].flip(0),
         "appearance": inputs["appearance"] + 1,
     }
     expected = {
         "feature": True,
-        "mean": encoding != "sh",
-        "variance": encoding != "sh",
+        "ipe": encoding != "sh",
         "directions": True,
         "appearance": appearance > 0,
     }
@@ -115,7 +117,7 @@ def test_a_field_without_normals_says_so() -> None:
     field = make_field(normals=False)
     assert field.normal_network is None
     with pytest.raises(ConfigError, match=r"built with normals=False.*Train with field.normals=true"):
-        field.predicted_normals(torch.zeros(1, 7))
+        field.predicted_normals(torch.zeros(1, 1, 7))
 
 
 def test_an_unknown_direction_encoding_is_refused() -> None:

@@ -77,8 +77,11 @@ def test_inputs_need_not_be_contiguous() -> None:
     torch.testing.assert_close(out, reference.ray_mlp(x, const, base, weights))
 
 
-def test_constants_have_no_gradient() -> None:
+def test_constants_have_a_gradient_where_it_is_asked_for() -> None:
     x, const, base, weights = inputs(2, 3, (4, 8, 2), 3, torch.float64)
-    out = cpu_mlp.ray_mlp(x, const.requires_grad_(), base, weights)
-    with pytest.raises(NotImplementedError, match="no gradient by its constant inputs"):
-        out.sum().backward()
+    const.requires_grad_()
+    found, truth = (
+        torch.autograd.grad(op(x, const, base, weights).square().sum(), const)[0]
+        for op in (cpu_mlp.ray_mlp, reference.ray_mlp)
+    )
+    torch.testing.assert_close(found, truth)

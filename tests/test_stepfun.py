@@ -13,6 +13,7 @@ from plnerf.rays.stepfun import (
     interpolate,
     outer_measure,
     resample_edges,
+    stratified_levels,
 )
 
 LIKE = torch.zeros(0, dtype=torch.float64)
@@ -52,7 +53,7 @@ def test_resampling_keeps_the_distribution(seed: int | None) -> None:
     s, w = histograms(6, 10, seed=0)
     n = 20_000
     generator = None if seed is None else torch.Generator().manual_seed(seed)
-    edges = resample_edges(s, w, n, generator, padding=1e-3)
+    edges = resample_edges(s, w, stratified_levels(6, n + 1, generator, s), padding=1e-3)
     assert bool((edges.diff() >= 0).all())
     share = (w + 1e-3) / (w + 1e-3).sum(-1, keepdim=True)
     for ray in range(len(s)):
@@ -62,7 +63,8 @@ def test_resampling_keeps_the_distribution(seed: int | None) -> None:
 
 def test_resampling_is_uniform_within_an_interval() -> None:
     s = torch.tensor([[0.2, 0.4, 0.8]], dtype=torch.float64)
-    edges = resample_edges(s, torch.tensor([[1.0, 0.0]], dtype=torch.float64), 1000, None, padding=0.01)
+    w = torch.tensor([[1.0, 0.0]], dtype=torch.float64)
+    edges = resample_edges(s, w, stratified_levels(1, 1001, None, s), padding=0.01)
     inside = edges[edges < 0.4]
     assert len(inside) == pytest.approx(1001 * 1.01 / 1.02, abs=1)
     torch.testing.assert_close(
@@ -72,9 +74,19 @@ def test_resampling_is_uniform_within_an_interval() -> None:
 
 def test_resampling_without_a_generator_repeats_itself() -> None:
     s, w = histograms(5, 7, seed=1)
-    assert torch.equal(resample_edges(s, w, 9, None), resample_edges(s, w, 9, None))
-    a, b = (resample_edges(s, w, 9, torch.Generator().manual_seed(seed)) for seed in (0, 1))
+
+    def resampled(generator: torch.Generator | None) -> torch.Tensor:
+        return resample_edges(s, w, stratified_levels(5, 10, generator, s))
+
+    assert torch.equal(resampled(None), resampled(None))
+    a, b = (resampled(torch.Generator().manual_seed(seed)) for seed in (0, 1))
     assert not torch.equal(a, b)
+
+
+def test_annealing_flattens_the_weights() -> None:
+    s, w = histograms(5, 7, seed=1)
+    u = stratified_levels(5, 10, None, s)
+    torch.testing.assert_close(resample_edges(s, w, u, 0.01, 0.3), resample_edges(s, w**0.3, u, 0.01))
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
@@ -84,7 +96,8 @@ def test_resampled_edges_are_increasing_and_inside_whatever_the_weights(dtype: t
     w = torch.zeros(4, 16, dtype=dtype)
     w[0, 5], w[1, :], w[2, :] = 1.0, 1e-30, 1 / 16
     for seed in range(20):
-        edges = resample_edges(s, w, 24, torch.Generator().manual_seed(seed) if seed else None)
+        u = stratified_levels(4, 25, torch.Generator().manual_seed(seed) if seed else None, s)
+        edges = resample_edges(s, w, u)
         assert edges.dtype == dtype
         assert edges.shape == (4, 25)
         assert bool((edges.diff() > 0).all())

@@ -25,9 +25,9 @@ def test_a_wrong_dtype_is_refused() -> None:
 
 def test_edges_and_weights_are_counted() -> None:
     s = torch.linspace(0, 1, 5)[None]
-    resample_edges(s, torch.ones(1, 4) / 4, 3, None)
+    resample_edges(s, torch.ones(1, 4) / 4, torch.rand(1, 3))
     with pytest.raises(jaxtyping.TypeCheckError):
-        resample_edges(s, torch.ones(1, 5) / 5, 3, None)
+        resample_edges(s, torch.ones(1, 5) / 5, torch.rand(1, 3))
 
 
 def test_the_fields_of_a_dataclass_are_checked_together() -> None:

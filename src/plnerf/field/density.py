@@ -8,7 +8,7 @@ from torch import Generator, Tensor, nn
 from plnerf.errors import ConfigError
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.dispatch import Backend, hash_mlp
 from plnerf.ops.grid import GridShape
 
 
@@ -26,12 +26,19 @@ class DensityConfig:
 
 
 class DensityField(nn.Module):
-    """Contracted positions to density."""
+    """Positions in the unit cube to density.
+
+    Positions are constants: the interlevel loss, which alone trains this field, shall not move cameras.
+    """
 
     def __init__(self, config: DensityConfig, backend: Backend, generator: Generator) -> None:
         super().__init__()
         self.grid = HashGrid(config.grid, backend, generator)
         self.network = mlp([config.grid.width, config.hidden, 1], generator)
 
-    def forward(self, contracted: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n"]:
-        return density_activation(self.network(self.grid(contracted))[..., 0])
+    def forward(self, unit: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n"]:
+        first, _, last = self.network
+        weights = (first.weight, first.bias, last.weight, last.bias)
+        grid = self.grid
+        raw = hash_mlp(unit.detach().reshape(-1, 3), grid.table, grid.shape, weights, grid.backend)
+        return density_activation(raw).reshape(unit.shape[:-1])

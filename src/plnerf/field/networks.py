@@ -9,6 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
+from plnerf.ops.dispatch import Backend, ray_mlp
+
 
 def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
     """Fully connected layers of the given widths, ReLU between them, He-uniform weights and zero biases."""
@@ -21,6 +23,26 @@ def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
             linear.bias.zero_()
         layers += [linear, nn.ReLU()]
     return nn.Sequential(*layers[:-1])
+
+
+def run_on_rays(
+    network: nn.Sequential,
+    x: Float[Tensor, "r S I"],
+    const: Float[Tensor, "r S J"],
+    shared: Float[Tensor, "r K"],
+    backend: Backend,
+) -> Float[Tensor, "r S O"]:
+    """A network of `mlp` on inputs of I + J + K numbers: x, const (no gradient), and what a ray shares.
+
+    What all samples of a ray share goes through its columns of the first layer once a ray.
+    """
+    first, *rest = (layer for layer in network if isinstance(layer, nn.Linear))
+    own = x.shape[-1] + const.shape[-1]
+    base = nn.functional.linear(shared, first.weight[:, own:], first.bias)
+    weights = [first.weight[:, :own]]
+    for layer in rest:
+        weights += [layer.weight, layer.bias]
+    return ray_mlp(x, const, base, weights, backend)
 
 
 class _DensityActivation(torch.autograd.Function):

@@ -18,9 +18,9 @@ from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
-from plnerf.field.encodings import integrated_positional_encoding, positional_encoding, spherical_harmonics
+from plnerf.field.encodings import positional_encoding, spherical_harmonics
 from plnerf.field.hashgrid import HashGrid
-from plnerf.field.networks import density_activation, mlp
+from plnerf.field.networks import density_activation, mlp, run_on_rays
 from plnerf.ops.dispatch import Backend
 from plnerf.ops.grid import GridShape
 
@@ -74,55 +74,60 @@ class RadianceField(nn.Module):
         self.config = config
         self.grid = HashGrid(config.grid, backend, generator)
         self.density_network = mlp([config.grid.width, config.hidden, 1 + config.feature], generator)
-        ipe = 6 * config.ipe_octaves if config.direction_encoding != "sh" else 0
         direction = 6 * config.direction_octaves if config.direction_encoding == "ipe" else 16
-        inputs = config.feature + ipe + direction + config.appearance
+        inputs = config.feature + 6 * self.octaves + direction + config.appearance
         self.colour_network = mlp([inputs, *[config.hidden] * config.colour_layers, 3], generator)
         self.normal_network = mlp([config.feature, 32, 3], generator) if config.normals else None
 
-    def density(self, contracted: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
+    def density(self, unit: Float[Tensor, "r S 3"]) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
         """Density in 1/length of the scene frame, and the feature vector."""
-        out = self.density_network(self.grid(contracted))
+        out = self._run(self.density_network, self.grid(unit), unit[..., :0], unit[:, 0, :0])
         return density_activation(out[..., 0]), out[..., 1:]
 
-    def log_density_gradient(self, contracted: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
-        """Gradient of the log density by contracted position: through the network, then the hash grid.
+    def log_density_gradient(self, unit: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
+        """Gradient of the log density by position in the unit cube: through the network, then the hash grid.
 
-        Differentiable by all weights, so that the losses on normals shape the density.  (The network is
-        piecewise linear: its gradient by the encoding does not depend on the encoding.)
+        Where gradients are recorded, differentiable by all weights, so that the losses on normals can shape
+        the density.  (The network is piecewise linear: its gradient by the encoding does not depend on the
+        encoding.)
         """
+        graph = torch.is_grad_enabled()
         with torch.no_grad():
-            encoded = self.grid(contracted)
+            encoded = self.grid(unit)
         with torch.enable_grad():
             encoded.requires_grad_()
             raw = self.density_network(encoded)[..., 0]
-            (g_encoded,) = torch.autograd.grad(raw.sum(), encoded, create_graph=True)
-        return self.grid.position_gradient(contracted, g_encoded)
+            (g_encoded,) = torch.autograd.grad(raw.sum(), encoded, create_graph=graph)
+        return self.grid.position_gradient(unit, g_encoded)
 
     def colour(
         self,
         feature: Float[Tensor, "r S G"],
-        mean: Float[Tensor, "r S 3"],
-        variance: Float[Tensor, "r S 3"],
+        ipe: Float[Tensor, "r S e"],
         directions: Float[Tensor, "r 3"],
         appearance: Float[Tensor, "r A"],
     ) -> Float[Tensor, "r S 3"]:
-        """Colour in [0, 1] of contracted frustums (mean, variance) seen along unit directions."""
-        config, parts = self.config, [feature]
-        if config.direction_encoding != "sh":
-            parts.append(integrated_positional_encoding(mean, variance, config.ipe_octaves))
-        if config.direction_encoding == "ipe":
-            view = positional_encoding(directions, config.direction_octaves)
+        """Colour in [0, 1] of frustums, of which `ipe` (of `octaves` octaves), seen along unit directions."""
+        if self.config.direction_encoding == "ipe":
+            view = positional_encoding(directions, self.config.direction_octaves)
         else:
             view = spherical_harmonics(directions)
-        per_ray = torch.cat([view, appearance], -1)
-        parts.append(per_ray[:, None].expand(-1, feature.shape[1], -1))
-        return torch.sigmoid(self.colour_network(torch.cat(parts, -1)))
+        shared = torch.cat([view, appearance], -1)
+        return torch.sigmoid(self._run(self.colour_network, feature, ipe, shared))
 
-    def predicted_normals(self, feature: Float[Tensor, "*n G"]) -> Float[Tensor, "*n 3"]:
+    @property
+    def octaves(self) -> int:
+        """Octaves of the frustums' IPE that the colour network takes in."""
+        return self.config.ipe_octaves if self.config.direction_encoding != "sh" else 0
+
+    def predicted_normals(self, feature: Float[Tensor, "r S G"]) -> Float[Tensor, "r S 3"]:
         """Unit normals in the scene frame, as the network predicts them; ConfigError without normals."""
         if self.normal_network is None:
             raise ConfigError(
                 "This field was built with normals=False: it predicts none. Train with field.normals=true."
             )
-        return nn.functional.normalize(self.normal_network(feature), dim=-1)
+        out = self._run(self.normal_network, feature, feature[..., :0], feature[:, 0, :0])
+        return nn.functional.normalize(out, dim=-1)
+
+    def _run(self, network: nn.Sequential, x: Tensor, const: Tensor, shared: Tensor) -> Tensor:
+        return run_on_rays(network, x, const, shared, self.grid.backend)

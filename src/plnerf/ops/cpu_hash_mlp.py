@@ -18,14 +18,14 @@ from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_hash import _add_table_gradient as add_table_gradient, _adds_in_place as adds_in_place, _array as array, _parts as parts
+from plnerf.ops.cpu_arrays import FAST, array, adds_in_place, parts
+from plnerf.ops.cpu_hash import add_table_gradient
 from plnerf.ops.grid import HASH_PRIMES, GridShape
 
 BLOCK = 64  # points; the largest scratch, 16 x 64 floats, fills an eighth of the first-level cache
 SLABS = 16
 _PRIME_Y, _PRIME_Z = (np.uint32(prime) for prime in HASH_PRIMES[1:])
-_FAST = {"contract", "nsz", "arcp"}
-_SUMS = _FAST | {"reassoc"}  # lets LLVM add a block's terms in vectors; the order is still a fixed one
+_SUMS = FAST | {"reassoc"}  # lets LLVM add a block's terms in vectors; the order is still a fixed one
 
 
 class _Kernels(NamedTuple):
@@ -38,7 +38,7 @@ class _Kernels(NamedTuple):
 def _kernels(features: int, hidden: int, cubic: bool) -> _Kernels:
     F, H = features, hidden
 
-    @njit(inline="always", fastmath=_FAST)
+    @njit(inline="always", fastmath=FAST)
     def encode_level(x, first, count, table, level, cells, start, dense, mask, enc):
         # Points first to first + count at one level: F rows of enc.
         real = x.dtype.type
@@ -78,7 +78,7 @@ def _kernels(features: int, hidden: int, cubic: bool) -> _Kernels:
                     + s3 * ((one - u) * table[r6, f] + u * table[r7, f])
                 )
 
-    @njit(parallel=True, cache=True, fastmath=_FAST)
+    @njit(parallel=True, cache=True, fastmath=FAST)
     def forward(x, table, layout, w1, b1, w2, b2, encoded, out, parts):
         points, levels, blocks, real = x.shape[0], layout.shape[0], encoded.shape[0], x.dtype.type
         for part in prange(parts):

@@ -21,15 +21,14 @@ from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_hash import _array as array
+from plnerf.ops.cpu_arrays import FAST, array
 
 BLOCK = 64
 SLABS = 16
-_FAST = {"contract", "nsz", "arcp"}
-_SUMS = _FAST | {"reassoc"}  # lets LLVM add a block's terms in vectors; the order is still a fixed one
+_SUMS = FAST | {"reassoc"}  # lets LLVM add a block's terms in vectors; the order is still a fixed one
 
 
-@njit(cache=True, fastmath=_FAST)
+@njit(cache=True, fastmath=FAST)
 @no_type_check
 def _add_product(w, inputs, x, x_from, y, y_from, outputs):
     """y += w x for some tiles of inputs and outputs: 16 multiply-adds of vectors for 8 loads and 4 stores."""
@@ -114,7 +113,7 @@ def _slab(slab, rays):
     return rays * slab // SLABS, rays * (slab + 1) // SLABS
 
 
-@njit(parallel=True, cache=True, fastmath=_FAST)
+@njit(parallel=True, cache=True, fastmath=FAST)
 @no_type_check
 def _forward(x, const, base, samples, sizes, weights, biases, hidden, firsts, out):  # noqa: PLR0913 (no structs here)
     """hidden (blocks, tiles, 4, B): what the layers put out, kept for the backward; `firsts` each slab's
@@ -163,7 +162,7 @@ def _forward(x, const, base, samples, sizes, weights, biases, hidden, firsts, ou
                     out[first + p, o] = y[o >> 2, o & 3, p]
 
 
-@njit(parallel=True, cache=True, fastmath=_FAST)
+@njit(parallel=True, cache=True, fastmath=FAST)
 @no_type_check
 def _backward(  # noqa: PLR0913 (a kernel has no structs)
     x, const, samples, sizes, transposed, hidden, firsts, g_out, g_x, g_base, g_weights, g_biases
@@ -264,8 +263,6 @@ class _RayMLP(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        if ctx.needs_input_grad[1]:
-            raise NotImplementedError("ray_mlp has no gradient by its constant inputs.")
         x, const, base, hidden, *params = ctx.saved_tensors
         matrices, sizes = [array(w) for w in (params[0], *params[1::2])], ctx.sizes
         # Each layer's tiles transposed, the layers in their order.
@@ -296,6 +293,8 @@ def ray_mlp(
     base: Float[Tensor, "r H"],
     weights: Sequence[Tensor],
 ) -> Float[Tensor, "r S O"]:
-    """Twin of `reference.ray_mlp`.  NotImplementedError where `const` needs a gradient."""
+    """Twin of `reference.ray_mlp`; the gradient by `const` is left out unless it is asked for."""
+    if const.requires_grad:
+        x, const = torch.cat([x, const], -1), const[..., :0]
     out: Tensor = _RayMLP.apply(x, const, base, *weights)
     return out

@@ -2,6 +2,7 @@
 
 import os
 import warnings
+from collections.abc import Sequence
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Literal
@@ -83,6 +84,36 @@ def hash_position_gradient(
     """Gradient of <g_out, hash_encode(x)> with respect to x; see `reference.hash_position_gradient`."""
     g_x: Tensor = _twin(backend).hash_position_gradient(x, g_out, table, grid)
     return g_x
+
+
+def hash_mlp(
+    x: Float[Tensor, "n 3"],
+    table: Float[Tensor, "rows F"],
+    grid: GridShape,
+    weights: tuple[Tensor, Tensor, Tensor, Tensor],
+    backend: Backend,
+) -> Float[Tensor, " n"]:
+    """A hash encoding and a network of one hidden layer on top; see `reference.hash_mlp`."""
+    if backend == "numba":
+        from plnerf.ops import cpu_hash_mlp
+
+        return cpu_hash_mlp.hash_mlp(x, table, grid, weights)
+    return reference.mlp_on(_twin(backend).hash_encode(x, table, grid), weights)
+
+
+def ray_mlp(
+    x: Float[Tensor, "r S I"],
+    const: Float[Tensor, "r S J"],
+    base: Float[Tensor, "r H"],
+    weights: Sequence[Tensor],
+    backend: Backend,
+) -> Float[Tensor, "r S O"]:
+    """A network on the samples of rays; see `reference.ray_mlp`.  On a GPU plain torch is what is fast."""
+    if backend == "numba":
+        from plnerf.ops import cpu_mlp
+
+        return cpu_mlp.ray_mlp(x, const, base, weights)
+    return reference.ray_mlp(x, const, base, weights)
 
 
 def _twin(backend: Backend) -> ModuleType:

@@ -77,9 +77,15 @@ def hash_mlp(
 
     weights: w1 (hidden, L F), b1 (hidden,), w2 (1, hidden), b2 (1,).
     """
+    return mlp_on(hash_encode(x, table, grid), weights)
+
+
+def mlp_on(
+    encoded: Float[Tensor, "n LF"], weights: tuple[Tensor, Tensor, Tensor, Tensor]
+) -> Float[Tensor, " n"]:
+    """The network of `hash_mlp` on what is encoded already."""
     w1, b1, w2, b2 = weights
-    hidden = torch.relu(hash_encode(x, table, grid) @ w1.T + b1)
-    return (hidden @ w2.T + b2)[:, 0]
+    return (torch.relu(encoded @ w1.T + b1) @ w2.T + b2)[:, 0]
 
 
 def ray_mlp(
@@ -90,7 +96,7 @@ def ray_mlp(
 ) -> Float[Tensor, "r S O"]:
     """A network of ReLU layers on the samples of rays, whose first bias differs from ray to ray.
 
-    Inputs of a sample are x and const side by side, the latter without gradient; what all samples of a ray
+    Inputs of a sample are x and const side by side, the latter mostly without gradient; what all samples of a ray
     share (direction, appearance) has gone through its part of the first layer already, into `base`.
     weights: w1 (H, I + J), then w and b of every further layer; no activation after the last one.
     """

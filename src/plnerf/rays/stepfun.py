@@ -23,29 +23,34 @@ def even_edges(
     return (edges + jitter / intervals).clamp(0, 1)
 
 
+def stratified_levels(
+    rays: int, count: int, generator: Generator | None, like: Float[Tensor, "..."]
+) -> Float[Tensor, "{rays} {count}"]:
+    """Levels in [0, 1] of a distribution function, one in each of `count` strata: its middle, or with a
+    generator a random place in it.
+    """
+    if generator is None:
+        middles = (torch.arange(count, dtype=like.dtype, device=like.device) + 0.5) / count
+        return middles.expand(rays, -1).contiguous()
+    jitter = torch.rand(rays, count, generator=generator, dtype=like.dtype, device=like.device)
+    return (torch.arange(count, dtype=like.dtype, device=like.device) + jitter) / count
+
+
 def resample_edges(
     s: Float[Tensor, "r E"],
     w: Float[Tensor, "r E-1"],
-    intervals: int,
-    generator: Generator | None,
+    u: Float[Tensor, "r n"],
     padding: float = 1e-5,
-) -> Float[Tensor, "r {intervals}+1"]:
-    """Edges of `intervals` intervals of equal probability, by inverse transform sampling of the histogram w.
+    anneal: float | Tensor = 1.0,
+) -> Float[Tensor, "r n"]:
+    """Edges at levels u of the distribution function of the histogram w^anneal: inverse transform sampling.
 
-    NeRF 2020, section 5.2.  With a generator the levels of the distribution function are jittered, one a
-    stratum.  Every interval is given `padding` > 0 of weight on top, so that no place is lost for good and
-    0/0 cannot arise.
+    NeRF 2020, section 5.2.  Levels increase along a ray.  Every interval is given `padding` > 0 of weight on
+    top, so that no place is lost for good and 0/0 cannot arise.
     """
-    padded = w + padding
+    padded = w.pow(anneal) + padding
     cdf = torch.nn.functional.pad(padded.cumsum(-1), (1, 0))
-    cdf = cdf / cdf[..., -1:]
-    count = intervals + 1
-    if generator is None:
-        u = ((torch.arange(count, dtype=s.dtype, device=s.device) + 0.5) / count).expand(s.shape[0], -1)
-    else:
-        jitter = torch.rand(s.shape[0], count, generator=generator, dtype=s.dtype, device=s.device)
-        u = (torch.arange(count, dtype=s.dtype, device=s.device) + jitter) / count
-    return interpolate(u.contiguous(), cdf, s)
+    return interpolate(u, cdf / cdf[..., -1:], s)
 
 
 def interpolate(

@@ -20,17 +20,12 @@ from plnerf.field.density import DensityConfig, DensityField
 from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
-from plnerf.rays.contraction import clamp_frustums, contract, contract_frustums, pull_back
-from plnerf.rays.frustums import Frustums, ray_frustums
+from plnerf.rays.contraction import contract, pull_back
+from plnerf.rays.frustums import ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
-from plnerf.render.volume import (
-    accumulation,
-    composite,
-    expected_depth,
-    median_depth,
-    weights_from_density,
-)
+from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
+from plnerf.render.volume import composite
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,7 @@ class PLNeRF(nn.Module):
 
     def __init__(self, config: ModelConfig, images: int, backend: Backend, generator: Generator) -> None:
         super().__init__()
-        self.config = config
+        self.config, self.backend = config, backend
         self.field = RadianceField(config.field, backend, generator)
         self.proposals = nn.ModuleList(
             DensityField(proposal, backend, generator) for proposal in config.proposals
@@ -100,35 +95,37 @@ class PLNeRF(nn.Module):
         rays: Rays,
         *,
         appearance: Float[Tensor, "r A"],
-        anneal: float = 1.0,
+        anneal: float | Tensor = 1.0,
         generator: Generator | None = None,
-        normal_rays: int = 0,
         normals: bool = False,
+        normal_rays: int = 0,
+        normals_shape_density: bool = True,
     ) -> RenderedRays:
         """Render rays.  With a generator the samples are jittered; `normals` renders the predicted normals;
-        the first `normal_rays` rays return their samples' normals for the losses."""
-        densities = [partial(self._proposal_density, field) for field in self.proposals]
-        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator)
-        t = to_distance(s, self.config.sampler)
-        frustums = ray_frustums(rays, t)
-        mean, variance = self._contracted(frustums)
-        density, feature = self.field.density(mean)
-        w = weights_from_density(density, t)
-        colours = self.field.colour(feature, mean, variance, rays.directions, appearance)
-        total = accumulation(w)
-        # What lies behind the last interval takes its colour (nerfacto's "last sample"): the sky needs no
-        # density.
-        colour = composite(w, colours) + (1 - total)[:, None] * colours[:, -1]
+        the first `normal_rays` rays return their samples' normals for the losses, those of the density with
+        a graph only if they shall shape it."""
+        # Poses are refined through the geometry, of which only the truths have a gradient.
+        ops = TORCH if rays.origins.requires_grad else ray_ops(self.backend)
+        densities = [partial(self._proposal_density, ops, field) for field in self.proposals]
+        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator, ops)
+        t = to_distance(s, self.config.sampler, ops)
+        unit, ipe = self._features(ops, rays, t, self.field.octaves)
+        density, feature = self.field.density(unit)
+        colours = self.field.colour(feature, ipe, rays.directions, appearance)
+        seen = ops.render_rays(density, t, colours)
         normal_samples = None
         if q := normal_rays:
-            normal_samples = self._normal_samples(frustums.mean[:q], feature[:q], w[:q], rays.directions[:q])
+            with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
+                from_density = self._density_normals(rays[:q], t[:q])
+            predicted = self.field.predicted_normals(feature[:q])
+            normal_samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
         return RenderedRays(
-            colour=colour,
-            accumulation=total,
-            depth=expected_depth(w.detach(), t),
-            depth_median=median_depth(w.detach(), t),
-            normals=composite(w, self.field.predicted_normals(feature)) if normals else None,
-            histograms=(*history, Histogram(s, w)),
+            colour=seen.colour,
+            accumulation=seen.accumulation,
+            depth=seen.depth,
+            depth_median=seen.depth_median,
+            normals=composite(seen.w, self.field.predicted_normals(feature)) if normals else None,
+            histograms=(*history, Histogram(s, seen.w)),
             normal_samples=normal_samples,
         )
 
@@ -136,34 +133,32 @@ class PLNeRF(nn.Module):
         """The mean vector of some images, for views that have none of their own."""
         return self.appearance[images].mean(0).expand(rays, -1)
 
-    def _contracted(self, frustums: Frustums) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
-        bound = contract_frustums if self.config.contraction else clamp_frustums
-        return bound(frustums, self.config.stretch)
+    def _features(
+        self, ops: RayOps, rays: Rays, t: Float[Tensor, "r E"], octaves: int
+    ) -> tuple[Float[Tensor, "r E-1 3"], Float[Tensor, "r E-1 e"]]:
+        """Where the frustums between the edges lie in the unit cube, and their IPE."""
+        return ops.frustum_features(rays, t, self.config.stretch, self.config.contraction, octaves)
 
     def _proposal_density(
-        self, field: nn.Module, rays: Rays, t: Float[Tensor, "r E"]
+        self, ops: RayOps, field: nn.Module, rays: Rays, t: Float[Tensor, "r E"]
     ) -> Float[Tensor, "r E-1"]:
-        density: Tensor = field(self._bounded(ray_frustums(rays, t).mean))
+        density: Tensor = field(self._features(ops, rays, t, 0)[0])
         return density
 
-    def _bounded(self, position: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
-        """Positions in the cube, where only they are needed and not the frustums' extent."""
-        stretched = position * position.new_tensor(self.config.stretch)
-        return contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
-
-    def _normal_samples(self, mean: Tensor, feature: Tensor, w: Tensor, directions: Tensor) -> NormalSamples:
-        """Normals as the density says, n = -grad sigma / |grad sigma|, and as predicted.  Ref-NeRF eq. 3.
+    def _density_normals(self, rays: Rays, t: Float[Tensor, "q E"]) -> Float[Tensor, "q E-1 3"]:
+        """Normals as the density says, n = -grad sigma / |grad sigma|.  Ref-NeRF eq. 3.
 
         The log density has a gradient of the same direction, without the range of exp.
         """
-        mean = mean.detach()
+        mean = ray_frustums(rays, t).mean.detach()
         stretch = mean.new_tensor(self.config.stretch)
         stretched = mean * stretch
-        gradient = self.field.log_density_gradient(self._bounded(mean))
+        bounded = contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
+        gradient = self.field.log_density_gradient((bounded + 2) / 4)
         if self.config.contraction:
             gradient = pull_back(gradient, stretched)
         else:
             gradient = gradient * (stretched.abs() <= 2)  # clamped: nothing changes beyond
-        gradient = gradient * stretch
+        gradient = gradient * stretch / 4
         length = (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()
-        return NormalSamples(w, -gradient / length, self.field.predicted_normals(feature), directions)
+        return -gradient / length

@@ -7,14 +7,13 @@ samples are even: linear in t up to the knee, in 1/t beyond, half of the range t
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import Rays
-from plnerf.rays.stepfun import even_edges, resample_edges
-from plnerf.render.volume import weights_from_density
+from plnerf.rays.stepfun import even_edges, stratified_levels
+from plnerf.render.ray_ops import TORCH, RayOps
 
 
 @dataclass(frozen=True)
@@ -59,24 +58,18 @@ class Histogram:
     w: Float[Tensor, "r E-1"]
 
 
-def _warp(t: float, knee: float) -> float:
-    return t / (2 * knee) if t < knee else 1 - knee / (2 * t)
-
-
-def to_distance(s: Float[Tensor, "*n"], config: SamplerConfig) -> Float[Tensor, "*n"]:
+def to_distance(s: Float[Tensor, "*n"], config: SamplerConfig, ops: RayOps = TORCH) -> Float[Tensor, "*n"]:
     """Distance t of warped distance s: near at 0, far at 1."""
-    low, high = _warp(config.near, config.knee), _warp(config.far, config.knee)
-    g = low + s * (high - low)
-    rest = (1 - high) + (1 - s) * (high - low)  # 1 - g, without cancellation at the far end
-    return torch.where(g < 0.5, 2 * config.knee * g, config.knee / (2 * rest))
+    return ops.to_distance(s, config.near, config.far, config.knee)
 
 
-def sample_along_rays(
+def sample_along_rays(  # noqa: PLR0913 (the ops have a default)
     rays: Rays,
     densities: Sequence[Callable[[Rays, Tensor], Tensor]],
     config: SamplerConfig,
-    anneal: float,
+    anneal: float | Tensor,
     generator: Generator | None,
+    ops: RayOps = TORCH,
 ) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...]]:
     """Edges s of the final intervals, and the histograms of the proposal rounds that led to them.
 
@@ -88,8 +81,9 @@ def sample_along_rays(
     first, *rounds = *config.proposals, config.final
     s = even_edges(len(rays), first, generator, rays.origins)
     for density, intervals in zip(densities, rounds, strict=True):
-        t = to_distance(s, config)
-        w = weights_from_density(density(rays, t), t)
+        t = to_distance(s, config, ops)
+        w = ops.weights_from_density(density(rays, t), t)
         history.append(Histogram(s, w))
-        s = resample_edges(s, w.detach().pow(anneal), intervals, generator, config.padding)
+        u = stratified_levels(len(rays), intervals + 1, generator, s)
+        s = ops.resample_edges(s, w.detach(), u, config.padding, anneal)
     return s, tuple(history)

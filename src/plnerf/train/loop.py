@@ -16,6 +16,7 @@ from torch import Tensor
 from plnerf.errors import TrainingError
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.model import PLNeRF
+from plnerf.render.ray_ops import ray_ops
 from plnerf.scene.scene import Scene
 from plnerf.train.checkpoint import (
     drop_old_checkpoints,
@@ -73,9 +74,10 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
                 anneal=anneal(step, cfg.anneal_steps),
                 generator=generator,
                 normal_rays=cfg.normal_rays if config.model.field.normals else 0,
+                normals_shape_density=cfg.loss.normals_shape_density,
             )
             colour, importance = batch.colour.to(device), batch.importance.to(device)
-            terms = loss_terms(out, colour, importance, cfg.loss)
+            terms = loss_terms(out, colour, importance, cfg.loss, ray_ops(config.backend))
             total = torch.stack(list(terms.values())).sum()
             if not math.isfinite(total.item()):
                 raise TrainingError(_not_finite(step, terms, checkpoints))

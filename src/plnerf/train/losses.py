@@ -10,8 +10,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.rays.stepfun import distortion_loss, interlevel_loss
 from plnerf.render.model import NormalSamples, RenderedRays
+from plnerf.render.ray_ops import TORCH, RayOps
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,7 @@ def loss_terms(
     colour: Float[Tensor, "r 3"],
     importance: Float[Tensor, " r"],
     weights: LossWeights,
+    ops: RayOps = TORCH,
 ) -> dict[str, Tensor]:
     """Weighted terms by name; their sum is what is minimised.
 
@@ -54,11 +55,11 @@ def loss_terms(
     final = out.histograms[-1]
     terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
     terms["interlevel"] = sum(
-        (interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in out.histograms[:-1]),
+        (ops.interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in out.histograms[:-1]),
         torch.zeros(()),
     )
     if weights.distortion:
-        terms["distortion"] = (importance * distortion_loss(final.s, final.w)).mean()
+        terms["distortion"] = (importance * ops.distortion_loss(final.s, final.w)).mean()
     if out.normal_samples is not None:
         samples = out.normal_samples
         if not weights.normals_shape_density:

@@ -1,0 +1,117 @@
+"""What a backend does to rays, as one value: the torch truths, or their fused twins for a CPU.
+
+Plain torch makes a pass over memory for every operation in an equation; for the few thousand samples of a
+step these passes, not the arithmetic, are what takes the time.  The equations stay where they are
+(`rays/`, `field/encodings.py`, `render/volume.py`); here they are put together to what the model asks for.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from plnerf.field.encodings import integrated_positional_encoding
+from plnerf.ops.dispatch import Backend
+from plnerf.rays.contraction import clamp_frustums, contract_frustums
+from plnerf.rays.frustums import ray_frustums
+from plnerf.rays.rays import Rays
+from plnerf.rays.stepfun import distortion_loss, interlevel_loss, resample_edges
+from plnerf.rays.warp import to_distance
+from plnerf.render.volume import (
+    accumulation,
+    composite,
+    expected_depth,
+    median_depth,
+    weights_from_density,
+)
+
+
+class Rendered(NamedTuple):
+    """What r rays with S intervals see."""
+
+    w: Float[Tensor, "r S"]
+    colour: Float[Tensor, "r 3"]
+    accumulation: Float[Tensor, " r"]
+    depth: Float[Tensor, " r"]
+    """Expected, a constant."""
+    depth_median: Float[Tensor, " r"]
+    """A constant."""
+
+
+class RayOps(NamedTuple):
+    """Functions on rays; see the truths below and in `TORCH` for what each one does."""
+
+    to_distance: Callable[[Tensor, float, float, float], Tensor]
+    frustum_features: Callable[[Rays, Tensor, tuple[float, float, float], bool, int], tuple[Tensor, Tensor]]
+    weights_from_density: Callable[[Tensor, Tensor], Tensor]
+    resample_edges: Callable[[Tensor, Tensor, Tensor, float, float | Tensor], Tensor]
+    render_rays: Callable[[Tensor, Tensor, Tensor], Rendered]
+    interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+    distortion_loss: Callable[[Tensor, Tensor], Tensor]
+
+
+def frustum_features(
+    rays: Rays, t: Float[Tensor, "r E"], stretch: tuple[float, float, float], contraction: bool, octaves: int
+) -> tuple[Float[Tensor, "r E-1 3"], Float[Tensor, "r E-1 e"]]:
+    """Frustums between the edges t: their means in the unit cube, and their IPE; e = 6 octaves.
+
+    Contracted, or clamped to [-2, 2]^3; the cube [-2, 2]^3 becomes [0, 1]^3 for the hash grids.
+    """
+    bound = contract_frustums if contraction else clamp_frustums
+    mean, variance = bound(ray_frustums(rays, t), stretch)
+    return (mean + 2) / 4, integrated_positional_encoding(mean, variance, octaves)
+
+
+def render_rays(
+    density: Float[Tensor, "r S"], t: Float[Tensor, "r S+1"], colours: Float[Tensor, "r S 3"]
+) -> Rendered:
+    """The rendering sum.  What lies behind the last interval takes its colour (nerfacto's "last sample"):
+    the sky needs no density.
+    """
+    w = weights_from_density(density, t)
+    total = accumulation(w)
+    colour = composite(w, colours) + (1 - total)[:, None] * colours[:, -1]
+    still = w.detach()
+    return Rendered(w, colour, total, expected_depth(still, t), median_depth(still, t))
+
+
+TORCH = RayOps(
+    to_distance,
+    frustum_features,
+    weights_from_density,
+    resample_edges,
+    render_rays,
+    interlevel_loss,
+    distortion_loss,
+)
+
+
+@cache
+def ray_ops(backend: Backend) -> RayOps:
+    """The functions of a backend: fused for a CPU; plain torch elsewhere, where CUDA graphs replay it."""
+    if backend != "numba":
+        return TORCH
+    from plnerf.ops import cpu_rays, cpu_stepfun, cpu_volume  # Numba takes time to import
+
+    def features(
+        rays: Rays, t: Tensor, stretch: tuple[float, float, float], contraction: bool, octaves: int
+    ) -> tuple[Tensor, Tensor]:
+        return cpu_rays.frustum_features(
+            rays.origins, rays.directions, rays.radius, t, stretch, contraction, octaves
+        )
+
+    def rendered(density: Tensor, t: Tensor, colours: Tensor) -> Rendered:
+        return Rendered(*cpu_volume.render_rays(density, t, colours))
+
+    return RayOps(
+        cpu_rays.to_distance,
+        features,
+        cpu_volume.weights_from_density,
+        cpu_stepfun.resample_edges,
+        rendered,
+        cpu_stepfun.interlevel_loss,
+        cpu_stepfun.distortion_loss,
+    )
