@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 import numpy_reference
-from plnerf.ops import cpu_hash, reference
+from plnerf.ops import cpu_arrays, cpu_hash, cpu_hash_normals, reference
 from plnerf.ops.grid import GridShape
 
 Encode = Callable[[Tensor, Tensor, GridShape], Tensor]
@@ -183,7 +183,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
             (numba.config.NUMBA_NUM_THREADS, 7),
         ]:
             numba.set_num_threads(threads)
-            monkeypatch.setattr(cpu_hash, "_parts", lambda parts=parts: parts)
+            monkeypatch.setattr(cpu_arrays, "parts", lambda parts=parts: parts)
             runs.append(derivatives(cpu_hash.hash_encode, grid, *inputs))
     finally:
         numba.set_num_threads(before)
@@ -195,7 +195,7 @@ def test_strided_inputs_agree_and_compile_nothing_new() -> None:
     grid = make_grid(2, "cubic")
     x, table, cotangent = make_inputs(grid, 100, torch.float32)
     plain = derivatives(cpu_hash.hash_encode, grid, x, table, cotangent)
-    kernels = cpu_hash._kernels(2, True)
+    kernels = [*cpu_hash._kernels(2), *cpu_hash_normals._kernels(2)]
     compiled = [len(kernel.signatures) for kernel in kernels]
     strided = [value.t().contiguous().t() for value in (x, table, cotangent)]
     assert not any(value.is_contiguous() for value in strided)
