@@ -8,16 +8,13 @@ frame.  Pixel coordinates have their origin at the image's top-left corner; the 
 import math
 from dataclasses import dataclass
 
-import cv2
-import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from plnerf.ops.dispatch import Backend
+from plnerf.rays.lens import undistort_plane
 from plnerf.scene.cameras import Cameras
-
-# Newton-like iterations of OpenCV's undistortion: enough for 1e-6 px at the corners of a wide lens.
-_UNDISTORT = (cv2.TERM_CRITERIA_MAX_ITER | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 
 
 @dataclass(frozen=True)
@@ -42,8 +39,12 @@ class Rays:
         )
 
 
-def pixel_rays(cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"]) -> Rays:
+def pixel_rays(
+    cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"], backend: Backend = "torch"
+) -> Rays:
     """Rays through pixel positions of cameras, lens distortion taken out (no image is resampled)."""
+    if backend == "numba":
+        return Rays(*_cast_on_cpu(cameras, camera, pixel_px), camera)
     focal = cameras.focal_px[camera]
     plane = undistort(cameras, camera, pixel_px)
     direction = torch.cat([plane, torch.ones_like(plane[:, :1])], -1)
@@ -57,16 +58,18 @@ def pixel_rays(cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tens
 def undistort(
     cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"]
 ) -> Float[Tensor, "r 2"]:
-    """Points on the camera's plane z = 1 that the lens (OPENCV: k1 k2 p1 p2 k3) maps to the given pixels."""
+    """Points on the camera's plane z = 1 that the lens (OPENCV: k1 k2 p1 p2 k3) maps to the given pixels.
+
+    To 1e-6 px where the lens is invertible; see `lens.undistort_plane` for where it is not.
+    """
     plane = (pixel_px - cameras.principal_px[camera]) / cameras.focal_px[camera]
-    if not bool(cameras.distortion.any()):
-        return plane
-    identity = np.eye(3)
-    plane_np = plane.double().numpy()
-    camera_np = camera.numpy()
-    for index in np.unique(camera_np):
-        mine = camera_np == index
-        distortion = cameras.distortion[index].double().numpy()
-        points = cv2.undistortPoints(plane_np[mine][:, None], identity, distortion, criteria=_UNDISTORT)
-        plane_np[mine] = points[:, 0]
-    return torch.from_numpy(plane_np).to(plane)
+    return undistort_plane(plane, cameras.distortion[camera]) if cameras.distorted else plane
+
+
+def _cast_on_cpu(cameras: Cameras, camera: Tensor, pixel_px: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    from plnerf.ops.cpu_lens import cast_rays  # Numba takes time to import: only where it is used
+
+    return cast_rays(
+        cameras.R_scene_camera, cameras.centre, cameras.focal_px, cameras.principal_px, cameras.distortion,
+        camera, pixel_px,
+    )  # fmt: skip

@@ -6,6 +6,7 @@ changes here: ``transforms.py`` does that.
 """
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import torch
 from jaxtyping import Float, Int
@@ -28,6 +29,11 @@ class Cameras:
     """k1 k2 p1 p2 k3, of OpenCV's model; they act on z = 1 coordinates, so no resolution enters."""
     size_px: Int[Tensor, "n 2"]
     """Width and height at the training resolution, int64."""
+
+    @cached_property
+    def distorted(self) -> bool:
+        """Whether any lens distorts.  Asked of the device once, so that no training step waits for it."""
+        return bool(self.distortion.any())
 
     def __len__(self) -> int:
         return self.centre.shape[0]
