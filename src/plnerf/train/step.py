@@ -1,0 +1,76 @@
+"""One training step: cast the rays of a batch, render them, weigh the losses, step the optimiser.
+
+The same on a CPU and on a GPU.  Nothing in it waits for the device or copies to it, so that a CUDA graph can
+hold it (`graph.py`): all that changes from step to step comes in tensors.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor
+from torch.optim import Optimizer
+
+from plnerf.rays.rays import pixel_rays
+from plnerf.render.model import PLNeRF
+from plnerf.render.ray_ops import ray_ops
+from plnerf.scene.cameras import Cameras
+from plnerf.train.config import TrainConfig
+from plnerf.train.losses import loss_terms
+from plnerf.train.pixels import PixelBatch
+
+
+class Finite:
+    """How many steps had a finite loss before the first that had not; the device counts, asking waits."""
+
+    def __init__(self, device: torch.device) -> None:
+        self._all_so_far = torch.ones((), dtype=torch.bool, device=device)
+        self._count = torch.zeros((), dtype=torch.int64, device=device)
+
+    def add(self, total: Float[Tensor, ""]) -> None:
+        """Notes the loss of one more step."""
+        self._all_so_far.logical_and_(total.isfinite())
+        self._count.add_(self._all_so_far)
+
+    def count(self) -> int:
+        """Steps with a finite loss before the first without one."""
+        return int(self._count.item())
+
+
+@dataclass(frozen=True)
+class Training:
+    """What is trained, and how; all on one device."""
+
+    model: PLNeRF
+    optimizer: Optimizer
+    cameras: Cameras
+    config: TrainConfig
+    finite: Finite
+
+    def step(
+        self,
+        batch: PixelBatch,
+        anneal: float | Float[Tensor, ""],
+        generator: Generator,
+        refine_poses: bool = False,
+    ) -> dict[str, Tensor]:
+        """One step; returns the weighted loss terms.  `anneal` as in `proposals.sample_along_rays`."""
+        config, backend = self.config, self.model.backend
+        rays = pixel_rays(self.cameras, batch.camera, batch.pixel_px, backend)
+        if refine_poses:
+            rays = self.model.poses(rays)
+        out = self.model(
+            rays,
+            appearance=self.model.appearance[rays.camera],
+            anneal=anneal,
+            generator=generator,
+            normal_rays=config.normal_rays if self.model.config.field.normals else 0,
+            normals_shape_density=config.loss.normals_shape_density,
+        )
+        terms = loss_terms(out, batch.colour, batch.importance, config.loss, ray_ops(backend))
+        total = torch.stack(list(terms.values())).sum()
+        self.finite.add(total.detach())
+        self.optimizer.zero_grad(set_to_none=False)  # the ops add to the gradients in place
+        total.backward()
+        self.optimizer.step()
+        return {name: term.detach() for name, term in terms.items()}
