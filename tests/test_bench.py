@@ -15,8 +15,18 @@ from rich.console import Console
 from torch import Tensor
 from torch.autograd.profiler_util import FunctionEvent
 
-from plnerf.bench import breakdown, cases, ceilings, machine, ops_suite, render_suite, suites, train_suite
-from plnerf.bench.cases import OpCase, Work
+from plnerf.bench import (
+    breakdown,
+    cases,
+    ceilings,
+    hash_cases,
+    machine,
+    ops_suite,
+    render_suite,
+    suites,
+    train_suite,
+)
+from plnerf.bench.case import OpCase, Work
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.tables import Table, figure
 from plnerf.bench.timing import PairedTimes, alternate
@@ -137,10 +147,25 @@ def test_shares_are_work_over_time_over_the_ceiling(tiny_ceilings: ceilings.Ceil
     assert ops_suite.shares_of(work, 2.0, tiny_ceilings, None).random is None
 
 
+def test_every_op_of_a_step_is_a_case_and_agrees(tiny_ceilings: ceilings.Ceilings) -> None:
+    """The shapes of tests; each twin's name once, each with its work counted."""
+    found = cases.op_cases("numba", small=True)
+    assert len({case.name for case in found}) == len(found) >= 10
+    for case in found:
+        truth, twin = (ops_suite._Run(case, op, CPU, 0) for op in (case.truth, case.twin))
+        passes = truth.sample(), twin.sample()
+        assert len(passes[0]) == len(passes[1]) == 1 + (case.backward is not None)
+        for a, b in zip(truth.values(), twin.values(), strict=True):
+            assert ops_suite.difference(b, a) < case.tolerance, case.name
+        for work in (case.forward, case.backward):
+            assert work is None or (work.bytes_moved > 0 and work.flops > 0)
+            assert work is None or (work.lines > 0) == (case.table_bytes > 0)
+
+
 def test_lines_are_those_that_the_eight_corners_touch() -> None:
     """By brute force over sets; never fewer than one and never more than eight a level."""
     grid = GridShape(3, 4, 32, 4, 9)
-    points = cases.random_points(40)
+    points = hash_cases.random_points(40)
     expected = 0
     for level, cells in enumerate(grid.resolutions):
         for point in points:
@@ -148,12 +173,12 @@ def test_lines_are_those_that_the_eight_corners_touch() -> None:
             corners = [cell + torch.tensor([c & 1, c >> 1 & 1, c >> 2]) for c in range(8)]
             rows = [int(reference.vertex_row(corner, level, grid)) for corner in corners]
             expected += len({row * 16 // 64 for row in rows})
-    assert cases.lines_of_points(points, grid) == expected
+    assert hash_cases.lines_of_points(points, grid) == expected
     assert 40 * 3 <= expected <= 40 * 3 * 8
 
 
 def test_points_along_rays_lie_in_the_cube_and_on_lines() -> None:
-    points = cases.points_along_rays(5, 6).reshape(5, 6, 3)
+    points = hash_cases.points_along_rays(5, 6).reshape(5, 6, 3)
     assert ((points >= 0) & (points <= 1)).all()
     inside = (points * 4 - 2).abs().amax(-1) < 1  # where the contraction is the identity
     steps = points.diff(dim=1)
@@ -246,7 +271,7 @@ def test_each_event_goes_to_one_part_and_the_parts_add_up() -> None:
     trace.add("a step", 900.0, trace.add("aten::mm", 500.0))  # the noisier half
     found = breakdown.summed(trace.events, 1.0)
     assert dict(found.parts_s) == pytest.approx({
-        "matrix products": 40e-6,
+        "networks, matrix products": 40e-6,
         "sampling, rest": 21e-6,  # the forward op, its node, and what the node called
         "optimiser": 4e-6,
         "losses": 1e-6,
@@ -364,7 +389,14 @@ def test_the_whole_bench_writes_its_files(
     assert len(trained["window_s"]) > 0
     assert trained["peak_bytes"] > 2**26
     parts = dict(trained["breakdown"]["parts_s"])
-    assert {"hash encoding", "matrix products", "losses", "optimiser", "batch", "other"} <= parts.keys()
+    assert {
+        "hash encoding",
+        "networks, matrix products",
+        "losses",
+        "optimiser",
+        "batch",
+        "other",
+    } <= parts.keys()
     assert parts["other"] < 0.7 * trained["breakdown"]["step_s"]
     assert found["suites"]["render"]["views"][0]["seconds_per_megapixel"] > 0
     page, shown = (path.parent / "bench.md").read_text(), console.export_text()

@@ -36,14 +36,17 @@ from plnerf.train.report import SilentReport
 WARM_STEPS, PROFILED_STEPS = 60, 60
 LABELS = (
     ("plnerf.train.pixels", "PixelSampler.draw", "batch"),
-    ("plnerf.train.loop", "pixel_rays", "batch"),
+    ("plnerf.rays.rays", "pixel_rays", "batch"),
     ("plnerf.render.model", "PLNeRF.forward", "field and rendering, rest"),
-    ("plnerf.render.model", "sample_along_rays", "sampling, rest"),
-    ("plnerf.train.loop", "loss_terms", "losses"),
+    ("plnerf.render.proposals", "sample_along_rays", "sampling, rest"),
+    ("plnerf.train.losses", "loss_terms", "losses"),
 )
-"""Module, function or method as that module knows it, and the part it belongs to; the innermost counts."""
+"""Module, function or method of a class there, and the part it belongs to; the innermost counts."""
+_NETWORKS = "networks, matrix products"
 OP_FILES = {
     "cpu_hash": "hash encoding",
+    "cpu_hash_normals": "hash encoding",
+    "cpu_mlp": _NETWORKS,
     "cuda_hash": "hash encoding",
     "cpu_hash_mlp": "proposal densities, fused",
 }
@@ -114,8 +117,8 @@ def profile_training(bench: BenchConfig, out: Path, console: Console) -> Breakdo
 
 @contextmanager
 def labelled() -> Iterator[None]:
-    """Has the profiler know the functions of `LABELS`, until the context ends."""
-    replaced = []
+    """Has the profiler know the functions of `LABELS`, wherever they are called from, within the context."""
+    replaced: list[tuple[Any, str, Any]] = []
     try:
         for module, name, part in LABELS:
             owner: Any = import_module(module)
@@ -123,12 +126,20 @@ def labelled() -> Iterator[None]:
             for attribute in outer:
                 owner = getattr(owner, attribute)
             original = getattr(owner, last)
-            replaced.append((owner, last, original))
-            setattr(owner, last, _with_label(original, part))
+            marked = _with_label(original, part)
+            for place in [owner] if outer else _plnerf_modules():
+                if vars(place).get(last) is original:
+                    replaced.append((place, last, original))
+                    setattr(place, last, marked)
         yield
     finally:
-        for owner, last, original in replaced:
-            setattr(owner, last, original)
+        for place, last, original in replaced:
+            setattr(place, last, original)
+
+
+def _plnerf_modules() -> list[Any]:
+    """Those that are loaded: each may have imported the function by its name."""
+    return [module for name, module in sys.modules.items() if name.startswith("plnerf.")]
 
 
 def _with_label(function: Any, part: str) -> Any:
@@ -183,7 +194,7 @@ def _root(event: FunctionEvent) -> FunctionEvent:
 
 def _part(event: FunctionEvent, ops: Mapping[str, str], by_sequence: Mapping[int, str]) -> str:
     if _PRODUCT.match(event.name):
-        return "matrix products"
+        return _NETWORKS
     place: FunctionEvent | None = event
     while place is not None:
         if place.name in ops:

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from plnerf.bench.cases import Op, OpCase, Work
+from plnerf.bench.case import Op, OpCase, Work
 from plnerf.bench.ceilings import Ceilings, Rate, measure_ceilings
 from plnerf.bench.tables import Table, figure, percent
 from plnerf.bench.timing import PairedTimes, alternate, timed
