@@ -20,8 +20,10 @@ def fields_of(batch: PixelBatch) -> list[Tensor]:
     return [batch.camera, batch.pixel_px, batch.colour, batch.importance]
 
 
-@pytest.mark.parametrize("first", [0, 7])
-def test_batches_are_those_drawn_in_the_loop(first: int, tiny_scene: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("first", "ahead"), [(0, 2), (7, 2), (7, 0)])
+def test_batches_are_those_drawn_in_the_loop(
+    first: int, ahead: int, tiny_scene: Path, tmp_path: Path
+) -> None:
     """Whichever step a run goes on from."""
     scene = open_tiny(tiny_scene, tmp_path)
     sampler = PixelSampler(scene.images, scene.train, 0.5, 0.1)
@@ -29,7 +31,7 @@ def test_batches_are_those_drawn_in_the_loop(first: int, tiny_scene: Path, tmp_p
     def draw(step: int) -> PixelBatch:
         return sampler.draw(64, step_generator(3, step, CPU))
 
-    with Ahead(draw, first) as batches:
+    with Ahead(draw, first, ahead) as batches:
         found = [next(batches) for _ in range(5)]
     for step, batch in enumerate(found, first):
         for a, b in zip(fields_of(batch), fields_of(draw(step)), strict=True):
@@ -46,6 +48,11 @@ def test_it_is_never_further_ahead_than_allowed(ahead: int) -> None:
             time.sleep(0.02)  # and would go on, if it did
             assert begun == list(range(asked + ahead))
             assert next(values) == asked
+
+
+def test_nothing_ahead_means_no_thread() -> None:
+    with Ahead(lambda step: threading.current_thread(), 0, 0) as values:
+        assert [next(values), next(values)] == [threading.main_thread()] * 2
 
 
 def test_it_works_while_the_loop_does() -> None:

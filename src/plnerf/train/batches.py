@@ -20,8 +20,8 @@ T = TypeVar("T")
 class Ahead(Generic[T]):
     """The values of a function of the step, from a first step on, made by a thread before they are asked for.
 
-    At most `ahead` of them are made and waiting.  What the function raises is raised by `next` for its step.
-    Close it, or use it as a context manager.
+    At most `ahead` of them are made and waiting; with 0 each is made when it is asked for, without a thread.
+    What the function raises is raised by `next` for its step.  Close it, or use it as a context manager.
     """
 
     def __init__(self, draw: Callable[[int], T], first: int, ahead: int = 2) -> None:
@@ -33,6 +33,9 @@ class Ahead(Generic[T]):
 
     def __next__(self) -> T:
         """The value of the next step."""
+        if not self._coming:
+            self._step += 1
+            return self._draw(self._step - 1)
         value = self._coming.popleft().result()
         self._submit()
         return value
