@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from plnerf.ops.cpu_math import FAST, decay, power, sin_cos
+from plnerf.ops.cpu_arrays import FAST
+from plnerf.ops.cpu_math import decay, power, sin_cos
 
 DTYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 

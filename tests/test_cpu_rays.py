@@ -145,7 +145,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     alone = twin(rays, t, True, 6)
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)
     for parts in (2, 7):
-        monkeypatch.setattr(launch, "threads", lambda parts=parts: parts)
+        monkeypatch.setattr(launch, "parts", lambda parts=parts: parts)
         for a, b in zip(twin(rays, t, True, 6), alone, strict=True):
             assert torch.equal(a, b)
 

@@ -18,8 +18,6 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-FAST = {"contract", "nsz", "arcp"}  # fused multiply-add, but infinities and NaN keep their meaning
-
 _f32 = np.float32
 _ROUND = _f32(12582912.0)  # 1.5 * 2^23
 _LOG2_E = _f32(math.log2(math.e))

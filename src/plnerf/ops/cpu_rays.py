@@ -19,7 +19,8 @@ from jaxtyping import Float
 from numba import njit, prange
 from torch import Tensor
 
-from plnerf.ops.cpu_math import FAST, decay, sin_cos
+from plnerf.ops.cpu_arrays import FAST
+from plnerf.ops.cpu_math import decay, sin_cos
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 

@@ -14,7 +14,8 @@ from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_math import FAST, power
+from plnerf.ops.cpu_arrays import FAST
+from plnerf.ops.cpu_math import power
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 

@@ -19,7 +19,8 @@ from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_math import FAST, decay
+from plnerf.ops.cpu_arrays import FAST
+from plnerf.ops.cpu_math import decay
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 

@@ -8,10 +8,11 @@ thread.
 
 from typing import Any
 
-import numba
 import numpy as np
 import torch
 from torch import Tensor
+
+from plnerf.ops.cpu_arrays import parts
 
 _WORTH_WAKING_NS = 120_000
 
@@ -29,16 +30,11 @@ def arrays(*tensors: Tensor) -> tuple[np.ndarray, ...]:
 
 def launch(plain: Any, parallel: Any, *arguments: Any, rays: int, samples: int, ns: float) -> None:
     """Runs a kernel over all rays; `ns` is about what one thread needs for a sample, in nanoseconds."""
-    parts = threads() if samples * ns > _WORTH_WAKING_NS else 1
-    if parts == 1:
+    count = parts() if samples * ns > _WORTH_WAKING_NS else 1
+    if count == 1:
         plain(*arguments, 0, rays)
     else:
-        parallel(*arguments, rays, parts)
-
-
-def threads() -> int:
-    """Into how many parts rays are split.  Asked outside of kernels: else they are not cached."""
-    return int(numba.get_num_threads())
+        parallel(*arguments, rays, count)
 
 
 def refuse_gradients(op: str, **tensors: Tensor) -> None:
