@@ -57,6 +57,11 @@ def fake_cuda(monkeypatch: pytest.MonkeyPatch) -> list[FakeGraph]:
         def __init__(self, device: object = None) -> None: ...
         def wait_stream(self, other: object) -> None: ...
 
+    class Event:
+        def __init__(self, blocking: bool = False) -> None: ...
+        def record(self) -> None: ...
+        def synchronize(self) -> None: ...
+
     @contextmanager
     def recording(graph: FakeGraph, **options: Any) -> Iterator[None]:
         assert graph.generator is not None  # registered before
@@ -72,6 +77,7 @@ def fake_cuda(monkeypatch: pytest.MonkeyPatch) -> list[FakeGraph]:
         return made[-1]
 
     monkeypatch.setattr(graph.torch.cuda, "Stream", Stream)
+    monkeypatch.setattr(graph.torch.cuda, "Event", Event)
     monkeypatch.setattr(graph.torch.cuda, "current_stream", Stream)
     monkeypatch.setattr(graph.torch.cuda, "stream", on_stream)
     monkeypatch.setattr(graph.torch.cuda, "CUDAGraph", new_graph)
