@@ -33,7 +33,7 @@ _HALF_PI = (_f32(1.5703125), _f32(4.8375129699707031e-4), _f32(7.549789948768648
 
 @no_type_check
 def decay(x: Any) -> Any:
-    """(exp(-x), 1 - exp(-x)) for x >= 0, both within 3e-7 relatively; beyond x = 87 exactly (0, 1)."""
+    """(exp(-x), 1 - exp(-x)) for x >= 0, both within 1.5e-7 relatively; beyond x = 87 exactly (0, 1)."""
     raise NotImplementedError("for use inside of Numba kernels")
 
 
