@@ -55,16 +55,16 @@ class Training:
         refine_poses: bool = False,
     ) -> dict[str, Tensor]:
         """One step; returns the weighted loss terms.  `anneal` as in `proposals.sample_along_rays`."""
-        config, backend = self.config, self.model.backend
+        model, config, backend = self.model, self.config, self.model.backend
         rays = pixel_rays(self.cameras, batch.camera, batch.pixel_px, backend)
         if refine_poses:
-            rays = self.model.poses(rays)
-        out = self.model(
+            rays = model.poses(rays)
+        out = model(
             rays,
-            appearance=self.model.appearance[rays.camera],
+            appearance=model.appearance[rays.camera],
             anneal=anneal,
             generator=generator,
-            normal_rays=config.normal_rays if self.model.config.field.normals else 0,
+            normal_rays=config.normal_rays if model.config.field.normals else 0,
             normals_shape_density=config.loss.normals_shape_density,
         )
         terms = loss_terms(out, batch.colour, batch.importance, config.loss, ray_ops(backend))
