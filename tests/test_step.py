@@ -160,3 +160,31 @@ def test_terms_carry_no_graph(tiny_scene: Path, tmp_path: Path) -> None:
     terms = training.step(batch, 1.0, generator)
     assert set(terms) == {"colour", "interlevel", "distortion", "normals", "orientation"}
     assert not any(term.requires_grad for term in terms.values())
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="Triton's kernels are not interpreted beside a GPU")
+def test_a_step_with_triton_is_a_step_with_torch(tiny_scene: Path, tmp_path: Path) -> None:
+    """Loss terms and every gradient, with normals that shape the density and refined poses."""
+    scene = open_tiny(tiny_scene, tmp_path)
+    config = tiny_config(
+        tiny_scene, "model.field.grid.levels=2",
+        "model.proposals.0.grid.levels=2", "model.proposals.1.grid.levels=2",
+        "model.sampler.proposals=[8,6]", "model.sampler.final=5", "train.normal_rays=4",
+        "train.loss.normals_shape_density=true",
+    )  # fmt: skip
+    batch = PixelSampler(scene.images, scene.train, 0.0, 0.1).draw(16, torch.Generator().manual_seed(0))
+    found = []
+    for backend in ("torch", "triton"):
+        model = PLNeRF(config.model, len(scene.names), backend, torch.Generator().manual_seed(1))
+        for value in model.parameters():
+            value.grad = torch.zeros_like(value)
+        optimizer = torch.optim.SGD(model.parameters(), lr=0.0)
+        training = Training(model, optimizer, scene.cameras, config.train, Finite(torch.device("cpu")))
+        terms = training.step(batch, 0.5, torch.Generator().manual_seed(2), refine_poses=True)
+        found.append(terms | {name: value.grad for name, value in model.named_parameters()})
+    for name, truth in found[0].items():
+        scale = float(truth.abs().max())
+        assert scale > 0, name
+        torch.testing.assert_close(
+            found[1][name], truth, atol=1e-4 * scale, rtol=0, msg=lambda m, n=name: f"{n}: {m}"
+        )
