@@ -41,7 +41,7 @@ class OpCase:
     backward: Work | None = None
     """None where the op has no backward pass."""
     table_bytes: int = 0
-    """Size of the table that is looked up at random, 0 without one."""
+    """Size of what is looked up at random at a time, a grid's largest level; 0 without any."""
     tolerance: float = 1e-4
     """Largest difference of twin and truth taken for rounding, relative to the truth's largest value."""
 

@@ -49,7 +49,7 @@ def _hash_encode(what: str, points: Float[Tensor, "n 3"], grid: GridShape, backe
         twin=partial(dispatch.hash_encode, grid=grid, backend=backend),
         forward=Work(moved, lines, flops),
         backward=Work(moved, 2 * lines, flops),
-        table_bytes=4 * grid.rows * grid.features,
+        table_bytes=level_bytes(grid),
     )
 
 
@@ -70,7 +70,7 @@ def _hash_position_gradient(points: Float[Tensor, "n 3"], grid: GridShape, backe
         forward=Work(4 * n * (6 + grid.width), lines, corners * (2 * grid.features + 9)),
         # And backward: its share, and a multiply-add into both gradients.
         backward=Work(4 * n * (6 + 2 * grid.width), 3 * lines, corners * (4 * grid.features + 9)),
-        table_bytes=4 * grid.rows * grid.features,
+        table_bytes=level_bytes(grid),
     )
 
 
@@ -92,7 +92,7 @@ def _hash_mlp(points: Float[Tensor, "n 3"], grid: GridShape, backend: Backend) -
         forward=Work(4 * n * 4, lines, encoding + n * products),
         # The encoding again, or read back: what is less; gradients by inputs and by weights.
         backward=Work(4 * n * (4 + grid.width), 2 * lines, encoding + 2 * n * products),
-        table_bytes=4 * grid.rows * grid.features,
+        table_bytes=level_bytes(grid),
     )
 
 
@@ -134,6 +134,11 @@ def lines_of_points(points: Float[Tensor, "n 3"], grid: GridShape) -> int:
         line = (row * (4 * grid.features) // LINE_BYTES).sort(-1).values
         total += len(points) + int((line.diff() != 0).sum())
     return total
+
+
+def level_bytes(grid: GridShape) -> int:
+    """Size of the largest level: no more need be looked up at random at once, a level after the other."""
+    return 4 * max(grid.sizes) * grid.features
 
 
 def words(grid: GridShape) -> str:

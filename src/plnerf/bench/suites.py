@@ -7,6 +7,8 @@ of the `BenchConfig` that returns a `SuiteResult`; a new one is an entry of `_RU
 
 import json
 import multiprocessing
+import sys
+import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -123,13 +125,20 @@ def in_fresh_process(function: Callable[[BenchConfig], SuiteResult], bench: Benc
     Raises PlnerfError where the process is ended from outside.
     """
     try:
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        spawn = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(1, mp_context=spawn, initializer=_warn_in_a_line) as pool:
             return pool.submit(function, bench).result()
     except BrokenProcessPool as error:
         raise PlnerfError(
             f"The process of the suite {function.__name__.removeprefix('run_')!r} ended without a result: "
             "the system may have been short of memory. Close other programs, or choose a larger --downscale."
         ) from error
+
+
+def _warn_in_a_line() -> None:
+    """Has a process say its warnings as the command line does, each once."""
+    warnings.simplefilter("once", UserWarning)
+    warnings.showwarning = lambda message, *_, **__: print(f"note: {message}", file=sys.stderr)
 
 
 def _heading(about: Mapping[str, Any]) -> str:
