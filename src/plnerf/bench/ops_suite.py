@@ -19,8 +19,8 @@ NOTES = (
     "ratios. Gradients are added to those that are there, as in training.",
     "Shares are the twin's, of the best rates measured in the same run with all threads: memory is the "
     "triad's, random that of 64-byte lines fetched from a table of the size of the op's largest level, "
-    "arithmetic that of float32 matrix products. The work is counted from the equations, so that work which "
-    "is not needed counts for nothing. What stays in the caches can go beyond 100 % of the memory's rate, and "
+    "arithmetic that of float32 matrix products. The work is counted from the equations: work that is not"
+    " needed counts for nothing. What stays in the caches can go beyond 100 % of the memory's rate, and "
     "points that share lines with their neighbours beyond 100 % of the random rate.",
 )
 
