@@ -21,19 +21,19 @@ from plnerf.train.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from plnerf.train.loop import build_optimizer
+from plnerf.train.optimizer import TableAdam, build_optimizer
 from tiny_run import assert_same_bits, tiny_config
 
 FRAMES = {"scale": 1 / 3, "unit": "m"}
 
 
-def a_model(seed: int, config: ModelConfig | None = None) -> tuple[PLNeRF, torch.optim.Adam]:
+def a_model(seed: int, config: ModelConfig | None = None) -> tuple[PLNeRF, TableAdam]:
     run = tiny_config(Path("/none"))
     model = PLNeRF(config or run.model, 12, "torch", torch.Generator().manual_seed(seed))
     return model, build_optimizer(model, run.train)
 
 
-def a_trained_model(seed: int = 0) -> tuple[PLNeRF, torch.optim.Adam]:
+def a_trained_model(seed: int = 0) -> tuple[PLNeRF, TableAdam]:
     """Three steps of Adam with random gradients: every weight has a state."""
     model, optimizer = a_model(seed)
     generator = torch.Generator().manual_seed(seed)

@@ -20,13 +20,13 @@ from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import TrainConfig
 from plnerf.train.loop import (
     anneal,
-    build_optimizer,
     due,
     progress_of,
     set_learning_rates,
     step_generator,
     train,
 )
+from plnerf.train.optimizer import build_optimizer
 from plnerf.train.run import open_run, read_config
 from tiny_run import Recorder, assert_same_bits, newest_tensors, tiny_config
 

@@ -48,7 +48,7 @@ def curvature(u, cubic, real):
 @njit(inline="always")
 @no_type_check
 def locate(value, n, real):
-    """Cell and fraction of a coordinate.  Beyond the cube, and for NaN, a border cell: rows stay in bounds."""
+    """Cell and fraction of a coordinate.  Beyond the cube, and for NaN, a border cell: rows in bounds."""
     scaled = value * real(n)
     inside = scaled if scaled > real(0) else real(0)
     inside = inside if inside < real(n - 1) else real(n - 1)

@@ -13,6 +13,7 @@ from typing import no_type_check
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 _LANE = ir.IntType(32)
@@ -77,6 +78,103 @@ def store_row(typing, array, index, row):
         return context.get_dummy_value()
 
     return types.void(array, types.uint64, row), generate
+
+
+@intrinsic(prefer_literal=True)
+@no_type_check
+def spread(typing, scalar, count):
+    """A row of `count` times the scalar.  `count` is a literal."""
+    row_type = types.UniTuple(scalar, count.literal_value)
+
+    def generate(context, builder, signature, arguments):
+        return context.make_tuple(builder, row_type, [arguments[0]] * row_type.count)
+
+    return row_type(scalar, count), generate
+
+
+@intrinsic(prefer_literal=True)
+@no_type_check
+def touched(typing, row, group):
+    """A bit for each number: whether any number of its group of `group`, a literal, is not zero.  NaN is not.
+
+    The groups are neighbours and fill the row: a vector may hold several rows of a table.
+    """
+    whole = types.Integer.from_bitwidth(max(8, 1 << (row.count - 1).bit_length()), signed=False)
+    width = group.literal_value
+    firsts = sum(1 << lane for lane in range(0, row.count, width))
+
+    def generate(context, builder, signature, arguments):
+        real = context.get_value_type(row.dtype)
+        vector = _pack(builder, arguments[0], real, row.count)
+        other = builder.fcmp_unordered("!=", vector, ir.Constant(vector.type, [0.0] * row.count))
+        bits = builder.bitcast(other, ir.IntType(row.count))
+        found = bits
+        for shift in range(1, width):
+            found = builder.or_(found, builder.lshr(bits, ir.Constant(bits.type, shift)))
+        found = builder.and_(found, ir.Constant(bits.type, firsts))
+        found = builder.mul(found, ir.Constant(bits.type, (1 << width) - 1))
+        return builder.zext(found, context.get_value_type(whole)) if row.count < whole.bitwidth else found
+
+    return whole(row, group), generate
+
+
+@intrinsic
+@no_type_check
+def choose(typing, bits, a, b):
+    """a_i where the i-th bit is set, as `touched` returns them, else b_i."""
+
+    def generate(context, builder, signature, arguments):
+        real = context.get_value_type(a.dtype)
+        mask = arguments[0]
+        if a.count < bits.bitwidth:
+            mask = builder.trunc(mask, ir.IntType(a.count))
+        mask = builder.bitcast(mask, ir.VectorType(ir.IntType(1), a.count))
+        vectors = (_pack(builder, argument, real, a.count) for argument in arguments[1:])
+        return _unpack(context, builder, builder.select(mask, *vectors), a)
+
+    return a(bits, a, b), generate
+
+
+@intrinsic
+@no_type_check
+def product(typing, a, b):
+    """a_i b_i."""
+
+    def generate(context, builder, signature, arguments):
+        real = context.get_value_type(a.dtype)
+        vectors = (_pack(builder, argument, real, a.count) for argument in arguments)
+        return _unpack(context, builder, builder.fmul(*vectors, flags=_FUSE), a)
+
+    return a(a, b), generate
+
+
+@intrinsic
+@no_type_check
+def quotient(typing, a, b):
+    """a_i / b_i."""
+
+    def generate(context, builder, signature, arguments):
+        real = context.get_value_type(a.dtype)
+        vectors = (_pack(builder, argument, real, a.count) for argument in arguments)
+        return _unpack(context, builder, builder.fdiv(*vectors), a)
+
+    return a(a, b), generate
+
+
+@intrinsic
+@no_type_check
+def square_root(typing, row):
+    """The square root of each number."""
+
+    def generate(context, builder, signature, arguments):
+        real = context.get_value_type(row.dtype)
+        vector = _pack(builder, arguments[0], real, row.count)
+        name = f"llvm.sqrt.v{row.count}{real.intrinsic_name}"
+        kind = ir.FunctionType(vector.type, [vector.type])
+        root = cgutils.get_or_insert_function(builder.module, kind, name)
+        return _unpack(context, builder, builder.call(root, [vector]), row)
+
+    return row(row), generate
 
 
 @intrinsic

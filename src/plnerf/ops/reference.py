@@ -105,3 +105,32 @@ def ray_mlp(
     for w, b in zip(rest[0::2], rest[1::2], strict=True):
         hidden = torch.relu(hidden) @ w.T + b
     return hidden
+
+
+@torch.no_grad()
+def adam_rows(
+    param: Float[Tensor, "rows F"],
+    grad: Float[Tensor, "rows F"],
+    m: Float[Tensor, "rows F"],
+    v: Float[Tensor, "rows F"],
+    *,
+    rate: float | Float[Tensor, ""],
+    betas: tuple[float, float],
+    eps: float,
+    step: int | Float[Tensor, ""],
+) -> None:
+    """Adam on the rows of a table that have a gradient, which is set to zero after.  All in place.
+
+    A row whose gradient is zero throughout is left alone: it neither moves nor do its moments decay, as
+    tiny-cuda-nn does for grids.  Kingma and Ba 2015, algorithm 1; `step` counts from 1:
+
+        m = β1 m + (1 - β1) g,   v = β2 v + (1 - β2) g²
+        param -= rate m/(1 - β1^step) / (sqrt(v/(1 - β2^step)) + eps)
+    """
+    touched = (grad != 0).any(-1, keepdim=True)
+    count = step.double() if isinstance(step, Tensor) else step  # 1 - β2 has few digits in float32
+    m.copy_(torch.where(touched, betas[0] * m + (1 - betas[0]) * grad, m))
+    v.copy_(torch.where(touched, betas[1] * v + (1 - betas[1]) * grad * grad, v))
+    length = (v / (1 - betas[1] ** count)).sqrt() + eps
+    param.sub_(torch.where(touched, rate / (1 - betas[0] ** count) * m / length, torch.zeros_like(m)))
+    grad.zero_()

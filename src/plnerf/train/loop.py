@@ -15,7 +15,6 @@ from torch import Tensor
 
 from plnerf.errors import TrainingError
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.model import PLNeRF
 from plnerf.render.ray_ops import ray_ops
 from plnerf.scene.scene import Scene
 from plnerf.train.checkpoint import (
@@ -28,6 +27,7 @@ from plnerf.train.checkpoint import (
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.losses import loss_terms
 from plnerf.train.metrics import validation_psnr
+from plnerf.train.optimizer import build_optimizer
 from plnerf.train.pixels import PixelSampler
 from plnerf.train.report import Report
 from plnerf.train.run import build_model, open_scene, write_config
@@ -99,20 +99,6 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
                 drop_old_checkpoints(checkpoints, keep=2)
         report.end(step, seconds)
     return folder
-
-
-def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> torch.optim.Adam:
-    """Adam as Instant-NGP sets it, a group each for hash tables, networks and, where refined, poses."""
-    tables = [value for name, value in model.named_parameters() if name.endswith("table")]
-    poses = list(model.poses.parameters())
-    others = {id(value) for value in (*tables, *poses)}
-    networks = [value for value in model.parameters() if id(value) not in others]
-    for value in model.parameters():
-        value.grad = torch.zeros_like(value)
-    groups = [{"params": tables, "rate": cfg.table_rate}, {"params": networks, "rate": cfg.network_rate}]
-    if cfg.pose_refinement:
-        groups.append({"params": poses, "rate": cfg.pose_rate})
-    return torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15, fused=True)
 
 
 def set_learning_rates(

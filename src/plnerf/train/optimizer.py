@@ -1,0 +1,97 @@
+"""The optimiser: Adam as Instant-NGP sets it; rows of hash tables that no sample touched are left alone."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.optim import Optimizer
+from torch.optim.adam import adam
+
+from plnerf.ops import reference
+from plnerf.ops.dispatch import Backend
+from plnerf.render.model import PLNeRF
+from plnerf.train.config import TrainConfig
+
+
+def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> "TableAdam":
+    """A group each for hash tables, networks and, where refined, poses; from here on gradients are there."""
+    tables = [value for name, value in model.named_parameters() if name.endswith("table")]
+    poses = list(model.poses.parameters())
+    others = {id(value) for value in (*tables, *poses)}
+    networks = [value for value in model.parameters() if id(value) not in others]
+    for value in model.parameters():
+        value.grad = torch.zeros_like(value)
+    groups = [
+        {"params": tables, "rate": cfg.table_rate, "by_row": True},
+        {"params": networks, "rate": cfg.network_rate},
+    ]
+    if cfg.pose_refinement:
+        groups.append({"params": poses, "rate": cfg.pose_rate})
+    return TableAdam(groups, model.backend)
+
+
+class TableAdam(Optimizer):
+    """Adam whose groups with "by_row" set hold tables, of which only rows with a gradient are stepped.
+
+    A table is read by a few samples at a few of its rows: that its other rows stand still saves most of the
+    memory traffic of a step, and keeps their moments for when they are seen again.  Stepping such a table
+    empties its gradient on the way, so that `zero_grad(set_to_none=False)` need not touch it.
+    """
+
+    def __init__(self, groups: Iterable[dict[str, Any]], backend: Backend) -> None:
+        # "fused" also has torch keep the count of steps on the parameter's device when a state is loaded.
+        super().__init__(
+            groups, {"lr": 1e-3, "betas": (0.9, 0.99), "eps": 1e-15, "by_row": False, "fused": True}
+        )
+        self._adam_rows = _adam_rows(backend)
+
+    @torch.no_grad()
+    def step(self, closure: Any = None) -> Any:
+        """One step on the gradients that are there; a closure is evaluated first, as torch does."""
+        with torch.enable_grad():
+            loss = None if closure is None else closure()
+        for group in self.param_groups:
+            values = [value for value in group["params"] if value.grad is not None]
+            states = [self._state_of(value) for value in values]
+            if group["by_row"]:
+                for value, state in zip(values, states, strict=True):
+                    state["step"] += 1
+                    self._adam_rows(
+                        value, value.grad, state["exp_avg"], state["exp_avg_sq"],
+                        rate=group["lr"], betas=group["betas"], eps=group["eps"], step=state["step"],
+                    )  # fmt: skip
+            elif values:
+                adam(
+                    values, [value.grad for value in values],
+                    [state["exp_avg"] for state in states], [state["exp_avg_sq"] for state in states],
+                    [], [state["step"] for state in states],
+                    fused=True, amsgrad=False, maximize=False, weight_decay=0.0,
+                    beta1=group["betas"][0], beta2=group["betas"][1], lr=group["lr"], eps=group["eps"],
+                )  # fmt: skip
+        return loss
+
+    def zero_grad(self, set_to_none: bool = True) -> None:
+        """Empties the gradients; where they are kept, those of tables are empty since the last step."""
+        if set_to_none:
+            super().zero_grad()
+            return
+        for group in self.param_groups:
+            if not group["by_row"]:
+                gradients = [value.grad for value in group["params"] if value.grad is not None]
+                torch._foreach_zero_(gradients)
+
+    def _state_of(self, value: Tensor) -> dict[str, Tensor]:
+        state: dict[str, Tensor] = self.state[value]
+        if not state:
+            state["step"] = torch.zeros((), dtype=torch.float32, device=value.device)
+            state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(value), torch.zeros_like(value)
+        return state
+
+
+def _adam_rows(backend: Backend) -> Callable[..., None]:
+    if backend == "numba":
+        from plnerf.ops import cpu_adam  # Numba takes a third of a second to import: only where it is used
+
+        return cpu_adam.adam_rows
+    return reference.adam_rows
