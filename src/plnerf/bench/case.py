@@ -42,6 +42,8 @@ class OpCase:
     """None where the op has no backward pass."""
     table_bytes: int = 0
     """Size of what is looked up at random at a time, a grid's largest level; 0 without any."""
+    prepare: Callable[..., None] | None = None
+    """What is done to the inputs before each time, unmeasured: where an op uses them up."""
     tolerance: float = 1e-4
     """Largest difference of twin and truth taken for rounding, relative to the truth's largest value."""
 

@@ -1,16 +1,17 @@
-"""Cases of the hash encoding, of its gradient by position, and of a proposal's density.
+"""Cases of the hash encoding, of its gradient by position, of a proposal's density, and of a table's step.
 
 Letters: n points, L levels, F features, H hidden units.
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
-from plnerf.bench.case import OpCase, Work, leaf
+from plnerf.bench.case import Op, OpCase, Work, leaf
 from plnerf.bench.ceilings import LINE_BYTES
 from plnerf.ops import dispatch, reference
 from plnerf.ops.dispatch import Backend
@@ -35,6 +36,7 @@ def hash_cases(
         _hash_encode("along rays", points_along_rays(rays, final), training, backend),
         _hash_position_gradient(points_along_rays(max(1, rays // 16), final), training, backend),
         _hash_mlp(points_along_rays(rays, proposals), proposal, backend),
+        *([_adam(points_along_rays(rays, final), training)] if backend == "numba" else []),
     ]
 
 
@@ -93,6 +95,41 @@ def _hash_mlp(points: Float[Tensor, "n 3"], grid: GridShape, backend: Backend) -
         # The encoding again, or read back: what is less; gradients by inputs and by weights.
         backward=Work(4 * n * (4 + grid.width), 2 * lines, encoding + 2 * n * products),
         table_bytes=level_bytes(grid),
+    )
+
+
+def _adam(points: Float[Tensor, "n 3"], grid: GridShape) -> OpCase:
+    """A step on the rows that a backward pass of the points has touched."""
+    from plnerf.ops.cpu_adam import adam_rows as twin
+
+    table = torch.zeros(grid.rows, grid.features, requires_grad=True)
+    (made,) = torch.autograd.grad(reference.hash_encode(points, table, grid).sum(), table)
+    touched = int((made != 0).any(-1).sum())
+
+    def setup(generator: Generator) -> tuple[Tensor, ...]:
+        param, m, v = (torch.rand(made.shape, generator=generator) for _ in range(3))
+        return made, param, torch.zeros_like(made), m, v
+
+    def step(adam_rows: Callable[..., None]) -> Op:
+        def stepped(made: Tensor, *tensors: Tensor) -> tuple[Tensor, ...]:
+            adam_rows(*tensors, rate=1e-2, betas=(0.9, 0.99), eps=1e-15, step=10)
+            return tensors
+
+        return stepped
+
+    def prepare(made: Tensor, param: Tensor, grad: Tensor, m: Tensor, v: Tensor) -> None:
+        grad.copy_(made)
+
+    row = 4 * grid.features
+    return OpCase(
+        name="Adam on a table",
+        shape=f"{words(grid)}, {touched:,} of {grid.rows:,} rows touched",
+        setup=setup,
+        truth=step(reference.adam_rows),
+        twin=step(twin),
+        # Every gradient is read; of the touched rows four arrays are written and three more read.
+        forward=Work(row * (grid.rows + 7 * touched), flops=12 * grid.features * touched),
+        prepare=prepare,
     )
 
 

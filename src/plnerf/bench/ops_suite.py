@@ -19,8 +19,8 @@ NOTES = (
     "ratios. Gradients are added to those that are there, as in training.",
     "Shares are the twin's, of the best rates measured in the same run with all threads: memory is the "
     "triad's, random that of 64-byte lines fetched from a table of the size of the op's largest level, "
-    "arithmetic that of float32 matrix products. The work is counted from the equations: work that is not"
-    " needed counts for nothing. What stays in the caches can go beyond 100 % of the memory's rate, and "
+    "arithmetic that of float32 matrix products. The work is counted from the equations: what is not needed "
+    "counts for nothing. What stays in the caches can go beyond 100 % of the memory's rate, and "
     "points that share lines with their neighbours beyond 100 % of the random rate.",
 )
 
@@ -124,12 +124,15 @@ class _Run:
     def __init__(self, case: OpCase, op: Op, device: torch.device, seed: int) -> None:
         inputs = case.setup(torch.Generator().manual_seed(seed))
         self._op, self._device, self._backward = op, device, case.backward is not None
+        self._prepare = case.prepare
         self._inputs = tuple(_moved(value, device) for value in inputs)
         self._outputs: tuple[Tensor, ...] = ()
         self._cotangents: tuple[Tensor, ...] = ()
 
     def sample(self) -> tuple[float, ...]:
         """Seconds of the forward pass and, if there is one, of the backward pass."""
+        if self._prepare is not None:
+            self._prepare(*self._inputs)
         seconds, out = timed(lambda: self._op(*self._inputs), self._device)
         self._outputs = out if isinstance(out, tuple) else (out,)
         if not self._backward:
