@@ -16,6 +16,7 @@ from plnerf.errors import CheckpointError, TrainingError
 from plnerf.presets import PL_NERF
 from plnerf.render.model import PLNeRF
 from plnerf.train import loop
+from plnerf.train import step as training_step
 from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import TrainConfig
 from plnerf.train.loop import (
@@ -321,13 +322,13 @@ class Poisoned(Recorder):
 def test_a_term_that_is_not_finite_is_named(
     term: str, value: float, built_tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, calls = loop.loss_terms, itertools.count()
+    real, calls = training_step.loss_terms, itertools.count()
 
     def poisoned(*arguments: Any) -> dict[str, Tensor]:
         terms = real(*arguments)
         return terms | ({term: terms[term] * value} if next(calls) == 7 else {})
 
-    monkeypatch.setattr(loop, "loss_terms", poisoned)
+    monkeypatch.setattr(training_step, "loss_terms", poisoned)
     report = Recorder()
     with pytest.raises(TrainingError, match=f"no longer finite at step 7: {term} = {value}") as caught:
         train(tiny_config(built_tiny_scene), tmp_path, report)

@@ -50,9 +50,6 @@ def meta_batch() -> PixelBatch:
     )
 
 
-@pytest.mark.xfail(
-    reason="still in a step: constants of the host in model and losses, torch.unique in poses", strict=True
-)
 @pytest.mark.parametrize("refine_poses", [False, True], ids=["poses fixed", "poses refined"])
 @pytest.mark.parametrize(
     "settings",

@@ -29,7 +29,8 @@ MAX_LINES = 400
 CHAIN = [
     ("cli.py", "train", "train_scene"),
     ("pipeline.py", "train_scene", "train"),
-    ("train/loop.py", "train", "model"),  # calling a module runs its forward
+    ("train/loop.py", "train", "Training"),
+    ("train/step.py", "Training.step", "model"),  # calling a module runs its forward
     ("render/model.py", "PLNeRF.forward", "composite"),
     ("render/volume.py", "composite", None),
 ]

@@ -37,7 +37,7 @@ class DensityField(nn.Module):
         self.network = mlp([config.grid.width, config.hidden, 1], generator)
 
     def forward(self, unit: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n"]:
-        first, _, last = self.network
+        first, last = (layer for layer in self.network if isinstance(layer, nn.Linear))
         weights = (first.weight, first.bias, last.weight, last.bias)
         grid = self.grid
         raw = hash_mlp(unit.detach().reshape(-1, 3), grid.table, grid.shape, weights, grid.backend)

@@ -4,6 +4,8 @@ A correction is a rotation vector about the camera's centre and a shift, both in
 the start.
 """
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -12,12 +14,16 @@ from plnerf.rays.rays import Rays
 
 
 def rotation_matrix(vector: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3 3"]:
-    """Rotation by |vector| radians about vector: exp of the cross product matrix."""
+    """Rotation by |vector| radians about vector: exp of the cross product matrix K.  Rodrigues.
+
+    I + sin(a)/a K + (1 - cos(a))/a^2 K^2; torch's matrix_exp would wait for a GPU.
+    """
+    angle = vector.norm(dim=-1)[..., None, None]
     x, y, z = vector.unbind(-1)
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
-    rotation: Tensor = torch.linalg.matrix_exp(cross)
-    return rotation
+    first, second = torch.sinc(angle / math.pi), torch.sinc(angle / (2 * math.pi)).square() / 2
+    return torch.eye(3, dtype=vector.dtype, device=vector.device) + first * cross + second * (cross @ cross)
 
 
 class PoseCorrections(nn.Module):
@@ -29,7 +35,6 @@ class PoseCorrections(nn.Module):
 
     def forward(self, rays: Rays) -> Rays:
         """The rays of the corrected cameras."""
-        unique, inverse = torch.unique(rays.camera, return_inverse=True)
-        rotation = rotation_matrix(self.correction[unique, :3])[inverse]
+        rotation = rotation_matrix(self.correction[:, :3])[rays.camera]
         directions = torch.einsum("rij,rj->ri", rotation, rays.directions)
         return Rays(rays.origins + self.correction[rays.camera, 3:], directions, rays.radius, rays.camera)

@@ -20,7 +20,7 @@ from plnerf.field.density import DensityConfig, DensityField
 from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
-from plnerf.rays.contraction import contract, pull_back
+from plnerf.rays.contraction import axis_factors, contract, pull_back
 from plnerf.rays.frustums import ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
@@ -151,7 +151,7 @@ class PLNeRF(nn.Module):
         The log density has a gradient of the same direction, without the range of exp.
         """
         mean = ray_frustums(rays, t).mean.detach()
-        stretch = mean.new_tensor(self.config.stretch)
+        stretch = axis_factors(self.config.stretch, mean)
         stretched = mean * stretch
         bounded = contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
         gradient = self.field.log_density_gradient((bounded + 2) / 4)

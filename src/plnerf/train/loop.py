@@ -6,17 +6,17 @@ is a function of the run's seed and the step, so that a resumed run repeats an u
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import torch
-from torch import Tensor
+from torch import Generator, Tensor
 
 from plnerf.errors import TrainingError
-from plnerf.rays.rays import pixel_rays
-from plnerf.render.ray_ops import ray_ops
 from plnerf.scene.scene import Scene
+from plnerf.train.batches import Ahead, pinned, to_device
 from plnerf.train.checkpoint import (
     drop_old_checkpoints,
     kept_checkpoint,
@@ -25,14 +25,16 @@ from plnerf.train.checkpoint import (
     save_checkpoint,
 )
 from plnerf.train.config import RunConfig, TrainConfig
-from plnerf.train.losses import loss_terms
+from plnerf.train.graph import GraphedStep
 from plnerf.train.metrics import validation_psnr
 from plnerf.train.optimizer import build_optimizer
-from plnerf.train.pixels import PixelSampler
-from plnerf.train.report import Report
+from plnerf.train.pixels import PixelBatch, PixelSampler
+from plnerf.train.report import LOG_EVERY, Report
 from plnerf.train.run import build_model, open_scene, write_config
+from plnerf.train.step import Finite, Training
 
 VALIDATION_PIXELS = 4096
+CPU = torch.device("cpu")
 
 
 def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | None = None) -> Path:
@@ -55,50 +57,69 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
         return folder
     write_config(folder, config)
     sampler = PixelSampler(scene.images, scene.train, cfg.detail_share, cfg.detail_part)
-    cameras, device = scene.cameras, torch.device(config.device)
+    device = torch.device(config.device)
+    training = Training(model, optimizer, scene.cameras.to(device), cfg, Finite(device))
+    take, first = step_taker(training, config), step
+    check_every = 1 if device == CPU else LOG_EVERY  # asking a GPU waits for it
+
+    def draw(step: int) -> tuple[PixelBatch, Generator]:
+        generator = step_generator(config.seed, step, CPU)
+        batch = sampler.draw(cfg.rays, generator)
+        return batch if device == CPU else pinned(batch), generator
 
     report.begin(config, scene, step)
-    with closing(report):
+    # On a CPU a thread that draws would only take the kernels' place.
+    with closing(report), Ahead(draw, step, ahead=0 if device == CPU else 2) as batches:
         while progress < 1:
             clock = time.perf_counter()
-            draws = step_generator(config.seed, step, torch.device("cpu"))
-            generator = draws if device.type == "cpu" else step_generator(config.seed, step, device)
             set_learning_rates(optimizer, cfg, step, progress)
-            batch = sampler.draw(cfg.rays, draws)
-            rays = pixel_rays(cameras, batch.camera, batch.pixel_px).to(device)
-            if cfg.pose_refinement and progress >= cfg.pose_from:
-                rays = model.poses(rays)
-            out = model(
-                rays,
-                appearance=model.appearance[rays.camera],
-                anneal=anneal(step, cfg.anneal_steps),
-                generator=generator,
-                normal_rays=cfg.normal_rays if config.model.field.normals else 0,
-                normals_shape_density=cfg.loss.normals_shape_density,
-            )
-            colour, importance = batch.colour.to(device), batch.importance.to(device)
-            terms = loss_terms(out, colour, importance, cfg.loss, ray_ops(config.backend))
-            total = torch.stack(list(terms.values())).sum()
-            if not math.isfinite(total.item()):
-                raise TrainingError(_not_finite(step, terms, checkpoints))
-            optimizer.zero_grad(set_to_none=False)  # the ops add to the gradients in place
-            total.backward()
-            optimizer.step()
+            batch, generator = next(batches)
+            terms = take(batch, generator, step, cfg.pose_refinement and progress >= cfg.pose_from)
+            if step % check_every == 0:
+                _check_finite(training.finite, first, step, terms, checkpoints)
             step += 1
             # The first step of a process compiles the kernels: it is not charged to a budget in seconds.
             seconds += time.perf_counter() - clock if report.steps else 0.0
             before, progress = progress, progress_of(config, step, seconds)
             report.step(step, seconds, progress, terms)
             if due(before, progress, cfg.validations):
-                same = step_generator(config.seed, 0, torch.device("cpu"))  # the same pixels every time
+                same = step_generator(config.seed, 0, CPU)  # the same pixels every time
                 psnr_db = validation_psnr(model, scene, VALIDATION_PIXELS, generator=same)
                 report.validation(step, seconds, psnr_db)
             if due(before, progress, cfg.checkpoints):
+                _check_finite(training.finite, first, step - 1, terms, checkpoints)
                 frames = scene.frames.to_json()
                 save_checkpoint(checkpoints, model, optimizer, step=step, seconds=seconds, frames=frames)
                 drop_old_checkpoints(checkpoints, keep=2)
         report.end(step, seconds)
     return folder
+
+
+def step_taker(
+    training: Training, config: RunConfig
+) -> Callable[[PixelBatch, Generator, int, bool], dict[str, Tensor]]:
+    """How a step is taken: a replayed CUDA graph where all ops can be in one, else one op after the other.
+
+    Takes a batch, the generator that drew it, the step, and whether poses are refined.
+    """
+    device, anneal_steps = torch.device(config.device), config.train.anneal_steps
+
+    def plain(batch: PixelBatch, drawn: Generator, step: int, refine: bool) -> dict[str, Tensor]:
+        generator = drawn if device == CPU else step_generator(config.seed, step, device)
+        return training.step(to_device(batch, device), anneal(step, anneal_steps), generator, refine)
+
+    if device.type != "cuda" or config.backend != "triton":
+        return plain
+    generator = torch.Generator(device)
+    graphs = {
+        refine: GraphedStep(partial(training.step, refine_poses=refine), generator)
+        for refine in (False, True)
+    }
+
+    def graphed(batch: PixelBatch, drawn: Generator, step: int, refine: bool) -> dict[str, Tensor]:
+        return graphs[refine](batch, anneal(step, anneal_steps), step_seed(config.seed, step))
+
+    return graphed
 
 
 def set_learning_rates(
@@ -107,7 +128,10 @@ def set_learning_rates(
     """Linear warm-up over the first steps, exponential decay to `final_rate` over the whole budget."""
     factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.final_rate**progress
     for group in optimizer.param_groups:
-        group["lr"] = group["rate"] * factor
+        if isinstance(group["lr"], Tensor):
+            group["lr"].fill_(group["rate"] * factor)
+        else:
+            group["lr"] = group["rate"] * factor
 
 
 def anneal(step: int, steps: int, slope: float = 10.0) -> float:
@@ -127,9 +151,22 @@ def due(before: float, after: float, times: int) -> bool:
     return int(after * times + 1e-9) > int(before * times + 1e-9)
 
 
-def step_generator(seed: int, step: int, device: torch.device) -> torch.Generator:
+def step_generator(seed: int, step: int, device: torch.device) -> Generator:
     """The random generator of a step, a function of the run's seed and the step alone."""
-    return torch.Generator(device).manual_seed((seed * 1_000_003 + step) & 0x7FFF_FFFF_FFFF_FFFF)
+    return Generator(device).manual_seed(step_seed(seed, step))
+
+
+def step_seed(seed: int, step: int) -> int:
+    """The seed of a step's random generators."""
+    return (seed * 1_000_003 + step) & 0x7FFF_FFFF_FFFF_FFFF
+
+
+def _check_finite(
+    finite: Finite, first: int, step: int, terms: Mapping[str, Tensor], checkpoints: Path
+) -> None:
+    """Raises TrainingError if a loss from step `first` to `step` was not finite; `terms` are of the last."""
+    if (bad := first + finite.count()) <= step:
+        raise TrainingError(_not_finite(bad, terms, checkpoints))
 
 
 def _not_finite(step: int, terms: Mapping[str, Tensor], checkpoints: Path) -> str:

@@ -5,7 +5,6 @@ Letters: r rays, S intervals; p the importance weight of a ray, 1 where pixels a
 
 from dataclasses import dataclass, replace
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -56,7 +55,7 @@ def loss_terms(
     terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
     terms["interlevel"] = sum(
         (ops.interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in out.histograms[:-1]),
-        torch.zeros(()),
+        out.colour.new_zeros(()),
     )
     if weights.distortion:
         terms["distortion"] = (importance * ops.distortion_loss(final.s, final.w)).mean()

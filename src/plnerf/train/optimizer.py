@@ -28,6 +28,8 @@ def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> "TableAdam":
     ]
     if cfg.pose_refinement:
         groups.append({"params": poses, "rate": cfg.pose_rate})
+    if tables[0].is_cuda:  # a CUDA graph reads what changes from tensors
+        groups = [{**group, "lr": torch.zeros((), device=tables[0].device)} for group in groups]
     return TableAdam(groups, model.backend)
 
 

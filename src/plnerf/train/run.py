@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 
 from plnerf.errors import CheckpointError, ConfigError
+from plnerf.ops.dispatch import resolve_backend
 from plnerf.render.files import write_text
 from plnerf.render.model import PLNeRF
 from plnerf.scene.build_store import Progress
@@ -59,13 +60,14 @@ def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None
 def build_model(config: RunConfig, scene: Scene) -> PLNeRF:
     """The untrained model of a run, its weights drawn from the run's seed.
 
-    Raises ConfigError where the run's device is not there.
+    Raises ConfigError where the run's device is not there, or its backend cannot run on it.
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise ConfigError(
             "This run is on the device 'cuda', but PyTorch sees no CUDA device. Use a machine with one, or "
             'set "device" to "cpu" in the run\'s config.json.'
         )
+    resolve_backend(config.backend, torch.device(config.device))  # the run may come from another machine
     generator = torch.Generator().manual_seed(config.seed)
     return PLNeRF(config.model, len(scene.names), config.backend, generator).to(config.device)
 
