@@ -69,9 +69,11 @@ def test_backends_train_alike(normals: str, tiny_scene: Path, tmp_path: Path) ->
         train(tiny_config(tiny_scene, *settings, "train.validations=0", steps=5), tmp_path / backend, report)
         terms[backend] = report.terms
     assert len(terms["torch"]) == 5
+    # Single precision knows the interlevel loss, squares of small differences, to some 1e-9 at first.  Then
+    # Adam turns the rounding of gradients that cancel into steps of full size.
+    assert terms["numba"][0] == pytest.approx(terms["torch"][0], rel=1e-4, abs=1e-8)
     for truth, twin in zip(terms["torch"], terms["numba"], strict=True):
-        # The interlevel loss squares differences of cumulated weights: single precision knows it to 1e-7.
-        assert twin == pytest.approx(truth, rel=2e-3, abs=1e-7)
+        assert twin == pytest.approx(truth, rel=1e-2)
     assert abs(terms["torch"][4]["colour"] / terms["torch"][0]["colour"] - 1) > 0.05  # it did move
 
 
