@@ -18,7 +18,7 @@ from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_arrays import FAST, array, adds_in_place, parts
+from plnerf.ops.cpu_arrays import FAST, adds_in_place, array, parts
 from plnerf.ops.cpu_hash import add_table_gradient
 from plnerf.ops.grid import HASH_PRIMES, GridShape
 
@@ -39,7 +39,7 @@ def _kernels(features: int, hidden: int, cubic: bool) -> _Kernels:
     F, H = features, hidden
 
     @njit(inline="always", fastmath=FAST)
-    def encode_level(x, first, count, table, level, cells, start, dense, mask, enc):
+    def encode_level(x, first, count, table, level, cells, start, dense, mask, enc):  # noqa: PLR0913
         # Points first to first + count at one level: F rows of enc.
         real = x.dtype.type
         one, two, three = real(1), real(2), real(3)
@@ -79,7 +79,7 @@ def _kernels(features: int, hidden: int, cubic: bool) -> _Kernels:
                 )
 
     @njit(parallel=True, cache=True, fastmath=FAST)
-    def forward(x, table, layout, w1, b1, w2, b2, encoded, out, parts):
+    def forward(x, table, layout, w1, b1, w2, b2, encoded, out, parts):  # noqa: PLR0913 (no structs)
         points, levels, blocks, real = x.shape[0], layout.shape[0], encoded.shape[0], x.dtype.type
         for part in prange(parts):
             h, raw = np.empty(BLOCK, x.dtype), np.empty(BLOCK, x.dtype)
@@ -106,7 +106,7 @@ def _kernels(features: int, hidden: int, cubic: bool) -> _Kernels:
                     out[first + p] = raw[p]
 
     @njit(parallel=True, cache=True, fastmath=_SUMS)
-    def backward(encoded, g_out, w1, b1, w2, g_encoded, g_w1, g_b1, g_w2, g_b2):
+    def backward(encoded, g_out, w1, b1, w2, g_encoded, g_w1, g_b1, g_w2, g_b2):  # noqa: PLR0913
         # g_w1 and the others have a slab each in their first axis, added up by the caller.
         points, blocks, inputs, real = g_out.shape[0], encoded.shape[0], encoded.shape[1], encoded.dtype.type
         for slab in prange(SLABS):
@@ -161,7 +161,7 @@ def _kernels(features: int, hidden: int, cubic: bool) -> _Kernels:
 class _HashMLP(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, table: Tensor, grid: GridShape, *weights: Tensor) -> Tensor:
-        w1, b1, w2, b2 = weights
+        w1, b1, w2, _ = weights
         kernels = _kernels(grid.features, len(b1), grid.interpolation == "cubic")
         # Zeros, since the last block may have points that do not exist.
         encoded = x.new_zeros(-(-len(x) // BLOCK), grid.width, BLOCK)
@@ -177,7 +177,9 @@ class _HashMLP(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor | None, ...]:
         if ctx.needs_input_grad[0]:
-            raise NotImplementedError("hash_mlp has no gradient by its points; use hash_encode and a network.")
+            raise NotImplementedError(
+                "hash_mlp has no gradient by its points; use hash_encode and a network."
+            )
         x, table, encoded, w1, b1, w2 = ctx.saved_tensors
         kernels = _kernels(ctx.grid.features, len(b1), ctx.grid.interpolation == "cubic")
         g_encoded = x.new_empty(len(x), ctx.grid.width)

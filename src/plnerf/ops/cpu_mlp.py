@@ -1,15 +1,16 @@
 """Numba twin of `reference.ray_mlp`: all layers of a small network in one pass over blocks of points.
 
-At 64 units a layer does so little arithmetic that writing its output to memory costs as much.  Here a block
-of points goes through all layers while it is in the first-level cache, and the separate passes for bias, ReLU,
-concatenation and their backwards disappear.
+At 64 units a layer does so little arithmetic that writing its output to memory costs as much.  Here a
+block of points goes through all layers while it is in the first-level cache, and the separate passes for
+bias, ReLU, concatenation and their backwards disappear.
 
 Letters: B points of a block, I and O inputs and outputs of a layer; "wide" numbers are rounded up to whole
-vectors of 16.  Arrays in a kernel are flat.  Gradients of the weights are summed in a fixed number of slabs of
-rays, so that they do not depend on the number of threads.
+vectors of 16.  Arrays in a kernel are flat.  Gradients of the weights are summed in a fixed number of slabs
+of rays, so that they do not depend on the number of threads.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, no_type_check
 
 import numpy as np
@@ -132,8 +133,8 @@ def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firs
 def _backward(  # noqa: PLR0913
     x, const, samples, sizes, wide, weights, hidden, firsts, g_out, g_x, g_base, g_weights, g_biases
 ):
-    """weights are those of the layers, (O, wide I); g_weights, (wide O, wide I), and g_biases have a slab each
-    in their first axis; the caller adds up."""
+    """weights are those of the layers, (O, wide I); g_weights, (wide O, wide I), and g_biases have a slab
+    each in their first axis; the caller adds up."""
     depth, units = len(sizes) - 2, sizes[2]
     rays, widest = g_base.size // units, wide.max()
     for slab in prange(SLABS):
@@ -176,15 +177,18 @@ def _backward(  # noqa: PLR0913
                     _copy(row, g_x[(first + p) * sizes[0] : (first + p + 1) * sizes[0]])
 
 
-def _filled(w: np.ndarray, *axes: int) -> np.ndarray:
-    """w with zeros up to whole vectors along some axes."""
-    return np.pad(w, [(0, -size % 16 if axis in axes else 0) for axis, size in enumerate(w.shape)])
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Matrices, or vectors, one after another, their rows filled up with zeros to whole vectors."""
+    shapes = [(part.size // part.shape[-1], -(-part.shape[-1] // 16) * 16) for part in parts]
+    joined = np.zeros(sum(rows * width for rows, width in shapes), parts[0].dtype)
+    at = 0
+    for part, (rows, width) in zip(parts, shapes, strict=True):
+        joined[at : at + rows * width].reshape(rows, width)[:, : part.shape[-1]] = part
+        at += rows * width
+    return joined
 
 
-def _joined(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate([part.reshape(-1) for part in arrays])
-
-
+@cache
 def _blocks(rays: int, samples: int) -> np.ndarray:
     """First block of every slab and, last, their number."""
     edges = rays * np.arange(SLABS + 1) // SLABS * samples
@@ -204,10 +208,9 @@ class _RayMLP(torch.autograd.Function):
         firsts, count = (blocks[:-1], int(blocks[-1])) if kept else (np.full(SLABS, -1), SLABS)
         hidden = x.new_empty(count, BLOCK * int(wide[1:-1].sum()))
         out = x.new_empty(rays, samples, int(sizes[-1]))
-        biases = _joined([_filled(array(b), 0) for b in params[2::2]])
         _forward(
-            flat(x), flat(const), flat(base), samples, sizes, wide, _joined([_filled(w.T, 1) for w in matrices]),
-            biases, hidden.numpy(), firsts, flat(out),
+            flat(x), flat(const), flat(base), samples, sizes, wide, _joined([w.T for w in matrices]),
+            _joined([array(b) for b in params[2::2]]), hidden.numpy(), firsts, flat(out),
         )  # fmt: skip
         if kept:
             ctx.save_for_backward(x, const, base, hidden, *params)
@@ -224,7 +227,7 @@ class _RayMLP(torch.autograd.Function):
         g_x = x.new_empty(x.shape if ctx.needs_input_grad[0] else (0,))
         g_base = torch.zeros_like(base, memory_format=torch.contiguous_format)
         _backward(
-            flat(x), flat(const), x.shape[1], sizes, wide, _joined([_filled(w, 1) for w in matrices]),
+            flat(x), flat(const), x.shape[1], sizes, wide, _joined(matrices),
             hidden.numpy(), ctx.firsts, flat(g_outputs[0]), flat(g_x), flat(g_base), g_weights.numpy(),
             g_biases.numpy(),
         )  # fmt: skip

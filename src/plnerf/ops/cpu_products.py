@@ -1,8 +1,8 @@
 """Small matrix products at the processor's speed inside of Numba kernels.
 
-Numba turns a triple loop into vector code that goes through memory for every sum.  Here a tile of sums stays in
-vector registers over the whole inner loop, which is what the libraries for matrix products do; they in turn are
-called from outside of a kernel only, with all operands in memory.
+Numba turns a triple loop into vector code that goes through memory for every sum.  Here a tile of sums stays
+in vector registers over the whole inner loop, which is what the libraries for matrix products do; they in
+turn are called from outside of a kernel only, with all operands in memory.
 
 All three products of a layer, on points p, inputs i and outputs o, are of one form, with other strides:
     forward        y[p, :]   += sum_i  x[p, i] w^T[i, :]
@@ -38,9 +38,7 @@ def add_products(  # noqa: PLR0913 (three arrays, where to begin in each, and ho
         real = context.get_value_type(signature.args[0].dtype)
         align = signature.args[0].dtype.bitwidth // 8
         vector = ir.VectorType(real, count)
-        data = [
-            context.make_array(signature.args[a])(context, builder, arguments[a]).data for a in (0, 3, 7)
-        ]
+        data = [context.make_array(signature.args[a])(context, builder, arguments[a]).data for a in (0, 3, 7)]
         out_first, out_stride, s_first, s_stride, s_step, v_first, v_step, terms = (
             arguments[a] for a in (1, 2, 4, 5, 6, 8, 9, 10)
         )
