@@ -96,8 +96,8 @@ def ray_mlp(
 ) -> Float[Tensor, "r S O"]:
     """A network of ReLU layers on the samples of rays, whose first bias differs from ray to ray.
 
-    Inputs of a sample are x and const side by side, the latter mostly without gradient; what all samples of a ray
-    share (direction, appearance) has gone through its part of the first layer already, into `base`.
+    Inputs of a sample are x and const side by side, the latter mostly without gradient; what all samples of
+    a ray share (direction, appearance) has gone through its part of the first layer already, into `base`.
     weights: w1 (H, I + J), then w and b of every further layer; no activation after the last one.
     """
     first, *rest = weights

@@ -63,7 +63,7 @@ def to_distance(s: Float[Tensor, "*n"], config: SamplerConfig, ops: RayOps = TOR
     return ops.to_distance(s, config.near, config.far, config.knee)
 
 
-def sample_along_rays(  # noqa: PLR0913 (the ops have a default)
+def sample_along_rays(
     rays: Rays,
     densities: Sequence[Callable[[Rays, Tensor], Tensor]],
     config: SamplerConfig,

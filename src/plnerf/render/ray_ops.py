@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
