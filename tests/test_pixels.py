@@ -156,3 +156,14 @@ def test_ridge_strength_turns_with_the_picture() -> None:
     strength = ridge_strength(image)
     np.testing.assert_allclose(ridge_strength(np.rot90(image).copy()), np.rot90(strength), atol=1e-5)
     np.testing.assert_allclose(ridge_strength(255 - image), strength, atol=1e-5)
+
+
+@pytest.mark.parametrize("most", [1, 7, 40, 10_000])
+def test_detail_pixels_are_bounded_and_some_of_the_strongest(tmp_path: Path, most: int) -> None:
+    store = make_store(tmp_path)
+    whole, some = detail_pixels(store, TRAIN, 0.2), detail_pixels(store, TRAIN, 0.2, most)
+    assert len(some) <= most + len(TRAIN)  # at least one of each image
+    assert set(some.tolist()) <= set(whole.tolist())
+    assert set(store.locate(torch.from_numpy(some))[0].tolist()) == set(TRAIN)
+    if most >= len(whole):
+        assert np.array_equal(some, whole)

@@ -18,6 +18,10 @@ from torch import Generator, Tensor
 from plnerf.scene.images import ImageStore
 
 
+MOST_DETAIL_PIXELS = 1 << 24
+"""128 MB of indices: the detail pixels of some hundred photos at full size."""
+
+
 @dataclass(frozen=True)
 class PixelBatch:
     """r pixels drawn from the training images."""
@@ -59,13 +63,22 @@ def _gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndar
     return smooth, x * smooth / variance, 2 * bend / (x**2 * bend).sum()
 
 
-def detail_pixels(store: ImageStore, images: tuple[int, ...], part: float) -> Int[np.ndarray, " d"]:
-    """Flat indices of the `part` of each image's pixels with the strongest ridges, in increasing order."""
+def detail_pixels(
+    store: ImageStore, images: tuple[int, ...], part: float, most: int = MOST_DETAIL_PIXELS
+) -> Int[np.ndarray, " d"]:
+    """Flat indices of the `part` of each image's pixels with the strongest ridges, in increasing order.
+
+    Where these are more than `most` in all, every k-th of them: memory stays bounded, and as the detail pixels
+    are then fewer, each is drawn more often; the loss stays unbiased.
+    """
+    total = part * float(np.diff(store.starts)[list(images)].sum())
+    stride = max(1, math.ceil(total / most))
     chosen = []
     for image in sorted(images):
         strength = ridge_strength(store.image(image)).ravel()
         count = max(1, round(part * strength.size))
-        chosen.append(store.starts[image] + np.sort(np.argpartition(strength, -count)[-count:]))
+        strongest = np.sort(np.argpartition(strength, -count)[-count:])
+        chosen.append(store.starts[image] + strongest[image % stride % count :: stride])
     return np.concatenate(chosen).astype(np.int64)
 
 
