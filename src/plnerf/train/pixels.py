@@ -17,7 +17,6 @@ from torch import Generator, Tensor
 
 from plnerf.scene.images import ImageStore
 
-
 MOST_DETAIL_PIXELS = 1 << 24
 """128 MB of indices: the detail pixels of some hundred photos at full size."""
 
@@ -68,8 +67,8 @@ def detail_pixels(
 ) -> Int[np.ndarray, " d"]:
     """Flat indices of the `part` of each image's pixels with the strongest ridges, in increasing order.
 
-    Where these are more than `most` in all, every k-th of them: memory stays bounded, and as the detail pixels
-    are then fewer, each is drawn more often; the loss stays unbiased.
+    Where these are more than `most` in all, every k-th of them: memory stays bounded, and the loss unbiased,
+    since each of these fewer pixels is drawn more often and counts for less.
     """
     total = part * float(np.diff(store.starts)[list(images)].sum())
     stride = max(1, math.ceil(total / most))
