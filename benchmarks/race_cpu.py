@@ -96,6 +96,10 @@ class Arguments:
     """Three minutes: to see that it works, not to quote."""
     factor: float = 1.0
     """Multiplies every duration."""
+    rounds: int | None = None
+    """Pairs of short runs for the rates; 3 unless told otherwise."""
+    target_rounds: int | None = None
+    """Runs of the peer up to the PSNR aimed at; 2 unless told otherwise."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,8 @@ def main(arguments: Arguments) -> None:
     """Runs all slices; the tables are written after each."""
     check(arguments)
     plan = (QUICK if arguments.quick else Plan()).times(arguments.factor)
+    given = {"rounds": arguments.rounds, "target_rounds": arguments.target_rounds}
+    plan = replace(plan, **{name: count for name, count in given.items() if count is not None})
     console, runs = Console(), list[Run]()
     about = {"arguments": json.loads(json.dumps(asdict(arguments), default=str)), "plan": asdict(plan)}
     about |= circumstances("cpu")
