@@ -1,5 +1,6 @@
 """The hash encoding: the reference is the equation, its gradients are right, the twin is the reference."""
 
+import math
 from collections.abc import Callable
 from typing import Literal
 
@@ -267,3 +268,22 @@ def test_the_gradient_of_a_table_s_gradient_is_refused() -> None:
     )
     with pytest.raises(NotImplementedError, match="use the reference"):
         g_table.square().sum().backward()
+
+
+def test_points_that_are_not_numbers_stay_within_the_table() -> None:
+    """They give what is not a number, in the rows of a border cell, and leave all other points alone."""
+    grid = make_grid(2, "cubic")
+    x, table, cotangent = make_inputs(grid, 400, torch.float32)
+    bad = torch.arange(400) % 7 == 0
+    values = torch.tensor([math.nan, math.inf, -math.inf, 1e30, -1e30])
+    broken = x.clone()
+    broken[bad] = values[torch.arange(int(bad.sum())) % 5][:, None]
+    out = cpu_hash.hash_encode(broken, table, grid)
+    assert torch.equal(out[~bad], cpu_hash.hash_encode(x, table, grid)[~bad])
+    assert not out[bad].isfinite().all(-1).any()
+    fresh, spoilt = torch.zeros_like(table), torch.zeros_like(table)
+    cpu_hash.add_table_gradient(x[~bad], cotangent[~bad], fresh, grid)
+    cpu_hash.add_table_gradient(broken, cotangent, spoilt, grid)
+    untouched = spoilt.isfinite().all(-1)
+    assert 0 < int((~untouched).sum()) <= 5 * 8 * grid.levels  # corners of a few border cells
+    torch.testing.assert_close(spoilt[untouched], fresh[untouched])

@@ -1,6 +1,7 @@
 """The optimiser: Adam as Instant-NGP sets it; rows of hash tables that no sample touched are left alone."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -64,13 +65,14 @@ class TableAdam(Optimizer):
                         rate=group["lr"], betas=group["betas"], eps=group["eps"], step=state["step"],
                     )  # fmt: skip
             elif values:
-                adam(
-                    values, [value.grad for value in values],
-                    [state["exp_avg"] for state in states], [state["exp_avg_sq"] for state in states],
-                    [], [state["step"] for state in states],
-                    fused=True, amsgrad=False, maximize=False, weight_decay=0.0,
-                    beta1=group["betas"][0], beta2=group["betas"][1], lr=group["lr"], eps=group["eps"],
-                )  # fmt: skip
+                with _one_thread():
+                    adam(
+                        values, [value.grad for value in values],
+                        [state["exp_avg"] for state in states], [state["exp_avg_sq"] for state in states],
+                        [], [state["step"] for state in states],
+                        fused=True, amsgrad=False, maximize=False, weight_decay=0.0,
+                        beta1=group["betas"][0], beta2=group["betas"][1], lr=group["lr"], eps=group["eps"],
+                    )  # fmt: skip
         return loss
 
     def zero_grad(self, set_to_none: bool = True) -> None:
@@ -89,6 +91,17 @@ class TableAdam(Optimizer):
             state["step"] = torch.zeros((), dtype=torch.float32, device=value.device)
             state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(value), torch.zeros_like(value)
         return state
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Networks are some twenty small tensors: waking a CPU's threads for each takes four times the work."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def _adam_rows(backend: Backend) -> Callable[..., None]:
