@@ -58,6 +58,7 @@ def test_a_video_has_the_frames_that_were_asked_for(scene: Scene, tmp_path: Path
         frames=7,
         fps=5.0,
         scale=1.07,
+        pruning=None,
     )
     assert pictures(folder / "rgb") == [f"{i:04d}.png" for i in range(7)]
     assert pictures(folder.parent) == ["path", "path-depth.mp4", "path-rgb.mp4"]
@@ -108,8 +109,8 @@ def test_cameras_are_refined_as_training_refines_their_rays(scene: Scene, tmp_pa
 
 def test_a_later_call_with_fewer_frames_leaves_nothing_stale(scene: Scene, tmp_path: Path) -> None:
     run = oracle_run(scene, tmp_path / "run")
-    render_run(run, views="path", outputs=("rgb", "accumulation"), frames=5, scale=0.3)
-    folder = render_run(run, views="path", outputs=("rgb",), frames=3, scale=0.3, video=False)
+    render_run(run, views="path", outputs=("rgb", "accumulation"), frames=5, scale=0.3, pruning=None)
+    folder = render_run(run, views="path", outputs=("rgb",), frames=3, scale=0.3, video=False, pruning=None)
     assert pictures(folder / "rgb") == ["0000.png", "0001.png", "0002.png"]
     assert pictures(folder / "accumulation") == [f"{i:04d}.png" for i in range(5)]
     assert pictures(folder.parent) == ["path", "path-accumulation.mp4"]

@@ -108,12 +108,18 @@ class RadianceField(nn.Module):
         appearance: Float[Tensor, "r A"],
     ) -> Float[Tensor, "r S 3"]:
         """Colour in [0, 1] of frustums, of which `ipe` (of `octaves` octaves), seen along unit directions."""
+        shared = self.shared(directions, appearance)
+        return torch.sigmoid(self._run(self.colour_network, feature, ipe, shared))
+
+    def shared(
+        self, directions: Float[Tensor, "r 3"], appearance: Float[Tensor, "r A"]
+    ) -> Float[Tensor, "r K"]:
+        """What the colour network takes in that all samples of a ray share: encoded direction, appearance."""
         if self.config.direction_encoding == "ipe":
             view = positional_encoding(directions, self.config.direction_octaves)
         else:
             view = spherical_harmonics(directions)
-        shared = torch.cat([view, appearance], -1)
-        return torch.sigmoid(self._run(self.colour_network, feature, ipe, shared))
+        return torch.cat([view, appearance], -1)
 
     @property
     def octaves(self) -> int:

@@ -79,9 +79,43 @@ def _contract(x, y, z, real):
     return a, b, first, second
 
 
+@njit(inline="always")
+@no_type_check
+def gaussian(  # noqa: PLR0913 (a kernel has no structs)
+    o0, o1, o2, d0, d1, d2, radius, t0, t1, A0, A1, A2, contraction, tiny, real
+):
+    """Mean and variances (x, y, z, v0, v1, v2) of an interval's frustum in [-2, 2]^3.
+
+    `contract_frustums` or, without contraction, `clamp_frustums`; rounding may leave a variance a little
+    below 0.  o and d are the ray's, both stretched by A already; tiny is the type's least normal number.
+    """
+    two = real(2)
+    t_mean, var_t, var_r = _moments(t0, t1, radius, tiny, real)
+    x, y, z = o0 + t_mean * d0, o1 + t_mean * d1, o2 + t_mean * d2
+    excess = var_t - var_r
+    v0 = excess * d0 * d0 + var_r * A0 * A0
+    v1 = excess * d1 * d1 + var_r * A1 * A1
+    v2 = excess * d2 * d2 + var_r * A2 * A2
+    if contraction:
+        a, b, first, second = _contract(x, y, z, real)
+        b0, b1, b2 = b * x, b * y, b * z
+        dk = d0 if first else (d1 if second else d2)
+        corner = v0 if first else (v1 if second else v2)
+        c0 = corner if first else excess * d0 * dk
+        c1 = corner if second else excess * d1 * dk
+        c2 = excess * d2 * dk if (first or second) else corner
+        v0 = a * a * v0 + two * a * b0 * c0 + b0 * b0 * corner
+        v1 = a * a * v1 + two * a * b1 * c1 + b1 * b1 * corner
+        v2 = a * a * v2 + two * a * b2 * c2 + b2 * b2 * corner
+        x, y, z = a * x, a * y, a * z
+    else:
+        x, y, z = max(min(x, two), -two), max(min(y, two), -two), max(min(z, two), -two)
+    return x, y, z, v0, v1, v2
+
+
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _features(  # noqa: PLR0913 (a kernel has no structs)
+def fill_features(  # noqa: PLR0913 (a kernel has no structs)
     origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, start, stop
 ):
     S, real = t.shape[1] - 1, t.dtype.type
@@ -96,26 +130,9 @@ def _features(  # noqa: PLR0913 (a kernel has no structs)
         d0, d1, d2 = directions[ray, 0] * A0, directions[ray, 1] * A1, directions[ray, 2] * A2
         r = radius[ray]
         for i in range(S):
-            t_mean, var_t, var_r = _moments(t[ray, i], t[ray, i + 1], r, tiny, real)
-            x, y, z = o0 + t_mean * d0, o1 + t_mean * d1, o2 + t_mean * d2
-            excess = var_t - var_r
-            v0 = excess * d0 * d0 + var_r * A0 * A0
-            v1 = excess * d1 * d1 + var_r * A1 * A1
-            v2 = excess * d2 * d2 + var_r * A2 * A2
-            if contraction:
-                a, b, first, second = _contract(x, y, z, real)
-                b0, b1, b2 = b * x, b * y, b * z
-                dk = d0 if first else (d1 if second else d2)
-                corner = v0 if first else (v1 if second else v2)
-                c0 = corner if first else excess * d0 * dk
-                c1 = corner if second else excess * d1 * dk
-                c2 = excess * d2 * dk if (first or second) else corner
-                v0 = a * a * v0 + two * a * b0 * c0 + b0 * b0 * corner
-                v1 = a * a * v1 + two * a * b1 * c1 + b1 * b1 * corner
-                v2 = a * a * v2 + two * a * b2 * c2 + b2 * b2 * corner
-                x, y, z = a * x, a * y, a * z
-            else:
-                x, y, z = max(min(x, two), -two), max(min(y, two), -two), max(min(z, two), -two)
+            x, y, z, v0, v1, v2 = gaussian(
+                o0, o1, o2, d0, d1, d2, r, t[ray, i], t[ray, i + 1], A0, A1, A2, contraction, tiny, real
+            )
             mean[3 * i], mean[3 * i + 1], mean[3 * i + 2] = x, y, z
             variance[3 * i], variance[3 * i + 1], variance[3 * i + 2] = v0, v1, v2
         for j in range(3 * S):
@@ -145,8 +162,10 @@ def _features_parallel(  # noqa: PLR0913
     origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, rays, parts
 ):
     for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _features(origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, start, stop)
+        fill_features(
+            origins, directions, radius, t, stretch, contraction, octaves, unit, encoded,
+            rays * part // parts, rays * (part + 1) // parts,
+        )  # fmt: skip
 
 
 def frustum_features(
@@ -171,7 +190,7 @@ def frustum_features(
         origins, directions, radius, t, unit.view(rays, 3 * intervals), encoded
     )
     launch(
-        _features, _features_parallel, o, d, r, edges, stretch, contraction, octaves, flat, ipe,
+        fill_features, _features_parallel, o, d, r, edges, stretch, contraction, octaves, flat, ipe,
         rays=rays, samples=rays * intervals, ns=1.5 + 2.5 * octaves,
     )  # fmt: skip
     return unit, encoded

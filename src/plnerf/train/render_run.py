@@ -8,7 +8,7 @@ Writes into the run folder, for views V ("test", "train" or "path") and kinds K:
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -33,6 +33,7 @@ from plnerf.render.pictures import (
     with_legend,
     world_depth,
 )
+from plnerf.render.pruning import Pruning
 from plnerf.render.video import require_ffmpeg, write_video
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
@@ -42,6 +43,9 @@ from plnerf.train.run import TrainedRun
 
 Views = Literal["test", "train", "path"]
 Output = Literal["rgb", "depth", "normals", "accumulation"]
+
+FLIGHT = Pruning()
+"""What the frames of a path leave out, which no photo is compared with."""
 
 _PREVIEWS, _PREVIEW_PX = 8, 96  # small views rendered first, so that all depth pictures share one scale
 
@@ -56,7 +60,7 @@ class Shot:
     """The image that was taken from here, if any."""
 
 
-def render_run(
+def render_run(  # noqa: PLR0913 (the command's options)
     run: TrainedRun,
     *,
     views: Views,
@@ -65,23 +69,27 @@ def render_run(
     fps: float = 24.0,
     scale: float = 1.0,
     video: bool = True,
+    pruning: Pruning | None = FLIGHT,
     progress: Progress | None = None,
 ) -> Path:
     """Renders views of a run and returns their folder.
 
     frames: of the path; images have one view each.  scale: of the pictures, 1 = the training resolution.
+    pruning: what frames of the path leave out; views of images are rendered exactly.
     Raises ConfigError for options that cannot be, PlnerfError at a full disk or without ffmpeg.
     """
     _check(run.model, views, outputs, fps)
     if video:
         require_ffmpeg()
-    shots = shots_of(run, views, frames, scale)
+    shots, pruning = shots_of(run, views, frames, scale), pruning if views == "path" else None
     folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
     shown = _shared_range(run.model, shots, run.scene) if "depth" in outputs else None
     _clear(folder, outputs)
     pictures: dict[Output, list[Path]] = {kind: [] for kind in outputs}
     for i, shot in enumerate(shots):
-        view = render_view(run.model, shot.camera, shot.appearance, normals="normals" in outputs)
+        view = render_view(
+            run.model, shot.camera, shot.appearance, normals="normals" in outputs, pruning=pruning
+        )
         for kind in outputs:
             pictures[kind].append(folder / kind / f"{i:04d}.png")
             write_png(pictures[kind][-1], _picture(kind, view, run.scene, shown))
@@ -96,6 +104,7 @@ def render_run(
         for kind, paths in pictures.items():
             write_video(folder.parent / f"{views}-{kind}.mp4", paths, fps)
     content = _description(run, shots, views, outputs, fps if video else None, scale, shown)
+    content["pruning"] = asdict(pruning) if pruning is not None else None
     write_text(folder / "render.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
     return folder
 

@@ -1,0 +1,98 @@
+"""Rendering that asks for colours only as often as the light of a ray needs them.
+
+A ray's colour is a sum over its intervals, of which most carry little light.  Positions, densities, weights
+and depths are those of the exact rendering; but neighbouring intervals form groups that share the colour of
+their heaviest one, and the networks of colour and normals see that one alone: see `look.py`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from plnerf.errors import ConfigError
+from plnerf.rays.rays import Rays
+from plnerf.render import look
+from plnerf.render.look import Looked
+from plnerf.render.model import PLNeRF, RenderedRays
+from plnerf.render.proposals import Histogram, sample_along_rays, to_distance
+from plnerf.render.ray_ops import ray_ops
+from plnerf.render.volume import composite
+
+
+@dataclass(frozen=True)
+class Pruning:
+    """What a rendering may leave out; 0 leaves nothing out.
+
+    Accumulation and depths are exact but for rounding.  Colours and normals are off by at most their
+    differences within a group times its light.  Against the exact pictures of the bundled span: 48 to 49 dB,
+    46 to 48 dB on its wires, with three tenths of the colours, in a quarter of the time on two cores.
+    """
+
+    light: float = 1 / 24
+    """Light of a ray, of 1 in all, for which a colour is computed."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.light < 1:
+            raise ConfigError(
+                f"A group's light must be 0 or more and below 1, but got pruning.light={self.light}."
+            )
+
+
+class PrunedRays(NamedTuple):
+    """What rays see, and how many of their intervals were given a colour of their own."""
+
+    seen: RenderedRays
+    coloured: int
+
+
+class _Twin(NamedTuple):
+    densities: Callable[[PLNeRF, nn.Module, Rays, Tensor], Tensor]
+    look: Callable[[PLNeRF, Rays, Tensor, Tensor, float, bool], Looked]
+
+
+def render_pruned(
+    model: PLNeRF,
+    rays: Rays,
+    *,
+    appearance: Float[Tensor, "r A"],
+    pruning: Pruning,
+    normals: bool = False,
+) -> PrunedRays:
+    """As the model renders rays, but pruned; without gradients and without jitter.
+
+    Raises ConfigError for normals of a model that predicts none.
+    """
+    if normals and model.field.normal_network is None:
+        raise ConfigError(
+            "This model predicts no normals: it was trained with model.field.normals=false. Ask for none."
+        )
+    ops, twin, sampler = ray_ops(model.backend), _twin(model), model.config.sampler
+    with torch.no_grad():
+        densities = [partial(twin.densities, model, field) for field in model.proposals]
+        s, history = sample_along_rays(rays, densities, sampler, 1.0, None, ops)
+        t = to_distance(s, sampler, ops)
+        looked = twin.look(model, rays, t, appearance, pruning.light, normals)
+        seen = ops.render_rays(looked.density, t, looked.colours)
+        rendered = RenderedRays(
+            colour=seen.colour,
+            accumulation=seen.accumulation,
+            depth=seen.depth,
+            depth_median=seen.depth_median,
+            normals=None if looked.normals is None else composite(seen.w, looked.normals),
+            histograms=(*history, Histogram(s, seen.w)),
+            normal_samples=None,
+        )
+    return PrunedRays(rendered, looked.computed)
+
+
+def _twin(model: PLNeRF) -> _Twin:
+    if model.backend != "numba":
+        return _Twin(look.densities, look.look)
+    from plnerf.render import look_cpu  # Numba takes time to import
+
+    return _Twin(look_cpu.densities, look_cpu.look)
