@@ -28,9 +28,11 @@ from plnerf.render.volume import composite
 class Pruning:
     """What a rendering may leave out; 0 leaves nothing out.
 
-    Accumulation and depths are exact but for rounding.  Colours and normals are off by at most their
-    differences within a group times its light.  Against the exact pictures of the bundled span: 48 to 49 dB,
-    46 to 48 dB on its wires, with three tenths of the colours, in a quarter of the time on two cores.
+    Accumulation and depths are exact up to rounding.  Colours are off by at most what differs within a group,
+    times its light; so are normals.  Measured at 1/24 against the exact pictures of the held-out views: on
+    the bundled span 47.4 to 49.7 dB with 64 intervals a ray (the wires' pixels alone: 44.6 to 51.1 dB) and
+    55.8 to 60.3 dB with 24, where training left less haze; 45.3 dB and more on photos of a fox.  30 to 60 %
+    of the intervals had a colour computed.  The PSNR against the photos moved by 0.03 dB at most.
     """
 
     light: float = 1 / 24
