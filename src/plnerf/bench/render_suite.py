@@ -24,6 +24,7 @@ from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.metrics import psnr_of_mse
+from plnerf.train.render_run import FLIGHT
 from plnerf.train.report import SilentReport
 from plnerf.train.run import TrainedRun, open_run
 
@@ -43,7 +44,11 @@ def _whole(run: TrainedRun, camera: Cameras, appearance: Tensor) -> RenderedView
     return render_view(run.model, camera, appearance, normals=False)
 
 
-RENDERERS = (Renderer("every sample", _whole),)
+def _pruned(run: TrainedRun, camera: Cameras, appearance: Tensor) -> RenderedView:
+    return render_view(run.model, camera, appearance, normals=False, pruning=FLIGHT)
+
+
+RENDERERS = (Renderer("every sample", _whole), Renderer("pruned, as flights are", _pruned))
 
 
 @dataclass(frozen=True)
@@ -125,18 +130,20 @@ def render_table(run: TrainedRun, figures: Sequence[ViewFigures]) -> Table:
     """Views by renderer, then each renderer's median."""
     rows = [
         (
-            one.view, one.renderer, f"{one.width_px}×{one.height_px}", figure(one.seconds_per_megapixel),
+            one.view, one.renderer, f"{one.width_px}×{one.height_px}",
+            figure(statistics.median(one.raw_s)), figure(one.seconds_per_megapixel),
             figure(one.agreement_db, 4),
         )
         for one in figures
     ]  # fmt: skip
     for name in dict.fromkeys(one.renderer for one in figures):
         mine = [one for one in figures if one.renderer == name]
+        seconds = statistics.median(statistics.median(one.raw_s) for one in mine)
         median = statistics.median(one.seconds_per_megapixel for one in mine)
         known = [one.agreement_db for one in mine if one.agreement_db is not None]
         worst = figure(min(known), 4) if known else "–"
-        rows.append(("**median; worst agreement**", name, "", figure(median), worst))
-    columns = ("held-out view", "renderer", "px", "s per megapixel", "agreement dB")
+        rows.append(("**median; worst agreement**", name, "", figure(seconds), figure(median), worst))
+    columns = ("held-out view", "renderer", "px", "s a view", "s per megapixel", "agreement dB")
     note = (
         f"{run.folder} at step {run.step}, backend {run.config.backend} on {run.config.device}; colour, "
         "depth and accumulation of every pixel, no normals; medians of the repeats, nothing written to disk. "
