@@ -10,10 +10,14 @@ import pytest
 import torch
 from PIL import Image
 
-from oracle import oracle_run, z_depth_mm
+from oracle import oracle_run, tiny_config, z_depth_mm
 from plnerf.errors import ConfigError
+from plnerf.ops.dispatch import Backend
+from plnerf.render.images import render_view
+from plnerf.render.model import PLNeRF
+from plnerf.render.pictures import rgb_picture
 from plnerf.scene.scene import Scene, load_scene
-from plnerf.train.render_run import refined_cameras, render_run
+from plnerf.train.render_run import FLIGHT, refined_cameras, render_run, shots_of
 
 
 @pytest.fixture
@@ -58,7 +62,6 @@ def test_a_video_has_the_frames_that_were_asked_for(scene: Scene, tmp_path: Path
         frames=7,
         fps=5.0,
         scale=1.07,
-        pruning=None,
     )
     assert pictures(folder / "rgb") == [f"{i:04d}.png" for i in range(7)]
     assert pictures(folder.parent) == ["path", "path-depth.mp4", "path-rgb.mp4"]
@@ -109,8 +112,8 @@ def test_cameras_are_refined_as_training_refines_their_rays(scene: Scene, tmp_pa
 
 def test_a_later_call_with_fewer_frames_leaves_nothing_stale(scene: Scene, tmp_path: Path) -> None:
     run = oracle_run(scene, tmp_path / "run")
-    render_run(run, views="path", outputs=("rgb", "accumulation"), frames=5, scale=0.3, pruning=None)
-    folder = render_run(run, views="path", outputs=("rgb",), frames=3, scale=0.3, video=False, pruning=None)
+    render_run(run, views="path", outputs=("rgb", "accumulation"), frames=5, scale=0.3)
+    folder = render_run(run, views="path", outputs=("rgb",), frames=3, scale=0.3, video=False)
     assert pictures(folder / "rgb") == ["0000.png", "0001.png", "0002.png"]
     assert pictures(folder / "accumulation") == [f"{i:04d}.png" for i in range(5)]
     assert pictures(folder.parent) == ["path", "path-accumulation.mp4"]
@@ -135,6 +138,29 @@ def test_the_description_says_what_was_rendered_and_comes_last(scene: Scene, tmp
         render_run(run, views="test", outputs=("depth",), scale=0.5, video=False, progress=stop)
     assert not (folder / "render.json").exists() and not list(folder.rglob("*.partial*"))
     assert pictures(folder / "depth") == ["0000.png"]
+
+
+@pytest.mark.parametrize("backend", ["numba", "torch"])
+def test_frames_of_a_flight_are_pruned_on_a_cpu_and_say_so(
+    scene: Scene, tmp_path: Path, backend: Backend
+) -> None:
+    run = oracle_run(scene, tmp_path / "run")
+    config = tiny_config()
+    config = replace(config, sampler=replace(config.sampler, final=48))
+    model = PLNeRF(config, len(scene.names), backend, torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        model.field.grid.table *= 1e4
+    run = replace(run, model=model.eval())
+    pruning = FLIGHT if backend == "numba" else None
+    for views, expected in (("path", pruning), ("test", None)):
+        folder = render_run(run, views=views, outputs=("rgb",), frames=2, scale=0.5, video=False)
+        told = json.loads((folder / "render.json").read_text())["pruning"]
+        assert told == (None if expected is None else {"light": expected.light})
+        shot = shots_of(run, views, 2, 0.5)[0]
+        view = render_view(model, shot.camera, shot.appearance, normals=False, pruning=expected)
+        rgb = np.asarray(Image.open(folder / "rgb" / "0000.png"))
+        assert np.array_equal(rgb, rgb_picture(view.rgb))
+        assert (view.coloured < 1) == (expected is not None)
 
 
 @pytest.mark.parametrize(

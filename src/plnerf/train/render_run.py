@@ -45,7 +45,7 @@ Views = Literal["test", "train", "path"]
 Output = Literal["rgb", "depth", "normals", "accumulation"]
 
 FLIGHT = Pruning()
-"""What the frames of a path leave out, which no photo is compared with."""
+"""What the frames of a path leave out on a CPU, where it is measured to pay; views of images are exact."""
 
 _PREVIEWS, _PREVIEW_PX = 8, 96  # small views rendered first, so that all depth pictures share one scale
 
@@ -60,7 +60,7 @@ class Shot:
     """The image that was taken from here, if any."""
 
 
-def render_run(  # noqa: PLR0913 (the command's options)
+def render_run(
     run: TrainedRun,
     *,
     views: Views,
@@ -69,21 +69,20 @@ def render_run(  # noqa: PLR0913 (the command's options)
     fps: float = 24.0,
     scale: float = 1.0,
     video: bool = True,
-    pruning: Pruning | None = FLIGHT,
     progress: Progress | None = None,
 ) -> Path:
     """Renders views of a run and returns their folder.
 
     frames: of the path; images have one view each.  scale: of the pictures, 1 = the training resolution.
-    pruning: what frames of the path leave out; views of images are rendered exactly.
     Raises ConfigError for options that cannot be, PlnerfError at a full disk or without ffmpeg.
     """
     _check(run.model, views, outputs, fps)
     if video:
         require_ffmpeg()
-    shots, pruning = shots_of(run, views, frames, scale), pruning if views == "path" else None
+    shots = shots_of(run, views, frames, scale)
+    pruning = FLIGHT if views == "path" and run.model.backend == "numba" else None
     folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
-    shown = _shared_range(run.model, shots, run.scene) if "depth" in outputs else None
+    shown = _shared_range(run.model, shots, run.scene, pruning) if "depth" in outputs else None
     _clear(folder, outputs)
     pictures: dict[Output, list[Path]] = {kind: [] for kind in outputs}
     for i, shot in enumerate(shots):
@@ -166,12 +165,13 @@ def _picture(kind: str, view: RenderedView, scene: Scene, shown: DepthRange | No
     return with_legend(depth_picture(world_depth(view, scene.frames), shown), shown)
 
 
-def _shared_range(model: PLNeRF, shots: list[Shot], scene: Scene) -> DepthRange:
+def _shared_range(model: PLNeRF, shots: list[Shot], scene: Scene, pruning: Pruning | None) -> DepthRange:
     """One range of depth for all pictures, found on a few small views: a video's colours must not flicker."""
     depths = []
     for i in np.unique(np.linspace(0, len(shots) - 1, _PREVIEWS).astype(int)):
         small = min(1.0, _PREVIEW_PX / float(shots[i].camera.size_px.max()))
-        view = render_view(model, resized(shots[i].camera, small), shots[i].appearance, normals=False)
+        camera = resized(shots[i].camera, small)
+        view = render_view(model, camera, shots[i].appearance, normals=False, pruning=pruning)
         depths.append(world_depth(view, scene.frames))
     return depth_range(depths, scene.frames)
 
