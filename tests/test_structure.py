@@ -13,6 +13,7 @@ FLOORS = {
     "scene": 1,
     "rays": 2,
     "capture": 2,
+    "wires": 2.5,  # curves of conductors in images, which guide the field
     "field": 3,
     "render": 4,
     "train": 5,
