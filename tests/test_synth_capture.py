@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from plnerf.synth.capture import flight_passes, look, plan_flight
+from plnerf.synth.capture import look, plan_flight
+from plnerf.synth.config import SceneConfig
 from plnerf.synth.scene import HOLD_OUT_EVERY, transforms_of
-from plnerf.synth.span import SpanConfig, build_span, ground_height
+from plnerf.synth.span import build_span, ground_height
 
-CONFIG = SpanConfig()
-SPAN = build_span(CONFIG)
-VIEWS = plan_flight(SPAN)
+SCENE = SceneConfig()
+CONFIG = SCENE.capture
+SPAN = build_span(SCENE.span)
+VIEWS = plan_flight(SPAN, CONFIG)
 AXES = [wire.curve.polyline(0.02) for wire in SPAN.conductors]
 
 
@@ -42,11 +44,12 @@ def test_the_flight_is_close_and_the_nearest_wire_is_four_to_ten_pixels_wide():
     assert distance.min(axis=1).min() >= 2.0 and distance.min(axis=1).max() <= 5.0
     assert (distance.min(axis=0) < 3.0).all()  # every wire is passed closely by some camera
     for leg in {view.flight_pass for view in VIEWS}:
-        follows = next(p.follows for p in flight_passes() if p.name == leg)
+        name = next(p.follows for p in CONFIG.passes if p.name == leg)
+        follows = next(i for i, wire in enumerate(SPAN.conductors) if wire.wire == name)
         rows = [
             CONFIG.focal_px * SPAN.conductors[follows].diameter_m / distance[i, follows]
             for i, view in enumerate(VIEWS)
-            if view.flight_pass == leg and abs(SPAN.along @ view.centre[:2]) < CONFIG.span_length_m / 2
+            if view.flight_pass == leg and abs(SPAN.along @ view.centre[:2]) < SCENE.span.span_length_m / 2
         ]
         assert min(rows) >= 4.0 and max(rows) <= 10.0
 
@@ -83,7 +86,7 @@ def test_cameras_keep_clear_of_plants_towers_and_ground():
 
 
 def test_transforms_json_holds_every_pose_and_a_box_around_the_span():
-    content = transforms_of(SPAN, VIEWS)
+    content = transforms_of(SPAN, CONFIG, VIEWS)
     assert len(content["frames"]) == len(VIEWS) == 3 * CONFIG.views_per_pass
     assert "test" not in content["plnerf"]  # the default rule decides: every 8th by name
     names = [frame["file_path"] for frame in content["frames"]]

@@ -10,24 +10,20 @@ from PIL import Image
 from plnerf.errors import ConfigError, SceneError
 from plnerf.synth import parts, render
 from plnerf.synth.capture import View, look
+from plnerf.synth.config import CaptureConfig, ImageConfig, PlantsConfig, SceneConfig, SpanConfig
 from plnerf.synth.meshes import grid, tube
 from plnerf.synth.parts import Part, Surface
 from plnerf.synth.render import open_studio, to_srgb
 from plnerf.synth.scene import synthesize
-from plnerf.synth.span import SpanConfig
 
 needs_mitsuba = pytest.mark.skipif(
     importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed (extra: synth)"
 )
-TINY = SpanConfig(
-    width_px=48,
-    height_px=32,
-    focal_px=44.0,
-    samples_per_pixel=4,
-    views_per_pass=4,
-    trees=1,
-    bushes=0,
-    background_trees=0,
+TINY = SceneConfig(
+    "tiny",
+    SpanConfig(plants=PlantsConfig(1, 0, 0)),
+    CaptureConfig(width_px=48, height_px=32, focal_px=44.0, views_per_pass=4),
+    ImageConfig(samples_per_pixel=4),
 )
 
 
@@ -38,8 +34,8 @@ def test_a_rod_before_a_wall_is_seen_where_and_as_far_away_as_it_is(tmp_path):
     floor = grid(np.linspace(-50, 50, 5), np.linspace(-50, 50, 5), np.full((5, 5), -1.0))
     grey = Surface("matt", (0.3, 0.3, 0.3))
     bodies = [Part("rod", rod, grey, wire=True), Part("floor", floor, grey)]
-    config = SpanConfig(width_px=96, height_px=64, focal_px=80.0, samples_per_pixel=4)
-    studio = open_studio(bodies, config, tmp_path)
+    capture = CaptureConfig(width_px=96, height_px=64, focal_px=80.0)
+    studio = open_studio(bodies, capture, ImageConfig(samples_per_pixel=4), tmp_path)
     view = View("0000", "right", look(0.0, 0.0, 0.0), np.zeros(3))
 
     coverage = studio.wire_coverage(view)
@@ -83,7 +79,7 @@ def test_a_tiny_span_becomes_a_complete_scene_folder(tmp_path, monkeypatch):
             assert np.asarray(Image.open(out / frame["depth_path"])).dtype == np.uint16
     photo = np.asarray(Image.open(out / content["frames"][0]["file_path"]))
     assert 40 < photo.mean() < 200 and photo.std() > 10
-    assert json.loads((out / "truth.json").read_text())["config"]["width_px"] == 48
+    assert json.loads((out / "truth.json").read_text())["config"]["capture"]["width_px"] == 48
     with pytest.raises(SceneError, match="exists and is not empty"):
         synthesize(out, TINY)
 

@@ -4,14 +4,22 @@ import numpy as np
 import pytest
 
 from plnerf.errors import ConfigError
+from plnerf.synth.config import (
+    CaptureConfig,
+    ImageConfig,
+    PlantsConfig,
+    SceneConfig,
+    SpanConfig,
+    SupportConfig,
+)
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.meshes import beam, grid, lathe, tube, without, write_ply
-from plnerf.synth.span import SpanConfig, build_span, ground_height, track_offset
+from plnerf.synth.span import build_span, ground_height, track_offset
 from plnerf.synth.texture import ground_texture, noise, strand_texture
 from plnerf.synth.tower import insulators, steel
 from plnerf.synth.truth import truth_of
 
-SMALL = SpanConfig(background_trees=6)
+SMALL = SpanConfig(plants=PlantsConfig(background=6))
 
 
 def volume(mesh) -> float:
@@ -22,7 +30,7 @@ def volume(mesh) -> float:
 
 def test_the_same_seed_gives_the_same_span_and_another_another():
     assert build_span(SMALL) == build_span(SMALL)
-    assert build_span(SMALL).plants != build_span(SpanConfig(seed=8, background_trees=6)).plants
+    assert build_span(SMALL).plants != build_span(SpanConfig(seed=8, plants=SMALL.plants)).plants
 
 
 def test_origin_is_on_the_ground_at_mid_span_and_towers_are_a_span_apart():
@@ -37,8 +45,7 @@ def test_wires_keep_their_sags_and_stay_clear_of_each_other_and_of_the_ground():
     span = build_span(SMALL)
     lines = [wire.curve.polyline(0.1) for wire in span.conductors]
     for i, wire in enumerate(span.conductors):
-        asked = SMALL.phase_sag_m if wire.kind == "phase" else SMALL.shield_sag_m
-        assert abs(wire.curve.sag_m - asked) < 1e-9
+        assert abs(wire.curve.sag_m - SMALL.wire(wire.wire).sag_m) < 1e-9
         assert (lines[i][:, 2] - ground_height(lines[i][:, 0], lines[i][:, 1])).min() > 6.0
         for other in lines[:i]:
             assert np.linalg.norm(lines[i][:, None] - other[None], axis=2).min() > 1.2
@@ -46,7 +53,7 @@ def test_wires_keep_their_sags_and_stay_clear_of_each_other_and_of_the_ground():
 
 def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their_cylinders():
     span = build_span(SMALL)
-    assert len(span.plants) == SMALL.trees + SMALL.bushes + SMALL.background_trees
+    assert len(span.plants) == SMALL.plants.trees + SMALL.plants.bushes + SMALL.plants.background
     for plant in span.plants:
         foot = np.array(plant.foot)
         assert foot[2] == ground_height(foot[:1], foot[1:2])[0]
@@ -60,9 +67,9 @@ def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their
 
 def test_clearances_agree_with_brute_force():
     span = build_span(SMALL)
-    listed = truth_of(span, 0)["vegetation"]
+    listed = truth_of(span, SceneConfig(span=SMALL), 0)["vegetation"]
     near = [i for i, entry in enumerate(listed) if "clearance_m" in entry]
-    assert len(near) >= SMALL.trees
+    assert len(near) >= SMALL.plants.trees
     bushes = [i for i in near if listed[i]["kind"] == "bush"]  # fewer leaves than a tree
     for i in bushes[:2]:
         leaves = plant_meshes(span.plants[i])[1].vertices
@@ -92,7 +99,7 @@ def test_towers_are_as_tall_as_stated_and_strings_end_at_the_clamps():
             if wire.kind == "phase":
                 above = discs.vertices[np.linalg.norm((discs.vertices - clamp)[:, :2], axis=1) < 0.2]
                 heights = above[:, 2] - clamp[2]
-                assert 0 < heights.min() < heights.max() < SMALL.string_length_m
+                assert 0 < heights.min() < heights.max() < SMALL.support.string_length_m
 
 
 def test_bodies_have_the_volume_and_the_outside_of_what_they_stand_for():
@@ -145,15 +152,18 @@ def test_textures_are_reflectances():
 
 
 @pytest.mark.parametrize(
-    ("change", "text"),
+    ("kind", "change", "text"),
     [
-        ({"span_length_m": 0.0}, "span_length_m must be greater than 0, got 0.0"),
-        ({"phase_offsets_m": ()}, "at least one phase conductor"),
-        ({"tower_height_m": 9.0}, "Raise the tower or lower the conductor"),
-        ({"views_per_pass": 1}, "views_per_pass must be at least 4, got 1"),
-        ({"sun_elevation_deg": -3.0}, "sun_elevation_deg must be in 5 to 85"),
+        (SpanConfig, {"span_length_m": 0.0}, "span_length_m must be greater than 0, got 0.0"),
+        (SpanConfig, {"wires": ()}, "at least one wire"),
+        (SpanConfig, {"support": SupportConfig(height_m=9.0)}, "Raise the support or lower the wire"),
+        (CaptureConfig, {"views_per_pass": 1}, "views_per_pass must be at least 4, got 1"),
+        (CaptureConfig, {"passes": ()}, "there would be no image"),
+        (CaptureConfig, {"width_px": 0}, "width_px must be greater than 0, got 0"),
+        (CaptureConfig, {"filmed_m": (3.0, 3.0)}, "filmed_m must run from low to high"),
+        (ImageConfig, {"sun_elevation_deg": -3.0}, "sun_elevation_deg must be in 5 to 85"),
     ],
 )
-def test_impossible_spans_are_refused_in_words(change, text):
+def test_impossible_scenes_are_refused_in_words(kind, change, text):
     with pytest.raises(ConfigError, match=text):
-        SpanConfig(**change)
+        kind(**change)

@@ -18,8 +18,8 @@ from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import BackendChoice, resolve_backend
 from plnerf.presets import find_preset
 from plnerf.scene.scene import load_scene
+from plnerf.synth.config import SceneConfig
 from plnerf.synth.scene import synthesize
-from plnerf.synth.span import SpanConfig
 from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import RunConfig, fit_to_scene
 from plnerf.train.evaluate import evaluate_run
@@ -163,7 +163,8 @@ def render(
 def synthesize_span(out: Path, *, seed: int, samples: int, console: Console | None = None) -> Path:
     """Renders the synthetic span into a new scene folder."""
     console = console or Console()
-    config = replace(SpanConfig(), seed=seed, samples_per_pixel=samples)
+    config = SceneConfig().with_seed(seed)
+    config = replace(config, image=replace(config.image, samples_per_pixel=samples))
     with bar(console, "synth") as progress:
         folder = synthesize(out, config, progress=progress)
     _say(console, f"scene folder: {folder}")

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.synth.config import CaptureConfig, Pass
 from plnerf.synth.span import Conductor, Span
 
 
@@ -35,58 +36,40 @@ class View:
         return matrix
 
 
-@dataclass(frozen=True)
-class Pass:
-    """One flight along the span; lengths relative to the conductor it follows."""
-
-    name: str
-    follows: int  # index of the conductor
-    across_m: float  # camera's offset from that conductor across the line, left positive
-    above_m: float
-    start_m: float  # along the line as a fraction of half the span: -1 is the west tower
-    end_m: float
-    toward_deg: float  # camera turned from the flight direction to the left
-    pitch_deg: float  # upwards positive
-
-
-def flight_passes() -> tuple[Pass, ...]:
-    """The default three passes around the default conductors."""
-    return (
-        Pass("right", 0, -2.5, 0.8, -1.2, 0.74, 40.0, -2.0),
-        Pass("left", 1, 2.4, 1.0, 1.2, -0.74, 38.0, 4.0),
-        Pass("above", 0, -0.5, 2.6, -1.2, 0.74, 27.0, -3.0),
-    )
-
-
-def plan_flight(span: Span) -> tuple[View, ...]:
+def plan_flight(span: Span, capture: CaptureConfig) -> tuple[View, ...]:
     """Camera poses of all passes, named in time order."""
     rng = np.random.default_rng([span.config.seed, 2])
     poses: list[tuple[str, np.ndarray, np.ndarray]] = []
-    count = span.config.views_per_pass
-    for leg in flight_passes():
+    count = capture.views_per_pass
+    for leg in capture.passes:
         phases = rng.uniform(0, 2 * math.pi, 5)
         for i in range(count):
-            poses.append((leg.name, *_pose(span, leg, i / (count - 1), phases, rng)))
+            poses.append((leg.name, *_pose(span, capture, leg, i / (count - 1), phases, rng)))
     cut = 4 if count > 8 else 1
     loop = poses[cut:] + poses[:cut]
     return tuple(View(f"{i:04d}", name, R, centre) for i, (name, R, centre) in enumerate(loop))
 
 
 def _pose(
-    span: Span, leg: Pass, progress: float, phases: Float[np.ndarray, "5"], rng: np.random.Generator
+    span: Span,
+    capture: CaptureConfig,
+    leg: Pass,
+    progress: float,
+    phases: Float[np.ndarray, "5"],
+    rng: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
     """Camera at `progress` (0..1) of a pass: a slow wobble of position and view, and a little shake."""
     half = span.config.span_length_m / 2
+    low, high = capture.filmed_m or (-half, half)
     slow = np.sin(2 * math.pi * np.array([1.0, 1.6, 1.3, 2.2, 1.9]) * progress + phases)
     shake = rng.normal(0.0, 1.0, 3)
-    along = half * (leg.start_m + (leg.end_m - leg.start_m) * progress)
-    wire = _follow(span.conductors[leg.follows], along, half)
-    base_across = span.config.phase_offsets_m[leg.follows][0]
-    across = base_across + leg.across_m + 0.30 * slow[0]
+    along = (low + high) / 2 + (high - low) / 2 * (leg.start + (leg.end - leg.start) * progress)
+    wire = next(conductor for conductor in span.conductors if conductor.wire == leg.follows)
+    across = span.config.wire(leg.follows).across_m + leg.across_m + leg.weave_m * slow[0]
     x, y = span.at(along, across)
-    centre = np.array([x, y, wire + leg.above_m + 0.35 * slow[1]])
+    centre = np.array([x, y, _follow(wire, along, half) + leg.above_m + leg.heave_m * slow[1]])
 
-    forth = math.copysign(1.0, leg.end_m - leg.start_m)
+    forth = math.copysign(1.0, leg.end - leg.start)
     azimuth = math.radians(span.config.line_azimuth_deg + leg.toward_deg + 11.0 * slow[2] + 0.8 * shake[0])
     azimuth += 0.0 if forth > 0 else math.pi
     pitch = math.radians(leg.pitch_deg + 9.0 * slow[3] + 0.6 * shake[1])

@@ -17,9 +17,9 @@ from jaxtyping import Float, UInt8
 
 from plnerf.errors import ConfigError
 from plnerf.synth.capture import View
+from plnerf.synth.config import CaptureConfig, ImageConfig
 from plnerf.synth.meshes import write_ply
 from plnerf.synth.parts import Part, Surface
-from plnerf.synth.span import SpanConfig
 
 COVERAGE_SAMPLES = 36  # per pixel, one in each cell of a 6 x 6 grid
 BOUNCES = 3
@@ -31,16 +31,17 @@ class Studio:
     """The loaded scenes of one span; nothing in it changes between pictures."""
 
     mi: Any
-    config: SpanConfig
+    capture: CaptureConfig
+    image: ImageConfig
     lit: Any
     wires_only: Any  # wires shine, all else is black: what is left of them is what is seen of them
 
     def photo(self, view: View, seed: int) -> UInt8[np.ndarray, "h w 3"]:
         """The view in sRGB at the fixed exposure."""
         integrator = self.mi.load_dict({"type": "path", "max_depth": BOUNCES})
-        sampler = {"type": "multijitter", "sample_count": self.config.samples_per_pixel, "seed": seed}
+        sampler = {"type": "multijitter", "sample_count": self.image.samples_per_pixel, "seed": seed}
         radiance = self._render(self.lit, integrator, view, sampler)[..., :3]
-        return to_srgb(radiance * self.config.exposure)
+        return to_srgb(radiance * self.image.exposure)
 
     def wire_coverage(self, view: View) -> Float[np.ndarray, "h w"]:
         """The fraction of each pixel's area in which a conductor or shield wire is seen."""
@@ -54,30 +55,30 @@ class Studio:
         sampler = {"type": "stratified", "sample_count": 1, "jitter": False}
         along_ray = self._render(self.wires_only, integrator, view, sampler)[..., -1]
         height, width = along_ray.shape
-        x = (np.arange(width) + 0.5 - width / 2) / self.config.focal_px
-        y = (np.arange(height) + 0.5 - height / 2) / self.config.focal_px
+        x = (np.arange(width) + 0.5 - width / 2) / self.capture.focal_px
+        y = (np.arange(height) + 0.5 - height / 2) / self.capture.focal_px
         along_axis = NEAR_M + along_ray / np.sqrt(1 + x[None] ** 2 + y[:, None] ** 2)
         return np.where(along_ray > 0, along_axis, 0.0)
 
     def _render(
         self, scene: Any, integrator: Any, view: View, sampler: dict[str, object]
     ) -> Float[np.ndarray, "h w c"]:
-        config = self.config
+        capture = self.capture
         pose = np.eye(4)
         pose[:3, :3] = view.R_world_camera * np.array([-1.0, -1.0, 1.0])  # Mitsuba's camera: x left, y up
         pose[:3, 3] = view.centre
         sensor = self.mi.load_dict({
             "type": "perspective",
             "fov_axis": "x",
-            "fov": math.degrees(2 * math.atan(config.width_px / 2 / config.focal_px)),
+            "fov": math.degrees(2 * math.atan(capture.width_px / 2 / capture.focal_px)),
             "near_clip": NEAR_M,
             "far_clip": 5000.0,
             "to_world": self.mi.ScalarTransform4f(pose),
             "sampler": sampler,
             "film": {
                 "type": "hdrfilm",
-                "width": config.width_px,
-                "height": config.height_px,
+                "width": capture.width_px,
+                "height": capture.height_px,
                 "pixel_format": "rgb",
                 "component_format": "float32",
                 "rfilter": {"type": "box"},
@@ -100,10 +101,10 @@ def require_mitsuba() -> Any:
     return mi
 
 
-def open_studio(parts: Sequence[Part], config: SpanConfig, scratch: Path) -> Studio:
+def open_studio(parts: Sequence[Part], capture: CaptureConfig, image: ImageConfig, scratch: Path) -> Studio:
     """Load all parts; `scratch` is an existing folder for meshes, needed only during this call."""
     mi = require_mitsuba()
-    lit: dict[str, object] = {"type": "scene", "sky": _sky(mi, config)}
+    lit: dict[str, object] = {"type": "scene", "sky": _sky(mi, image)}
     marked: dict[str, object] = {"type": "scene"}
     for i, part in enumerate(parts):
         path = scratch / f"{i}.ply"
@@ -115,7 +116,7 @@ def open_studio(parts: Sequence[Part], config: SpanConfig, scratch: Path) -> Stu
         if part.wire:
             shining = {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}
             marked[f"part{i}"] = shape | {"bsdf": dark, "emitter": shining}
-    return Studio(mi, config, mi.load_dict(lit), mi.load_dict(marked))
+    return Studio(mi, capture, image, mi.load_dict(lit), mi.load_dict(marked))
 
 
 def to_srgb(linear: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
@@ -125,8 +126,8 @@ def to_srgb(linear: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
     return np.rint(255 * encoded).astype(np.uint8)
 
 
-def _sky(mi: Any, config: SpanConfig) -> dict[str, object]:
-    azimuth, elevation = math.radians(config.sun_azimuth_deg), math.radians(config.sun_elevation_deg)
+def _sky(mi: Any, image: ImageConfig) -> dict[str, object]:
+    azimuth, elevation = math.radians(image.sun_azimuth_deg), math.radians(image.sun_elevation_deg)
     direction = [
         math.cos(azimuth) * math.cos(elevation),
         math.sin(azimuth) * math.cos(elevation),

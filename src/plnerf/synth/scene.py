@@ -17,23 +17,24 @@ from PIL import Image
 
 from plnerf.errors import SceneError
 from plnerf.synth.capture import View, plan_flight
+from plnerf.synth.config import CaptureConfig, SceneConfig
 from plnerf.synth.parts import span_parts
 from plnerf.synth.render import Studio, open_studio, require_mitsuba
-from plnerf.synth.span import Span, SpanConfig, build_span
+from plnerf.synth.span import Span, build_span
 from plnerf.synth.truth import MASK_COVERAGE, truth_of
 
 HOLD_OUT_EVERY = 8  # the scene folder's default rule: every 8th by name is held out
 
 
 def synthesize(
-    out: Path, config: SpanConfig | None = None, *, progress: Callable[[int, int], None] | None = None
+    out: Path, config: SceneConfig | None = None, *, progress: Callable[[int, int], None] | None = None
 ) -> Path:
     """Render a span into the new scene folder `out` and return it.
 
     `progress(done, total)` is called after each image.  Raises ConfigError when Mitsuba is missing and
     SceneError when `out` is there already and is not an empty folder.
     """
-    config = config or SpanConfig()
+    config = config or SceneConfig()
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise SceneError(f"plnerf synth makes a new folder, but {out} exists and is not empty. Name another.")
     require_mitsuba()
@@ -42,25 +43,24 @@ def synthesize(
         folder = Path(scratch) / "scene"
         for name in ("images", "wire_masks", "depth", "meshes"):
             (folder / name).mkdir(parents=True)
-        span = build_span(config)
-        views = plan_flight(span)
-        studio = open_studio(list(span_parts(span)), config, folder / "meshes")
+        span = build_span(config.span)
+        views = plan_flight(span, config.capture)
+        studio = open_studio(list(span_parts(span)), config.capture, config.image, folder / "meshes")
         shutil.rmtree(folder / "meshes")
         for i, view in enumerate(views):
             _film(studio, view, i, folder)
             if progress is not None:
                 progress(i + 1, len(views))
-        _write_json(folder / "truth.json", truth_of(span, len(views)))
-        _write_json(folder / "transforms.json", transforms_of(span, views))
+        _write_json(folder / "truth.json", truth_of(span, config, len(views)))
+        _write_json(folder / "transforms.json", transforms_of(span, config.capture, views))
         if out.exists():
             out.rmdir()
         folder.rename(out)
     return out
 
 
-def transforms_of(span: Span, views: tuple[View, ...]) -> dict[str, object]:
+def transforms_of(span: Span, capture: CaptureConfig, views: tuple[View, ...]) -> dict[str, object]:
     """The content of transforms.json: nerfstudio's keys, and ours under `plnerf`."""
-    config = span.config
     low, high = span_box(span)
     frames: list[dict[str, object]] = []
     for i, view in enumerate(views):
@@ -74,12 +74,12 @@ def transforms_of(span: Span, views: tuple[View, ...]) -> dict[str, object]:
         frames.append(frame)
     return {
         "camera_model": "OPENCV",
-        "w": config.width_px,
-        "h": config.height_px,
-        "fl_x": config.focal_px,
-        "fl_y": config.focal_px,
-        "cx": config.width_px / 2,
-        "cy": config.height_px / 2,
+        "w": capture.width_px,
+        "h": capture.height_px,
+        "fl_x": capture.focal_px,
+        "fl_y": capture.focal_px,
+        "cx": capture.width_px / 2,
+        "cy": capture.height_px / 2,
         "k1": 0.0,
         "k2": 0.0,
         "p1": 0.0,
@@ -111,7 +111,12 @@ def span_box(span: Span) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]
 
 def _film(studio: Studio, view: View, index: int, folder: Path) -> None:
     photo = Image.fromarray(studio.photo(view, index))
-    photo.save(folder / "images" / f"{view.name}.jpg", quality=95, subsampling=0, optimize=True)
+    photo.save(
+        folder / "images" / f"{view.name}.jpg",
+        quality=studio.image.jpeg_quality,
+        subsampling=0,
+        optimize=True,
+    )
     mask = np.where(studio.wire_coverage(view) >= MASK_COVERAGE, 255, 0).astype(np.uint8)
     Image.fromarray(mask).save(folder / "wire_masks" / f"{view.name}.png", optimize=True)
     if index % HOLD_OUT_EVERY == 0:

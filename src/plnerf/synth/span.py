@@ -12,75 +12,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.errors import ConfigError
 from plnerf.synth.catenary import Catenary, Point, hang
-
-
-@dataclass(frozen=True)
-class SpanConfig:
-    """What is built, filmed and rendered.  The default is the span that comes with the package."""
-
-    seed: int = 7
-    """decides plants, flight wobble and textures"""
-    span_length_m: float = 40.0
-    """horizontal distance between the towers"""
-    line_azimuth_deg: float = 4.0
-    """direction of the line from +x towards +y"""
-    tower_height_m: float = 12.7
-    """top of the peak above the tower's foot"""
-    phase_offsets_m: tuple[tuple[float, float], ...] = ((-1.9, 9.4), (1.9, 9.4), (1.5, 10.9))
-    """per phase conductor: offset across the line, clamp height above the tower's foot"""
-    string_length_m: float = 0.95
-    """insulator string, from cross-arm to clamp"""
-    phase_diameter_m: float = 0.032
-    shield_diameter_m: float = 0.020
-    phase_sag_m: float = 1.4
-    shield_sag_m: float = 1.0
-    trees: int = 10
-    """trees within 30 m of mid-span, beside the line"""
-    bushes: int = 16
-    background_trees: int = 170
-    """trees from 30 m to 170 m away"""
-    width_px: int = 480
-    height_px: int = 320
-    focal_px: float = 440.0
-    views_per_pass: int = 24
-    """images in each of the three passes (left, right, above)"""
-    samples_per_pixel: int = 36
-    sun_azimuth_deg: float = 310.0
-    """direction of the sun from +x towards +y"""
-    sun_elevation_deg: float = 46.0
-    exposure: float = 2.9
-    """factor from the sky model's radiance to linear sRGB"""
-
-    def __post_init__(self) -> None:
-        positive = {
-            "span_length_m": self.span_length_m,
-            "phase_diameter_m": self.phase_diameter_m,
-            "shield_diameter_m": self.shield_diameter_m,
-            "phase_sag_m": self.phase_sag_m,
-            "shield_sag_m": self.shield_sag_m,
-            "string_length_m": self.string_length_m,
-            "focal_px": self.focal_px,
-            "width_px": self.width_px,
-            "height_px": self.height_px,
-            "samples_per_pixel": self.samples_per_pixel,
-        }
-        for name, value in positive.items():
-            if not value > 0:
-                raise ConfigError(f"synth: {name} must be greater than 0, got {value}.")
-        if not self.phase_offsets_m:
-            raise ConfigError("synth: phase_offsets_m must name at least one phase conductor, got none.")
-        top = max(height for _, height in self.phase_offsets_m) + self.string_length_m
-        if top > self.tower_height_m:
-            raise ConfigError(
-                f"synth: the highest cross-arm (clamp height + string_length_m) is at {top:.2f} m "
-                f"but tower_height_m is {self.tower_height_m}. Raise the tower or lower the conductor."
-            )
-        if self.views_per_pass < 4:
-            raise ConfigError(f"synth: views_per_pass must be at least 4, got {self.views_per_pass}.")
-        if not 5 <= self.sun_elevation_deg <= 85:
-            raise ConfigError(f"synth: sun_elevation_deg must be in 5 to 85, got {self.sun_elevation_deg}.")
+from plnerf.synth.config import SpanConfig
 
 
 @dataclass(frozen=True)
@@ -88,7 +21,8 @@ class Conductor:
     """One wire and the curve of its axis."""
 
     name: str
-    kind: Literal["phase", "shield"]
+    wire: str  # name of its WireConfig; the sub-conductors of a bundle share it
+    kind: Literal["phase", "shield", "neutral"]
     diameter_m: float
     curve: Catenary
 
@@ -162,16 +96,9 @@ def build_span(config: SpanConfig) -> Span:
     empty = Span(config, _towers(config, azimuth), (), (), (math.cos(azimuth), math.sin(azimuth)))
     west, east = empty.towers
     conductors = [
-        Conductor(
-            f"phase {'ABCDEFGH'[i % 8]}{i // 8 or ''}",
-            "phase",
-            config.phase_diameter_m,
-            hang(west.attachments[i], east.attachments[i], config.phase_sag_m),
-        )
-        for i in range(len(config.phase_offsets_m))
+        Conductor(wire.name, wire.name, wire.kind, wire.diameter_m, hang(a, b, wire.sag_m))
+        for wire, a, b in zip(config.wires, west.attachments, east.attachments, strict=True)
     ]
-    shield = hang(west.attachments[-1], east.attachments[-1], config.shield_sag_m)
-    conductors.append(Conductor("shield", "shield", config.shield_diameter_m, shield))
     wired = Span(config, empty.towers, tuple(conductors), (), empty.along)
     rng = np.random.default_rng([config.seed, 1])
     return Span(config, wired.towers, wired.conductors, tuple(_plants(wired, rng)), wired.along)
@@ -179,12 +106,12 @@ def build_span(config: SpanConfig) -> Span:
 
 def _towers(config: SpanConfig, azimuth_rad: float) -> tuple[Tower, Tower]:
     ux, uy = math.cos(azimuth_rad), math.sin(azimuth_rad)
-    offsets = (*config.phase_offsets_m, (0.0, config.tower_height_m - 0.12))
+    offsets = [(wire.across_m, wire.height_m) for wire in config.wires]
 
     def tower(name: str, along_m: float) -> Tower:
         foot = ground_point(ux * along_m, uy * along_m)
         clamps = tuple((foot[0] - uy * y, foot[1] + ux * y, foot[2] + z) for y, z in offsets)
-        return Tower(name, foot, config.tower_height_m, clamps)
+        return Tower(name, foot, config.support.height_m, clamps)
 
     return tower("west", -config.span_length_m / 2), tower("east", config.span_length_m / 2)
 
@@ -220,14 +147,14 @@ def _plants(span: Span, rng: np.random.Generator) -> Iterator[Plant]:
     wanted = [place("tree", (0.15 * half, 0.3 * half), (0.4, 1.2), (1.5, 1.6), (4.9, 5.1))]
     wanted += [
         place("tree", (-1.4 * half, 1.4 * half), (10.0, 17.0), (1.7, 2.8), (5.5, 8.8))
-        for _ in range(max(0, config.trees - 1))
+        for _ in range(max(0, config.plants.trees - 1))
     ]
     wanted += [
         place("bush", (-1.2 * half, 1.2 * half), (0.5, 13.0), (0.5, 1.1), (0.7, 1.7))
-        for _ in range(config.bushes)
+        for _ in range(config.plants.bushes)
     ]
     wanted += [
         place("background tree", (-150.0, 150.0), (22.0, 150.0), (2.4, 4.2), (6.0, 11.0))
-        for _ in range(config.background_trees)
+        for _ in range(config.plants.background)
     ]
     yield from (plant for plant in wanted if plant is not None)

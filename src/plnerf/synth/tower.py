@@ -11,8 +11,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.synth.config import SpanConfig, WireConfig
 from plnerf.synth.meshes import Mesh, angle_bar, beam, join, lathe, tube, up
-from plnerf.synth.span import Span, SpanConfig, Tower
+from plnerf.synth.span import Span, Tower
 
 Points = Float[np.ndarray, "n 3"]
 FACES = ((1, 1), (-1, 1), (-1, -1), (1, -1))  # signs of the four legs' x and y, in order around the body
@@ -39,17 +40,17 @@ def footings(span: Span, tower: Tower) -> Mesh:
 
 def insulators(span: Span, tower: Tower) -> tuple[Mesh, Mesh]:
     """The discs of all strings, and the metal: rods, suspension clamps and vibration dampers."""
-    config = span.config
+    config, length = span.config, span.config.support.string_length_m
     discs: list[Mesh] = []
     metal: list[Mesh] = []
     sign = 1.0 if tower == span.towers[0] else -1.0  # the span lies ahead of the first tower
     for i, clamp in enumerate(tower.attachments):
         conductor = span.conductors[i]
         bottom = np.array(clamp)
-        if conductor.kind == "phase":
-            top = bottom + up(config.string_length_m)
-            count = max(2, round((config.string_length_m - 0.25) / 0.115))
-            heights = np.linspace(0.17, config.string_length_m - 0.12, count)
+        if config.wire(conductor.wire).insulator == "string":
+            top = bottom + up(length)
+            count = max(2, round((length - 0.25) / 0.115))
+            heights = np.linspace(0.17, length - 0.12, count)
             discs += [lathe(_disc_profile(), bottom + up(z)) for z in heights]
             metal.append(tube(np.linspace(bottom, top, 3), 0.012, 8))
         metal += _clamp(conductor.curve.points, conductor.curve.span_m, conductor.diameter_m, sign)
@@ -63,15 +64,19 @@ def to_world(span: Span, tower: Tower, mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices @ turn.T + np.array(tower.foot), mesh.faces, mesh.uv, mesh.colour, mesh.smooth)
 
 
+def _strung(config: SpanConfig) -> list[WireConfig]:
+    return [wire for wire in config.wires if wire.insulator == "string"]
+
+
 def _arm_heights(config: SpanConfig) -> list[float]:
-    return sorted({z + config.string_length_m for _, z in config.phase_offsets_m})
+    return sorted({wire.height_m + config.support.string_length_m for wire in _strung(config)})
 
 
 def _half_width(config: SpanConfig, z: float) -> float:
     """Half the body's width at height z: a wide foot, a slim waist from the lowest arm up, a pointed peak."""
     arms = _arm_heights(config)
-    shoulder = min(arms[-1] + 0.75, config.tower_height_m - 0.3)
-    return float(np.interp(z, [0.0, arms[0], shoulder, config.tower_height_m], [1.15, 0.36, 0.30, 0.03]))
+    shoulder = min(arms[-1] + 0.75, config.support.height_m - 0.3)
+    return float(np.interp(z, [0.0, arms[0], shoulder, config.support.height_m], [1.15, 0.36, 0.30, 0.03]))
 
 
 def _body(config: SpanConfig) -> list[Mesh]:
@@ -80,7 +85,7 @@ def _body(config: SpanConfig) -> list[Mesh]:
     while levels[-1] < arms[0]:  # square panels, so they shorten as the body tapers
         levels.append(levels[-1] + max(0.75, 1.75 * _half_width(config, levels[-1])))
     below = np.array(levels) * arms[0] / levels[-1]
-    shoulder = min(arms[-1] + 0.75, config.tower_height_m - 0.3)
+    shoulder = min(arms[-1] + 0.75, config.support.height_m - 0.3)
     above = np.linspace(arms[0], shoulder, max(2, round((shoulder - arms[0]) / 0.75)) + 1)
     z = [*below, *above[1:]]
     parts: list[Mesh] = []
@@ -91,7 +96,7 @@ def _body(config: SpanConfig) -> list[Mesh]:
         return np.array([sx * w, sy * w, height])
 
     for face in range(4):
-        legs = [*z, config.tower_height_m]
+        legs = [*z, config.support.height_m]
         parts += [
             angle_bar(corner(face, lo), corner(face, hi), corner(face, 0.0) * [1, 1, 0], 0.10)
             for lo, hi in pairwise(legs)
@@ -108,10 +113,10 @@ def _body(config: SpanConfig) -> list[Mesh]:
 
 def _arms(config: SpanConfig) -> list[Mesh]:
     parts: list[Mesh] = []
-    for y, clamp_z in config.phase_offsets_m:
-        z = clamp_z + config.string_length_m
+    for wire in _strung(config):
+        y, z = wire.across_m, wire.height_m + config.support.string_length_m
         side = math.copysign(1.0, y)
-        rise = min(0.75, config.tower_height_m - z)
+        rise = min(0.75, config.support.height_m - z)
         tip = np.array([0.0, y, z])
         for sx in (1, -1):
             w = _half_width(config, z)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 import numpy as np
 from scipy.spatial import cKDTree
 
+from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.span import Conductor, Plant, Span, ground_height
 
@@ -15,7 +16,7 @@ MASK_COVERAGE = 0.1  # of a pixel's area, seen
 CLEARANCE_RANGE_M = 40.0
 
 
-def truth_of(span: Span, images: int) -> dict[str, object]:
+def truth_of(span: Span, config: SceneConfig, images: int) -> dict[str, object]:
     """The content of truth.json."""
     return {
         "format_version": FORMAT_VERSION,
@@ -23,7 +24,7 @@ def truth_of(span: Span, images: int) -> dict[str, object]:
         "world": "local east-north-up, metres, z up, origin on the ground at mid-span",
         "unit": "m",
         "seed": span.config.seed,
-        "config": asdict(span.config),
+        "config": asdict(config),
         "images": images,
         "wire_mask_rule": (
             f"255 where a conductor or shield wire fills {MASK_COVERAGE:.0%} or more of the pixel, "

@@ -1,0 +1,248 @@
+"""What a synthetic scene is made of, as plain values.  The defaults are the span that comes with the package.
+
+Lengths in metres (_m), angles in degrees (_deg), image sizes in pixels (_px).  "Along" the line runs from the
+first support to the second, 0 at mid-span; "across" it is positive to the left.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from plnerf.errors import ConfigError
+
+
+def require_positive(**values: float | int) -> None:
+    """Refuse the first value that is not greater than 0."""
+    for name, value in values.items():
+        if not value > 0:
+            raise ConfigError(f"synth: {name} must be greater than 0, got {value}. Give a positive value.")
+
+
+@dataclass(frozen=True)
+class WireConfig:
+    """One phase, shield wire or neutral; the same on both supports."""
+
+    name: str
+    kind: Literal["phase", "shield", "neutral"]
+    across_m: float
+    height_m: float
+    """of the clamp above the support's foot"""
+    sag_m: float
+    diameter_m: float
+    bundle: int = 1
+    """sub-conductors side by side, each a conductor of its own"""
+    bundle_gap_m: float = 0.4
+    insulator: Literal["string", "pin", "none"] = "string"
+    """a string hangs from its cross-arm, a pin stands on it"""
+
+    def __post_init__(self) -> None:
+        require_positive(**{
+            f"{self.name}: sag_m": self.sag_m,
+            f"{self.name}: diameter_m": self.diameter_m,
+            f"{self.name}: height_m": self.height_m,
+            f"{self.name}: bundle": self.bundle,
+            f"{self.name}: bundle_gap_m": self.bundle_gap_m,
+        })
+
+
+@dataclass(frozen=True)
+class SupportConfig:
+    """The two towers or poles."""
+
+    kind: Literal["lattice", "pole"] = "lattice"
+    height_m: float = 12.7
+    """top above the foot"""
+    foot_m: float = 2.3
+    """width of a lattice tower at its foot, diameter of a pole there"""
+    waist_m: float = 0.72
+    """width of a lattice tower at its lowest arm, diameter of a pole at its top"""
+    string_length_m: float = 0.95
+    """insulator string, from cross-arm to clamp"""
+
+    def __post_init__(self) -> None:
+        require_positive(
+            height_m=self.height_m,
+            foot_m=self.foot_m,
+            waist_m=self.waist_m,
+            string_length_m=self.string_length_m,
+        )
+
+
+@dataclass(frozen=True)
+class TerrainConfig:
+    """The ground; 0 m high at the origin."""
+
+    waves: float = 1.0
+    """factor on the gentle waves of about half a metre near the line"""
+    rise_m: float = 0.0
+    """how much higher the ground lies at the second support than at the first"""
+    track: Literal["dirt", "road", "none"] = "dirt"
+    """what runs beside the line"""
+
+
+@dataclass(frozen=True)
+class PlantsConfig:
+    """How many plants stand where."""
+
+    trees: int = 10
+    """trees within 30 m of mid-span, beside the line, one of them under it"""
+    bushes: int = 16
+    background: int = 170
+    """trees from 30 m to 170 m away"""
+
+
+@dataclass(frozen=True)
+class SpanConfig:
+    """What is built: two supports, the wires between them, ground, plants."""
+
+    seed: int = 7
+    """decides plants, flight wobble, textures and noise"""
+    span_length_m: float = 40.0
+    """horizontal distance between the supports"""
+    line_azimuth_deg: float = 4.0
+    """direction of the line from +x towards +y"""
+    wires: tuple[WireConfig, ...] = (
+        WireConfig("phase A", "phase", -1.9, 9.4, 1.4, 0.032),
+        WireConfig("phase B", "phase", 1.9, 9.4, 1.4, 0.032),
+        WireConfig("phase C", "phase", 1.5, 10.9, 1.4, 0.032),
+        WireConfig("shield", "shield", 0.0, 12.58, 1.0, 0.020, insulator="none"),
+    )
+    support: SupportConfig = field(default_factory=SupportConfig)
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    plants: PlantsConfig = field(default_factory=PlantsConfig)
+
+    def __post_init__(self) -> None:
+        require_positive(span_length_m=self.span_length_m)
+        if not self.wires:
+            raise ConfigError("synth: wires must name at least one wire, got none.")
+        names = [wire.name for wire in self.wires]
+        if len(set(names)) < len(names):
+            raise ConfigError(f"synth: every wire needs a name of its own, got {', '.join(names)}.")
+        for wire in self.wires:
+            top = wire.height_m + (self.support.string_length_m if wire.insulator == "string" else 0.0)
+            if top > self.support.height_m:
+                raise ConfigError(
+                    f"synth: {wire.name} needs its support at {top:.2f} m above the foot (clamp height + "
+                    f"insulator) but the support's height_m is {self.support.height_m}. "
+                    "Raise the support or lower the wire."
+                )
+
+    def wire(self, name: str) -> WireConfig:
+        """The wire of this name."""
+        for wire in self.wires:
+            if wire.name == name:
+                return wire
+        raise ConfigError(f"synth: there is no wire {name!r}; name one of {[w.name for w in self.wires]}.")
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One flight along the line, relative to the wire it follows (of a bundle, its first sub-conductor)."""
+
+    name: str
+    follows: str
+    """name of the wire"""
+    across_m: float
+    """camera's offset from that wire across the line"""
+    above_m: float
+    start: float
+    """where it begins: -1 is the beginning of the filmed stretch, 1 its end, more lies beyond"""
+    end: float
+    toward_deg: float
+    """camera turned from the flight direction to the left (flying back: to the right)"""
+    pitch_deg: float
+    """upwards positive"""
+    weave_m: float = 0.30
+    """slow swing across the line, to either side"""
+    heave_m: float = 0.35
+    """slow swing up and down"""
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """How it is filmed."""
+
+    width_px: int = 480
+    height_px: int = 320
+    focal_px: float = 440.0
+    passes: tuple[Pass, ...] = (
+        Pass("right", "phase A", -2.5, 0.8, -1.2, 0.74, 40.0, -2.0),
+        Pass("left", "phase B", 2.4, 1.0, 1.2, -0.74, 38.0, 4.0),
+        Pass("above", "phase A", -0.5, 2.6, -1.2, 0.74, 27.0, -3.0),
+    )
+    views_per_pass: int = 24
+    filmed_m: tuple[float, float] | None = None
+    """the stretch along the line that the passes cover; None: from support to support"""
+    pose_noise_m: float = 0.0
+    """deviation of each axis of the written camera centres from the true ones"""
+    pose_noise_deg: float = 0.0
+    """deviation of the written directions about each axis"""
+
+    def __post_init__(self) -> None:
+        require_positive(width_px=self.width_px, height_px=self.height_px, focal_px=self.focal_px)
+        if not self.passes:
+            raise ConfigError("synth: passes must name at least one pass, got none: there would be no image.")
+        if self.views_per_pass < 4:
+            raise ConfigError(f"synth: views_per_pass must be at least 4, got {self.views_per_pass}.")
+        if self.filmed_m is not None and not self.filmed_m[0] < self.filmed_m[1]:
+            raise ConfigError(f"synth: filmed_m must run from low to high, got {self.filmed_m}.")
+        for name, value in (("pose_noise_m", self.pose_noise_m), ("pose_noise_deg", self.pose_noise_deg)):
+            if not value >= 0:
+                raise ConfigError(f"synth: {name} must be 0 or more, got {value}.")
+
+
+@dataclass(frozen=True)
+class ImageConfig:
+    """How it looks."""
+
+    samples_per_pixel: int = 36
+    sun_azimuth_deg: float = 310.0
+    """direction of the sun from +x towards +y"""
+    sun_elevation_deg: float = 46.0
+    exposure: float = 2.9
+    """factor from the sky model's radiance to linear sRGB"""
+    auto_exposure: bool = False
+    """every image to the same mean brightness, as a camera's automatic does"""
+    white_balance_drift: float = 0.0
+    """slow relative drift of red against blue over the flight"""
+    motion_blur_px: float = 0.0
+    """longest smear, of the nearest wire"""
+    noise: float = 0.0
+    """deviation of the sensor's noise at mid grey, as a part of white"""
+    jpeg_quality: int = 95
+
+    def __post_init__(self) -> None:
+        require_positive(samples_per_pixel=self.samples_per_pixel, exposure=self.exposure)
+        if not 5 <= self.sun_elevation_deg <= 85:
+            raise ConfigError(f"synth: sun_elevation_deg must be in 5 to 85, got {self.sun_elevation_deg}.")
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ConfigError(f"synth: jpeg_quality must be in 1 to 100, got {self.jpeg_quality}.")
+        for name, value in (
+            ("white_balance_drift", self.white_balance_drift),
+            ("motion_blur_px", self.motion_blur_px),
+            ("noise", self.noise),
+        ):
+            if not value >= 0:
+                raise ConfigError(f"synth: {name} must be 0 or more, got {value}.")
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """One scene: what is built, how it is filmed, how it looks."""
+
+    name: str = "span"
+    span: SpanConfig = field(default_factory=SpanConfig)
+    capture: CaptureConfig = field(default_factory=CaptureConfig)
+    image: ImageConfig = field(default_factory=ImageConfig)
+
+    def __post_init__(self) -> None:
+        for leg in self.capture.passes:
+            self.span.wire(leg.follows)
+
+    @property
+    def seed(self) -> int:
+        """Decides everything that is random."""
+        return self.span.seed
+
+    def with_seed(self, seed: int) -> "SceneConfig":
+        """The same scene with other plants, wobble, textures and noise."""
+        return replace(self, span=replace(self.span, seed=seed))
