@@ -155,6 +155,15 @@ class Pass:
     """slow swing across the line, to either side"""
     heave_m: float = 0.35
     """slow swing up and down"""
+    zigzag_m: float = 0.0
+    """regular swing across the line, to either side, on top of the slow one"""
+    zigzag_period_m: float = 12.0
+    """length along the line of one regular swing"""
+
+    def __post_init__(self) -> None:
+        require_positive(**{f"pass {self.name}: zigzag_period_m": self.zigzag_period_m})
+        if self.start == self.end:
+            raise ConfigError(f"synth: pass {self.name} starts and ends at {self.start}. Let it go somewhere.")
 
 
 @dataclass(frozen=True)
@@ -201,9 +210,11 @@ class ImageConfig:
     exposure: float = 2.9
     """factor from the sky model's radiance to linear sRGB"""
     auto_exposure: bool = False
-    """every image to the same mean brightness, as a camera's automatic does"""
+    """every image towards the same mean brightness, as a camera's automatic does"""
+    exposure_drift: float = 0.0
+    """slow drift of the exposure over the flight, in stops (deviation)"""
     white_balance_drift: float = 0.0
-    """slow relative drift of red against blue over the flight"""
+    """slow drift of red against blue over the flight, relative (deviation)"""
     motion_blur_px: float = 0.0
     """longest smear, of the nearest wire"""
     noise: float = 0.0
@@ -217,6 +228,7 @@ class ImageConfig:
         if not 1 <= self.jpeg_quality <= 100:
             raise ConfigError(f"synth: jpeg_quality must be in 1 to 100, got {self.jpeg_quality}.")
         for name, value in (
+            ("exposure_drift", self.exposure_drift),
             ("white_balance_drift", self.white_balance_drift),
             ("motion_blur_px", self.motion_blur_px),
             ("noise", self.noise),
