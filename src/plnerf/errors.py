@@ -12,6 +12,10 @@ class SceneError(PlnerfError):
     """The scene folder, its images or its camera poses cannot be used."""
 
 
+class SurveyError(PlnerfError):
+    """Points or curves of wires, or the truth to compare them with, cannot be read."""
+
+
 class ConfigError(PlnerfError):
     """A setting is unknown, of the wrong type, or contradicts another."""
 

@@ -1,7 +1,5 @@
-"""Files that are complete or absent: written beside their place, then renamed into it."""
+"""Pictures and arrays as files, each complete or absent."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -9,34 +7,8 @@ from jaxtyping import Float, UInt8, UInt16
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from plnerf.errors import PlnerfError
-
-
-@contextmanager
-def complete_file(path: Path) -> Iterator[Path]:
-    """A path beside `path`, with the same suffix; it becomes `path` when the block ends well.
-
-    Makes the folder.  Raises PlnerfError where the file cannot be written, such as on a full disk.
-    """
-    beside = path.with_name(f"{path.stem}.partial{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            yield beside
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise PlnerfError(
-            f"The file {path} cannot be written ({error.strerror or error}). Make room on the disk, or "
-            "check that you may write into its folder. No half-written file is left behind."
-        ) from error
-
-
-def write_text(path: Path, text: str) -> None:
-    """A text file in UTF-8."""
-    with complete_file(path) as beside:
-        beside.write_text(text, encoding="utf-8")
+from plnerf.scene.files import complete_file as complete_file
+from plnerf.scene.files import write_text as write_text
 
 
 def write_png(

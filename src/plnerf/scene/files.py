@@ -1,0 +1,34 @@
+"""Files that are complete or absent: written beside their place, then renamed into it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from plnerf.errors import PlnerfError
+
+
+@contextmanager
+def complete_file(path: Path) -> Iterator[Path]:
+    """A path beside `path`, with the same suffix; it becomes `path` when the block ends well.
+
+    Makes the folder.  Raises PlnerfError where the file cannot be written, such as on a full disk.
+    """
+    beside = path.with_name(f"{path.stem}.partial{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield beside
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise PlnerfError(
+            f"The file {path} cannot be written ({error.strerror or error}). Make room on the disk, or "
+            "check that you may write into its folder. No half-written file is left behind."
+        ) from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """A text file in UTF-8."""
+    with complete_file(path) as beside:
+        beside.write_text(text, encoding="utf-8")
