@@ -10,8 +10,7 @@ checks annotations cannot be compiled.
 """
 
 from collections.abc import Sequence
-from functools import cache
-from typing import Any, NamedTuple, no_type_check
+from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +20,7 @@ from torch import Tensor
 from plnerf.ops.cpu_arrays import FAST, array, flat
 from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_products import add_products
-from plnerf.ops.cpu_vectors import add_scaled, load_row, scaled
+from plnerf.ops.cpu_vectors import add_scaled, load_record, scaled
 from plnerf.ops.grid import GridShape
 
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
@@ -31,6 +30,7 @@ class Grid(NamedTuple):
     """A hash grid to a kernel; see `GridShape.layout`."""
 
     table: np.ndarray
+    """Its rows, each one record of F numbers: the array's type says how many."""
     layout: np.ndarray
     cubic: bool
 
@@ -46,7 +46,9 @@ class Network(NamedTuple):
 
 def grid_of(table: Float[Tensor, "rows F"], shape: GridShape) -> Grid:
     """A grid as the kernels take it; nothing is copied."""
-    return Grid(flat(table), shape.layout, shape.interpolation == "cubic")
+    numbers = flat(table)
+    row = np.dtype([(f"f{f}", numbers.dtype) for f in range(shape.features)])
+    return Grid(numbers.view(row), shape.layout, shape.interpolation == "cubic")
 
 
 def network_of(layers: Sequence[tuple[Tensor, Tensor]]) -> Network:
@@ -57,33 +59,26 @@ def network_of(layers: Sequence[tuple[Tensor, Tensor]]) -> Network:
     return Network(weights, np.concatenate([bias for _, bias in pairs]), np.array(sizes))
 
 
-@cache
+@njit(**_FLAGS)
 @no_type_check
-def encoder(features: int) -> Any:
-    """The function encode(x, first, count, grid, rows, shares, to) for grids of F features.
+def encode(x, first, count, grid, rows, shares, to):
+    """Writes the encodings (L F, B) of the points first .. first + count - 1 <= first + B of x, flat (n 3).
 
-    Writes the encodings (L F, B) of the points first .. first + count - 1 <= first + B of x, flat (n 3).
     rows and shares are scratch, uint32 and real, 8 B long.
     """
-    F = features
-
-    @njit(**_FLAGS)
-    def encode(x, first, count, grid, rows, shares, to):
-        for level in range(grid.layout.shape[0]):
-            n, start, dense, mask = grid.layout[level]
-            of_level = grid.table[start * F :]
-            fill_corners(x, first, count, n, dense, mask, grid.cubic, rows, shares)
-            for p in range(count):
-                row = np.uint64(rows[np.uint64(p)]) * np.uint64(F)
-                total = scaled(shares[np.uint64(p)], load_row(of_level, row, F))
-                for c in range(1, 8):
-                    corner = np.uint64(c * BLOCK + p)
-                    row = np.uint64(rows[corner]) * np.uint64(F)
-                    total = add_scaled(total, shares[corner], load_row(of_level, row, F))
-                for f in range(F):
-                    to[np.uint64((level * F + f) * BLOCK + p)] = total[f]
-
-    return encode
+    for level in range(grid.layout.shape[0]):
+        n, start, dense, mask = grid.layout[level]
+        of_level = grid.table[start:]
+        fill_corners(x, first, count, n, dense, mask, grid.cubic, rows, shares)
+        for p in range(count):
+            first_row = np.uint64(rows[np.uint64(p)])
+            total = scaled(shares[np.uint64(p)], load_record(of_level, first_row))
+            for c in range(1, 8):
+                corner = np.uint64(c * BLOCK + p)
+                row = np.uint64(rows[corner])
+                total = add_scaled(total, shares[corner], load_record(of_level, row))
+            for f in range(len(total)):
+                to[np.uint64((level * len(total) + f) * BLOCK + p)] = total[f]
 
 
 @njit(**_FLAGS)

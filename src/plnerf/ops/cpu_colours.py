@@ -9,8 +9,7 @@ What Numba compiles is marked no_type_check: a wrapper that checks annotations c
 """
 
 import math
-from functools import cache
-from typing import Any, NamedTuple, no_type_check
+from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float
@@ -18,7 +17,7 @@ from numba import njit, prange
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST, parts
-from plnerf.ops.cpu_blocks import Grid, Network, add_layer, encoder, finish_network, run_network
+from plnerf.ops.cpu_blocks import Grid, Network, add_layer, encode, finish_network, run_network
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_math import decay, sin_cos
 from plnerf.ops.cpu_rays import gaussian
@@ -140,67 +139,61 @@ def _normalise(y):
         y[p], y[BLOCK + p], y[2 * BLOCK + p] = a / length, b / length, c / length
 
 
-@cache
+@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _kernel(features: int) -> Any:
-    encode = encoder(features)
-
-    @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-    def look(  # noqa: PLR0913 (a kernel has no structs)
-        origins, directions, radius, t, w, light, stretch, contraction, octaves, grid, density, colour,
-        normal, base, colours, normals, computed, parts,
-    ):  # fmt: skip
-        rays, S, real = w.shape[0], w.shape[1], t.dtype.type
-        A0, A1, A2 = real(stretch[0]), real(stretch[1]), real(stretch[2])
-        tiny, two, quarter = real(np.finfo(t.dtype).tiny), real(2), real(0.25)
-        outputs, inputs, units = density.sizes[-1], colour.sizes[0], colour.sizes[1]
-        widest = max(density.sizes.max(), colour.sizes.max(), normal.sizes.max()) * BLOCK
-        for part in prange(parts):
-            at, ends = np.empty(S, np.int64), np.empty(S, np.int64)
-            places = np.empty((3, BLOCK), np.int64)
-            ray_of, first, end = places[0], places[1], places[2]
-            mean, variance = np.zeros((3, BLOCK), t.dtype), np.zeros((3, BLOCK), t.dtype)
-            unit = np.empty(3 * BLOCK, t.dtype)
-            rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
-            encoded = np.zeros(density.sizes[0] * BLOCK, t.dtype)
-            x = np.empty((1 + inputs) * BLOCK, t.dtype)  # log density, feature vector, IPE
-            hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
-            filled, stop = 0, rays * (part + 1) // parts
-            for ray in range(rays * part // parts, stop):
-                o0, o1, o2 = origins[ray, 0] * A0, origins[ray, 1] * A1, origins[ray, 2] * A2
-                d0, d1, d2 = directions[ray, 0] * A0, directions[ray, 1] * A1, directions[ray, 2] * A2
-                groups = _group(w[ray], real(light), at, ends)
-                computed[part] += groups
-                for g in range(groups):
-                    i, p = at[g], filled
-                    ray_of[p], first[p], end[p] = ray, ends[g - 1] if g > 0 else 0, ends[g]
-                    m0, m1, m2, v0, v1, v2 = gaussian(
-                        o0, o1, o2, d0, d1, d2, radius[ray], t[ray, i], t[ray, i + 1], A0, A1, A2,
-                        contraction, tiny, real,
-                    )  # fmt: skip
-                    mean[0, p], mean[1, p], mean[2, p] = m0, m1, m2
-                    variance[0, p], variance[1, p], variance[2, p] = v0, v1, v2
-                    for axis in range(3):
-                        unit[3 * p + axis] = (mean[axis, p] + two) * quarter
-                    filled += 1
-                    if filled < BLOCK and (ray < stop - 1 or g < groups - 1):
-                        continue
-                    encode(unit, 0, filled, grid, rows, shares, encoded)
-                    y = run_network(density, encoded, 0, hidden, other)
-                    x[: outputs * BLOCK] = y[: outputs * BLOCK]
-                    _encode_frustums(mean.reshape(-1), variance.reshape(-1), octaves, x, outputs * BLOCK)
-                    _spread_base(base, ray_of, filled, units, hidden)
-                    add_layer(colour.weights, 0, units, x, BLOCK, inputs, hidden)
-                    y = finish_network(colour, 1, hidden, other)
-                    _sigmoid(y)
-                    _write(y, ray_of, first, end, filled, colours)
-                    if normals.size:
-                        y = run_network(normal, x, BLOCK, hidden, other)
-                        _normalise(y)
-                        _write(y, ray_of, first, end, filled, normals)
-                    filled = 0
-
-    return look
+def _look(  # noqa: PLR0913 (a kernel has no structs)
+    origins, directions, radius, t, w, light, stretch, contraction, octaves, grid, density, colour,
+    normal, base, colours, normals, computed, parts,
+):  # fmt: skip
+    rays, S, real = w.shape[0], w.shape[1], t.dtype.type
+    A0, A1, A2 = real(stretch[0]), real(stretch[1]), real(stretch[2])
+    tiny, two, quarter = real(np.finfo(t.dtype).tiny), real(2), real(0.25)
+    outputs, inputs, units = density.sizes[-1], colour.sizes[0], colour.sizes[1]
+    widest = max(density.sizes.max(), colour.sizes.max(), normal.sizes.max()) * BLOCK
+    for part in prange(parts):
+        at, ends = np.empty(S, np.int64), np.empty(S, np.int64)
+        places = np.empty((3, BLOCK), np.int64)
+        ray_of, first, end = places[0], places[1], places[2]
+        mean, variance = np.zeros((3, BLOCK), t.dtype), np.zeros((3, BLOCK), t.dtype)
+        unit = np.empty(3 * BLOCK, t.dtype)
+        rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
+        encoded = np.zeros(density.sizes[0] * BLOCK, t.dtype)
+        x = np.empty((1 + inputs) * BLOCK, t.dtype)  # log density, feature vector, IPE
+        hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
+        filled, stop = 0, rays * (part + 1) // parts
+        for ray in range(rays * part // parts, stop):
+            o0, o1, o2 = origins[ray, 0] * A0, origins[ray, 1] * A1, origins[ray, 2] * A2
+            d0, d1, d2 = directions[ray, 0] * A0, directions[ray, 1] * A1, directions[ray, 2] * A2
+            groups = _group(w[ray], real(light), at, ends)
+            computed[part] += groups
+            for g in range(groups):
+                i, p = at[g], filled
+                ray_of[p], first[p], end[p] = ray, ends[g - 1] if g > 0 else 0, ends[g]
+                m0, m1, m2, v0, v1, v2 = gaussian(
+                    o0, o1, o2, d0, d1, d2, radius[ray], t[ray, i], t[ray, i + 1], A0, A1, A2,
+                    contraction, tiny, real,
+                )  # fmt: skip
+                mean[0, p], mean[1, p], mean[2, p] = m0, m1, m2
+                variance[0, p], variance[1, p], variance[2, p] = v0, v1, v2
+                for axis in range(3):
+                    unit[3 * p + axis] = (mean[axis, p] + two) * quarter
+                filled += 1
+                if filled < BLOCK and (ray < stop - 1 or g < groups - 1):
+                    continue
+                encode(unit, 0, filled, grid, rows, shares, encoded)
+                y = run_network(density, encoded, 0, hidden, other)
+                x[: outputs * BLOCK] = y[: outputs * BLOCK]
+                _encode_frustums(mean.reshape(-1), variance.reshape(-1), octaves, x, outputs * BLOCK)
+                _spread_base(base, ray_of, filled, units, hidden)
+                add_layer(colour.weights, 0, units, x, BLOCK, inputs, hidden)
+                y = finish_network(colour, 1, hidden, other)
+                _sigmoid(y)
+                _write(y, ray_of, first, end, filled, colours)
+                if normals.size:
+                    y = run_network(normal, x, BLOCK, hidden, other)
+                    _normalise(y)
+                    _write(y, ray_of, first, end, filled, normals)
+                filled = 0
 
 
 def colours_along_rays(  # noqa: PLR0913 (rays, what they saw, and the field)
@@ -213,15 +206,14 @@ def colours_along_rays(  # noqa: PLR0913 (rays, what they saw, and the field)
     stretch: tuple[float, float, float],
     contraction: bool,
     octaves: int,
-    features: int,
     field: Field,
     base: Float[Tensor, "r H"],
     normals: bool,
 ) -> Colours:
     """Colours and, if asked for, unit normals of the intervals; light: see `render.pruning.Pruning`.
 
-    features: of the grid.  base: what goes into the colour network's first layer from all that the intervals
-    of a ray share, its bias among it.
+    base: what goes into the colour network's first layer from all that the intervals of a ray share, its bias
+    among it.
     """
     colours = t.new_empty(*w.shape, 3)
     found = t.new_empty(len(w) if normals else 0, w.shape[1], 3)
@@ -230,7 +222,7 @@ def colours_along_rays(  # noqa: PLR0913 (rays, what they saw, and the field)
     )
     count = parts()
     computed = np.zeros(count, np.int64)
-    _kernel(features)(
+    _look(
         o, d, r, edges, weights, light, stretch, contraction, octaves, *field, shared, out,
         out_normals, computed, count,
     )  # fmt: skip

@@ -10,8 +10,7 @@ compiled.
 """
 
 import math
-from functools import cache
-from typing import Any, no_type_check
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +18,7 @@ from numba import njit, prange
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST, parts
-from plnerf.ops.cpu_blocks import Grid, Network, encoder, run_network
+from plnerf.ops.cpu_blocks import Grid, Network, encode, run_network
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_math import decay
 from plnerf.ops.cpu_rays import fill_features
@@ -31,60 +30,52 @@ _BOUND = 15.0  # of the exponent, as in `field.networks.density_activation`
 _DENSEST = math.exp(_BOUND)
 
 
-@cache
+@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _kernel(features: int) -> Any:
-    encode = encoder(features)
-
-    @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-    def densities(  # noqa: PLR0913 (a kernel has no structs)
-        origins, directions, radius, t, stretch, contraction, grid, network, sigma, parts
-    ):
-        rays, S, real = t.shape[0], t.shape[1] - 1, t.dtype.type
-        widest = network.sizes.max() * BLOCK
-        bound, densest = real(_BOUND), real(_DENSEST)
-        for part in prange(parts):
-            unit, none = np.empty((_PACKET, 3 * S), t.dtype), np.empty((_PACKET, S, 0), t.dtype)
-            points = unit.reshape(-1)
-            rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
-            encoded = np.zeros(network.sizes[0] * BLOCK, t.dtype)
-            hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
-            stop = rays * (part + 1) // parts
-            for first in range(rays * part // parts, stop, _PACKET):
-                count = min(_PACKET, stop - first)
-                fill_features(
-                    origins[first:], directions[first:], radius[first:], t[first:], stretch, contraction, 0,
-                    unit, none, 0, count,
-                )  # fmt: skip
-                for begin in range(0, count * S, BLOCK):
-                    size = min(BLOCK, count * S - begin)
-                    encode(points, begin, size, grid, rows, shares, encoded)
-                    raw = run_network(network, encoded, 0, hidden, other)
-                    for p in range(size):
-                        left, _ = decay(bound - min(raw[p], bound))
-                        sigma[first * S + begin + p] = densest * left
-
-    return densities
+def _densities(  # noqa: PLR0913 (a kernel has no structs)
+    origins, directions, radius, t, stretch, contraction, grid, network, sigma, parts
+):
+    rays, S, real = t.shape[0], t.shape[1] - 1, t.dtype.type
+    widest = network.sizes.max() * BLOCK
+    bound, densest = real(_BOUND), real(_DENSEST)
+    for part in prange(parts):
+        unit, none = np.empty((_PACKET, 3 * S), t.dtype), np.empty((_PACKET, S, 0), t.dtype)
+        points = unit.reshape(-1)
+        rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
+        encoded = np.zeros(network.sizes[0] * BLOCK, t.dtype)
+        hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
+        stop = rays * (part + 1) // parts
+        for first in range(rays * part // parts, stop, _PACKET):
+            count = min(_PACKET, stop - first)
+            fill_features(
+                origins[first:], directions[first:], radius[first:], t[first:], stretch, contraction, 0,
+                unit, none, 0, count,
+            )  # fmt: skip
+            for begin in range(0, count * S, BLOCK):
+                size = min(BLOCK, count * S - begin)
+                encode(points, begin, size, grid, rows, shares, encoded)
+                raw = run_network(network, encoded, 0, hidden, other)
+                for p in range(size):
+                    left, _ = decay(bound - min(raw[p], bound))
+                    sigma[first * S + begin + p] = densest * left
 
 
-def densities_along_rays(  # noqa: PLR0913 (rays, where they are looked at, and the field)
+def densities_along_rays(
     origins: Float[Tensor, "r 3"],
     directions: Float[Tensor, "r 3"],
     radius: Float[Tensor, " r"],
     t: Float[Tensor, "r E"],
     stretch: tuple[float, float, float],
     contraction: bool,
-    features: int,
     grid: Grid,
     network: Network,
 ) -> Float[Tensor, "r S"]:
     """Densities exp(network(hash encoding)) of the intervals between the edges t.
 
     The twin of `render.ray_ops.frustum_features` without octaves, `reference.hash_mlp` and
-    `field.networks.density_activation`.  features: of the grid.  The network may have any number of layers
-    and one output.
+    `field.networks.density_activation`.  The network may have any number of layers and one output.
     """
     sigma = t.new_empty(t.shape[0], t.shape[1] - 1)
     o, d, r, edges, out = arrays(origins, directions, radius, t, sigma.view(-1))
-    _kernel(features)(o, d, r, edges, stretch, contraction, grid, network, out, parts())
+    _densities(o, d, r, edges, stretch, contraction, grid, network, out, parts())
     return sigma

@@ -66,6 +66,28 @@ def load_row(typing, array, index, count):
 
 @intrinsic
 @no_type_check
+def load_record(typing, array, index):
+    """Record number `index`, of an array of records of F numbers of one type, as a tuple.
+
+    F is part of the array's type, so that a function for rows of any length needs no closure: a kernel whose
+    closure holds another compiled function is compiled anew by every process.
+    """
+    number = array.dtype.typeof(next(iter(array.dtype.fields)))
+    row_type = types.UniTuple(number, len(array.dtype.fields))
+
+    def generate(context, builder, signature, arguments):
+        real = context.get_value_type(number)
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        vector_type = ir.VectorType(real, row_type.count)
+        pointer = builder.bitcast(builder.gep(data, [arguments[1]]), vector_type.as_pointer())
+        vector = builder.load(pointer, align=number.bitwidth // 8)
+        return _unpack(context, builder, vector, row_type)
+
+    return row_type(array, types.uint64), generate
+
+
+@intrinsic
+@no_type_check
 def store_row(typing, array, index, row):
     """Writes a tuple to the numbers from array[index] on."""
 

@@ -44,7 +44,7 @@ def look(
     )
     found = colours_along_rays(
         rays.origins, rays.directions, rays.radius, t, w, light, config.stretch, config.contraction,
-        field.octaves, field.grid.shape.features, parts, base, normals,
+        field.octaves, parts, base, normals,
     )  # fmt: skip
     return Looked(density, found.colours, found.normals if normals else None, found.computed)
 
@@ -54,7 +54,7 @@ def _densities(
 ) -> Tensor:
     return densities_along_rays(
         rays.origins, rays.directions, rays.radius, t, model.config.stretch, model.config.contraction,
-        grid.shape.features, grid_of(grid.table, grid.shape), network_of(layers),
+        grid_of(grid.table, grid.shape), network_of(layers),
     )  # fmt: skip
 
 
