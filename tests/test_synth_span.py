@@ -67,7 +67,7 @@ def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their
 
 def test_clearances_agree_with_brute_force():
     span = build_span(SMALL)
-    listed = truth_of(span, SceneConfig(span=SMALL), 0)["vegetation"]
+    listed = truth_of(span, SceneConfig(span=SMALL), ())["vegetation"]
     near = [i for i, entry in enumerate(listed) if "clearance_m" in entry]
     assert len(near) >= SMALL.plants.trees
     bushes = [i for i in near if listed[i]["kind"] == "bush"]  # fewer leaves than a tree

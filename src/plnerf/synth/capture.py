@@ -10,7 +10,8 @@ name; so cut, each of them has its neighbours in time on both sides among the tr
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -50,6 +51,23 @@ def plan_flight(span: Span, capture: CaptureConfig) -> tuple[View, ...]:
     return tuple(View(f"{i:04d}", name, R, centre) for i, (name, R, centre) in enumerate(loop))
 
 
+def written_views(views: Sequence[View], capture: CaptureConfig, seed: int) -> tuple[View, ...]:
+    """The views as transforms.json gives them: off the true ones by the capture's noise of poses.
+
+    Centres by a normal deviation along each world axis, directions by one about each camera axis.  Without
+    noise they are the views themselves.
+    """
+    if capture.pose_noise_m == 0 and capture.pose_noise_deg == 0:
+        return tuple(views)
+    rng = np.random.default_rng([seed, 5])
+    off_m = capture.pose_noise_m * rng.standard_normal((len(views), 3))
+    off_rad = math.radians(capture.pose_noise_deg) * rng.standard_normal((len(views), 3))
+    return tuple(
+        replace(view, R_world_camera=view.R_world_camera @ turn(angle), centre=view.centre + shift)
+        for view, shift, angle in zip(views, off_m, off_rad, strict=True)
+    )
+
+
 def _pose(
     span: Span,
     capture: CaptureConfig,
@@ -66,6 +84,7 @@ def _pose(
     along = (low + high) / 2 + (high - low) / 2 * (leg.start + (leg.end - leg.start) * progress)
     wire = next(conductor for conductor in span.conductors if conductor.wire == leg.follows)
     across = span.config.wire(leg.follows).across_m + leg.across_m + leg.weave_m * slow[0]
+    across += leg.zigzag_m * math.sin(2 * math.pi * along / leg.zigzag_period_m)
     x, y = span.at(along, across)
     centre = np.array([x, y, _follow(wire, along, half) + leg.above_m + leg.heave_m * slow[1]])
 
@@ -92,3 +111,13 @@ def look(azimuth_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndar
     down = np.cross(forward, right)
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     return np.stack([cr * right + sr * down, -sr * right + cr * down, forward], axis=1)
+
+
+def turn(axis_rad: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """The rotation about the vector `axis_rad` by its length (Rodrigues)."""
+    angle = float(np.linalg.norm(axis_rad))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = axis_rad / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * (K @ K)

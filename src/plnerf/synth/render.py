@@ -20,6 +20,7 @@ from plnerf.synth.capture import View
 from plnerf.synth.config import CaptureConfig, ImageConfig
 from plnerf.synth.meshes import write_ply
 from plnerf.synth.parts import Part, Surface
+from plnerf.synth.tiles import TILE_PX, Window, strips, tiles_of
 
 COVERAGE_SAMPLES = 36  # per pixel, one in each cell of a 6 x 6 grid
 BOUNCES = 3
@@ -35,19 +36,39 @@ class Studio:
     image: ImageConfig
     lit: Any
     wires_only: Any  # wires shine, all else is black: what is left of them is what is seen of them
+    wire_faces: Float[np.ndarray, "f 3 3"]  # corners of the wires' triangles, world, metres
 
     def photo(self, view: View, seed: int) -> UInt8[np.ndarray, "h w 3"]:
         """The view in sRGB at the fixed exposure."""
+        return to_srgb(self.linear((view,), seed))
+
+    def linear(self, instants: Sequence[View], seed: int) -> Float[np.ndarray, "h w 3"]:
+        """Linear light at the fixed exposure, 1 is white; the mean over the instants of an open shutter.
+
+        The samples are shared out among the instants, so that blur costs no time.
+        """
         integrator = self.mi.load_dict({"type": "path", "max_depth": BOUNCES})
-        sampler = {"type": "multijitter", "sample_count": self.image.samples_per_pixel, "seed": seed}
-        radiance = self._render(self.lit, integrator, view, sampler)[..., :3]
-        return to_srgb(radiance * self.image.exposure)
+        samples = max(1, round(self.image.samples_per_pixel / len(instants)))
+        total = np.zeros((self.capture.height_px, self.capture.width_px, 3))
+        for k, view in enumerate(instants):
+            sampler = {"type": "multijitter", "sample_count": samples, "seed": seed + (k << 16)}
+            total += self._render(self.lit, integrator, view, sampler)[..., :3]
+        return total * (self.image.exposure / len(instants))
 
     def wire_coverage(self, view: View) -> Float[np.ndarray, "h w"]:
-        """The fraction of each pixel's area in which a conductor or shield wire is seen."""
-        integrator = self.mi.load_dict({"type": "path", "max_depth": 1})
+        """The fraction of each pixel's area in which a conductor or shield wire is seen.
+
+        Only strips that wires project into are rendered; in all others there is none to be seen.
+        """
+        capture = self.capture
+        integrator = self.mi.load_dict({"type": "path", "max_depth": 1, "block_size": TILE_PX})
         sampler = {"type": "stratified", "sample_count": COVERAGE_SAMPLES, "seed": 0}
-        return self._render(self.wires_only, integrator, view, sampler)[..., 0]
+        coverage = np.zeros((capture.height_px, capture.width_px))
+        for window in strips(tiles_of(self.wire_faces, view, capture), capture):
+            x, y, width, height = window
+            part = self._render(self.wires_only, integrator, view, sampler, window)[..., 0]
+            coverage[y : y + height, x : x + width] = part
+        return coverage
 
     def depth_m(self, view: View) -> Float[np.ndarray, "h w"]:
         """Distance along the camera's z axis of what each pixel's centre sees; 0 for the sky."""
@@ -61,9 +82,15 @@ class Studio:
         return np.where(along_ray > 0, along_axis, 0.0)
 
     def _render(
-        self, scene: Any, integrator: Any, view: View, sampler: dict[str, object]
+        self,
+        scene: Any,
+        integrator: Any,
+        view: View,
+        sampler: dict[str, object],
+        window: Window | None = None,
     ) -> Float[np.ndarray, "h w c"]:
         capture = self.capture
+        x, y, width, height = window or (0, 0, capture.width_px, capture.height_px)
         pose = np.eye(4)
         pose[:3, :3] = view.R_world_camera * np.array([-1.0, -1.0, 1.0])  # Mitsuba's camera: x left, y up
         pose[:3, 3] = view.centre
@@ -79,6 +106,10 @@ class Studio:
                 "type": "hdrfilm",
                 "width": capture.width_px,
                 "height": capture.height_px,
+                "crop_offset_x": x,
+                "crop_offset_y": y,
+                "crop_width": width,
+                "crop_height": height,
                 "pixel_format": "rgb",
                 "component_format": "float32",
                 "rfilter": {"type": "box"},
@@ -116,7 +147,9 @@ def open_studio(parts: Sequence[Part], capture: CaptureConfig, image: ImageConfi
         if part.wire:
             shining = {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}
             marked[f"part{i}"] = shape | {"bsdf": dark, "emitter": shining}
-    return Studio(mi, capture, image, mi.load_dict(lit), mi.load_dict(marked))
+    faces = [part.mesh.vertices[part.mesh.faces] for part in parts if part.wire]
+    wire_faces = np.concatenate([np.zeros((0, 3, 3)), *faces])
+    return Studio(mi, capture, image, mi.load_dict(lit), mi.load_dict(marked), wire_faces)
 
 
 def to_srgb(linear: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:

@@ -6,24 +6,22 @@ truth.json.
 
 import json
 import re
-import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from PIL import Image
 
 from plnerf.errors import SceneError
-from plnerf.synth.capture import View, plan_flight
+from plnerf.synth.capture import View, plan_flight, written_views
 from plnerf.synth.config import CaptureConfig, SceneConfig
+from plnerf.synth.film import HOLD_OUT_EVERY, film
 from plnerf.synth.parts import span_parts
-from plnerf.synth.render import Studio, open_studio, require_mitsuba
-from plnerf.synth.span import Span, build_span
-from plnerf.synth.truth import MASK_COVERAGE, truth_of
-
-HOLD_OUT_EVERY = 8  # the scene folder's default rule: every 8th by name is held out
+from plnerf.synth.render import open_studio, require_mitsuba
+from plnerf.synth.seen import seen_stretches
+from plnerf.synth.span import Span, build_span, ground_height
+from plnerf.synth.truth import truth_of
 
 
 def synthesize(
@@ -40,19 +38,16 @@ def synthesize(
     require_mitsuba()
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as scratch:
-        folder = Path(scratch) / "scene"
-        for name in ("images", "wire_masks", "depth", "meshes"):
-            (folder / name).mkdir(parents=True)
+        folder, meshes = Path(scratch) / "scene", Path(scratch) / "meshes"
+        meshes.mkdir()
         span = build_span(config.span)
         views = plan_flight(span, config.capture)
-        studio = open_studio(list(span_parts(span)), config.capture, config.image, folder / "meshes")
-        shutil.rmtree(folder / "meshes")
-        for i, view in enumerate(views):
-            _film(studio, view, i, folder)
-            if progress is not None:
-                progress(i + 1, len(views))
-        _write_json(folder / "truth.json", truth_of(span, config, len(views)))
-        _write_json(folder / "transforms.json", transforms_of(span, config.capture, views))
+        studio = open_studio(list(span_parts(span)), config.capture, config.image, meshes)
+        masks = film(studio, span, views, config, folder, progress)
+        seen = seen_stretches([wire.curve for wire in span.conductors], views, masks, config.capture)
+        _write_json(folder / "truth.json", truth_of(span, config, views, seen))
+        written = written_views(views, config.capture, config.seed)
+        _write_json(folder / "transforms.json", transforms_of(span, config.capture, written))
         if out.exists():
             out.rmdir()
         folder.rename(out)
@@ -61,7 +56,7 @@ def synthesize(
 
 def transforms_of(span: Span, capture: CaptureConfig, views: tuple[View, ...]) -> dict[str, object]:
     """The content of transforms.json: nerfstudio's keys, and ours under `plnerf`."""
-    low, high = span_box(span)
+    low, high = span_box(span, capture)
     frames: list[dict[str, object]] = []
     for i, view in enumerate(views):
         frame: dict[str, object] = {
@@ -98,31 +93,29 @@ def transforms_of(span: Span, capture: CaptureConfig, views: tuple[View, ...]) -
     }
 
 
-def span_box(span: Span) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """World box around towers, conductors and the ground below them, with 1 m to spare at the sides."""
-    points = [wire.curve.polyline(0.25) for wire in span.conductors]
+def span_box(span: Span, capture: CaptureConfig) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """World box around supports, conductors and the ground below them, with 1 m to spare at the sides.
+
+    Where only a stretch of the line is filmed, around what stands and hangs there.
+    """
+    half = span.config.span_length_m / 2
+    low_m, high_m = capture.filmed_m or (-half, half)
+    points = []
+    for wire in span.conductors:
+        line = wire.curve.polyline(0.25)
+        along = line[:, :2] @ np.array(span.along)
+        points.append(line if capture.filmed_m is None else line[(along >= low_m) & (along <= high_m)])
     for tower in span.towers:
         x, y, z = tower.foot
-        points.append(np.array([[x - 1.2, y - 1.2, z], [x + 1.2, y + 1.2, z + tower.height_m]]))
+        along_m = float(np.array([x, y]) @ np.array(span.along))
+        if low_m - 1e-6 <= along_m <= high_m + 1e-6:
+            points.append(np.array([[x - 1.2, y - 1.2, z], [x + 1.2, y + 1.2, z + tower.height_m]]))
+    if capture.filmed_m is not None:
+        x_m, y_m = np.concatenate(points)[:, :2].T
+        points.append(np.stack([x_m, y_m, ground_height(x_m, y_m)], axis=1))
     cloud = np.concatenate(points)
     margin = np.array([1.0, 1.0, 0.0])
     return cloud.min(axis=0) - margin - [0, 0, 0.5], cloud.max(axis=0) + margin + [0, 0, 0.5]
-
-
-def _film(studio: Studio, view: View, index: int, folder: Path) -> None:
-    photo = Image.fromarray(studio.photo(view, index))
-    photo.save(
-        folder / "images" / f"{view.name}.jpg",
-        quality=studio.image.jpeg_quality,
-        subsampling=0,
-        optimize=True,
-    )
-    mask = np.where(studio.wire_coverage(view) >= MASK_COVERAGE, 255, 0).astype(np.uint8)
-    Image.fromarray(mask).save(folder / "wire_masks" / f"{view.name}.png", optimize=True)
-    if index % HOLD_OUT_EVERY == 0:
-        millimetres = np.rint(1000 * studio.depth_m(view))
-        stored = np.where(millimetres > 65535, 0, millimetres).astype(np.uint16)  # 16 bits end at 65.5 m
-        Image.fromarray(stored).save(folder / "depth" / f"{view.name}.png", optimize=True)
 
 
 def _write_json(path: Path, content: dict[str, object]) -> None:

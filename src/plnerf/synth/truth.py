@@ -1,12 +1,15 @@
 """truth.json: what is exactly where in a synthetic span.  World frame, metres, z up, everywhere."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.seen import SEEN_RULE
 from plnerf.synth.span import Conductor, Plant, Span, ground_height
 
 FORMAT_VERSION = 1
@@ -15,25 +18,45 @@ POLYLINE_STEP_M = 0.25
 MASK_COVERAGE = 0.1  # of a pixel's area, seen
 CLEARANCE_RANGE_M = 40.0
 
+Stretches = Sequence[tuple[float, float]]
 
-def truth_of(span: Span, config: SceneConfig, images: int) -> dict[str, object]:
-    """The content of truth.json."""
+
+def truth_of(
+    span: Span, config: SceneConfig, views: Sequence[View], seen: Sequence[Stretches] | None = None
+) -> dict[str, object]:
+    """The content of truth.json.
+
+    `views` are the true ones.  `seen` lists for each conductor the stretches that the images show.
+    """
+    noisy = config.capture.pose_noise_m > 0 or config.capture.pose_noise_deg > 0
+    true_poses = [
+        {"name": view.name, "T_world_camera": view.T_world_camera_opengl().tolist()} for view in views
+    ]
     return {
         "format_version": FORMAT_VERSION,
+        "scene": config.name,
         "generator": GENERATOR,
         "world": "local east-north-up, metres, z up, origin on the ground at mid-span",
         "unit": "m",
         "seed": span.config.seed,
         "config": asdict(config),
-        "images": images,
+        "images": len(views),
         "wire_mask_rule": (
             f"255 where a conductor or shield wire fills {MASK_COVERAGE:.0%} or more of the pixel, "
             "by 36 samples, one in each cell of a 6 x 6 grid; insulators, clamps and dampers are not wires"
         ),
         "depth_rule": "along the camera's z axis at the pixel's centre, uint16 millimetres; "
         "0: sky, or further than 65.535 m",
+        "seen_rule": SEEN_RULE,
+        "pose_rule": "the images are taken at the poses of transforms.json"
+        if not noisy
+        else "the images are taken at `poses`, OpenGL camera-to-world as in transforms.json, whose own are "
+        "off by config.capture.pose_noise_m and pose_noise_deg (normal, each axis)",
+        **({"poses": true_poses} if noisy else {}),
         "catenary": "z(s) = z0 + p (cosh((s - s0)/p) - 1), s: horizontal distance from a along direction",
-        "conductors": [_conductor(wire) for wire in span.conductors],
+        "conductors": [
+            _conductor(wire, None if seen is None else seen[i]) for i, wire in enumerate(span.conductors)
+        ],
         "towers": [
             {
                 "name": tower.name,
@@ -48,7 +71,7 @@ def truth_of(span: Span, config: SceneConfig, images: int) -> dict[str, object]:
     }
 
 
-def _conductor(wire: Conductor) -> dict[str, object]:
+def _conductor(wire: Conductor, seen: Stretches | None) -> dict[str, object]:
     curve = wire.curve
     return {
         "name": wire.name,
@@ -64,6 +87,7 @@ def _conductor(wire: Conductor) -> dict[str, object]:
         "lowest": curve.lowest,
         "sag_m": curve.sag_m,
         "length_m": curve.length_m,
+        **({} if seen is None else {"seen_m": list(seen)}),
         "polyline": np.round(curve.polyline(POLYLINE_STEP_M), 6).tolist(),
     }
 

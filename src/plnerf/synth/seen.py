@@ -1,0 +1,70 @@
+"""Which stretches of a conductor the images show, by their wire masks.
+
+Letters: s horizontal distance from the conductor's end A towards B (metres); x, y pixels, the first pixel's
+centre at 0.5.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from plnerf.synth.capture import View
+from plnerf.synth.catenary import Catenary
+from plnerf.synth.config import CaptureConfig
+
+STEP_M = 0.05
+WITHIN_PX = 1.5
+MIN_IMAGES = 3
+SEEN_RULE = (
+    f"seen_m: stretches (s from a along direction) whose axis projects within {WITHIN_PX} px of a "
+    f"wire mask's pixel in at least {MIN_IMAGES} images, looked at every {STEP_M} m"
+)
+
+
+def seen_stretches(
+    curves: Sequence[Catenary],
+    views: Sequence[View],
+    masks: Sequence[Bool[np.ndarray, "h w"]],
+    capture: CaptureConfig,
+) -> list[list[tuple[float, float]]]:
+    """For each curve its stretches (s from, s to) that show in at least MIN_IMAGES of the masks.
+
+    A projected point shows where a mask pixel's centre lies within WITHIN_PX of it.  Whose wire the pixel is,
+    a mask does not say: where wires cross in an image the one behind counts as seen.
+    """
+    grids = [np.linspace(0.0, c.span_m, max(2, round(c.span_m / STEP_M) + 1)) for c in curves]
+    ends = np.cumsum([len(s) for s in grids])
+    points = np.concatenate([curve.points(s) for curve, s in zip(curves, grids, strict=True)])
+    count = np.zeros(len(points), dtype=np.int64)
+    for view, mask in zip(views, masks, strict=True):
+        count += shown(points, view, mask, capture)
+    return [
+        stretches(s, part >= MIN_IMAGES) for s, part in zip(grids, np.split(count, ends[:-1]), strict=True)
+    ]
+
+
+def shown(
+    points: Float[np.ndarray, "k 3"], view: View, mask: Bool[np.ndarray, "h w"], capture: CaptureConfig
+) -> Int[np.ndarray, "k"]:
+    """1 for the world points that project within WITHIN_PX of a pixel of this view's mask, else 0."""
+    found = np.zeros(len(points), dtype=np.int64)
+    local = (points - view.centre) @ view.R_world_camera
+    ahead = np.flatnonzero(local[:, 2] > 0.05)
+    size = np.array([capture.width_px, capture.height_px])
+    pixel = local[ahead, :2] / local[ahead, 2:] * capture.focal_px + size / 2
+    inside = ((pixel > -WITHIN_PX) & (pixel < size + WITHIN_PX)).all(axis=1)
+    rows, columns = np.nonzero(mask)
+    if len(rows) and inside.any():
+        tree = cKDTree(np.stack([columns, rows], axis=1) + 0.5)
+        distance, _ = tree.query(pixel[inside], distance_upper_bound=WITHIN_PX + 1e-9)
+        found[ahead[inside]] = np.isfinite(distance)
+    return found
+
+
+def stretches(s: Float[np.ndarray, "k"], seen: Bool[np.ndarray, "k"]) -> list[tuple[float, float]]:
+    """The runs of seen points as (first s, last s), in millimetres' precision; a single point is none."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], seen.astype(np.int8), [0]])))
+    runs = zip(edge[::2], edge[1::2] - 1, strict=True)
+    return [(round(float(s[first]), 3), round(float(s[last]), 3)) for first, last in runs if last > first]
