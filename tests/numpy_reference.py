@@ -81,3 +81,34 @@ def contract(x: np.ndarray) -> np.ndarray:
     """Mip-NeRF 360 eq. 10 with the L-infinity norm, for one point."""
     m = np.abs(x).max()
     return x if m <= 1 else (2 - 1 / m) * x / m
+
+
+def blurred(s: np.ndarray, w: np.ndarray, edges: np.ndarray, h: float) -> np.ndarray:
+    """Weight between edges of a histogram blurred by a box of half width h: interval by interval, the area
+    of a trapezoid."""
+    out = np.zeros(len(edges) - 1)
+    nodes, shares = np.polynomial.legendre.leggauss(2)  # exact for pieces that are straight
+    for weight, a, b in zip(w, s[:-1], s[1:], strict=True):
+        knots = np.sort(np.concatenate([edges, [a - h, a + h, b - h, b + h]]))
+        for low, high in itertools.pairwise(knots):
+            middle = (low + high) / 2
+            j = np.searchsorted(edges, middle) - 1
+            if not 0 <= j < len(out):
+                continue
+            for node, share in zip(nodes, shares, strict=True):
+                x = middle + (high - low) / 2 * node
+                overlap = max(0.0, min(b, x + h) - max(a, x - h))
+                out[j] += share * (high - low) / 2 * weight / (b - a) * overlap / (2 * h)
+    return out
+
+
+def dilated(s: np.ndarray, w: np.ndarray, h: float) -> np.ndarray:
+    """Integral over each interval of the largest density within h, piece by piece of constant value."""
+    density = w / np.diff(s)
+    knots = np.unique(np.clip(np.concatenate([s, s - h, s + h]), s[0], s[-1]))
+    out = np.zeros(len(w))
+    for low, high in itertools.pairwise(knots):
+        x = (low + high) / 2
+        near = [p for p, a, b in zip(density, s[:-1], s[1:], strict=True) if a - h <= x <= b + h]
+        out[np.searchsorted(s, x) - 1] += max(near) * (high - low)
+    return out

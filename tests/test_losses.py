@@ -1,11 +1,14 @@
 """Losses: each is zero where it should be and only there, weighted by name, unbiased under importance."""
 
 import dataclasses
+from typing import Any
 
 import pytest
 import torch
 from torch import Tensor
 
+from plnerf.errors import ConfigError
+from plnerf.rays.histograms import blurred_interlevel_loss, ray_entropy
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss
 from plnerf.render.model import NormalSamples, RenderedRays
 from plnerf.render.proposals import Histogram
@@ -67,6 +70,34 @@ def test_a_weight_of_zero_turns_its_term_off_alone(name: str) -> None:
     assert float(terms.pop(name, torch.zeros(()))) == 0
     assert all(value > 0 for value in terms.values())
     assert len(terms) == 4
+
+
+@pytest.mark.parametrize("blur", [(0.03, 0.003), (0.0, 0.0)])
+def test_the_interlevel_loss_may_be_the_anti_aliased_one(blur: tuple[float, float]) -> None:
+    out = rendered(None)
+    *rounds, final = out.histograms
+    expected = sum(
+        blurred_interlevel_loss(final.s, final.w, h.s, h.w, r).mean()
+        for h, r in zip(rounds, blur, strict=True)
+    )
+    weights = LossWeights(interlevel=0.7, interlevel_blur=blur)
+    found = loss_terms(out, torch.zeros(R, 3), ONE, weights)["interlevel"]
+    torch.testing.assert_close(found, 0.7 * expected)
+    assert found > 0
+
+
+def test_entropy_is_off_until_asked_for_and_weighed() -> None:
+    out, truth = rendered(None), torch.zeros(R, 3)
+    importance = torch.rand(R, generator=torch.Generator().manual_seed(1))
+    assert "entropy" not in loss_terms(out, truth, importance, LossWeights())
+    found = loss_terms(out, truth, importance, LossWeights(entropy=0.2))["entropy"]
+    torch.testing.assert_close(found, 0.2 * (importance * ray_entropy(out.histograms[-1].w)).mean())
+
+
+@pytest.mark.parametrize("bad", [{"entropy": -1.0}, {"interlevel_blur": (0.03, -0.003)}])
+def test_negative_weights_are_refused(bad: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="0 or more"):
+        LossWeights(**bad)
 
 
 def test_terms_without_their_data_are_left_out() -> None:

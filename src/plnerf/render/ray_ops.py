@@ -16,6 +16,7 @@ from plnerf.field.encodings import integrated_positional_encoding
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
 from plnerf.rays.frustums import ray_frustums
+from plnerf.rays.histograms import blurred_interlevel_loss, dilate, ray_entropy
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss, resample_edges
 from plnerf.rays.warp import to_distance
@@ -50,6 +51,9 @@ class RayOps(NamedTuple):
     render_rays: Callable[[Tensor, Tensor, Tensor], Rendered]
     interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
     distortion_loss: Callable[[Tensor, Tensor], Tensor]
+    blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor]
+    dilate: Callable[[Tensor, Tensor, float], Tensor]
+    ray_entropy: Callable[[Tensor], Tensor]
 
 
 def frustum_features(
@@ -85,6 +89,9 @@ TORCH = RayOps(
     render_rays,
     interlevel_loss,
     distortion_loss,
+    blurred_interlevel_loss,
+    dilate,
+    ray_entropy,
 )
 
 
@@ -93,7 +100,7 @@ def ray_ops(backend: Backend) -> RayOps:
     """The functions of a backend: fused for a CPU; plain torch elsewhere, where CUDA graphs replay it."""
     if backend != "numba":
         return TORCH
-    from plnerf.ops import cpu_rays, cpu_stepfun, cpu_volume  # Numba takes time to import
+    from plnerf.ops import cpu_histograms, cpu_rays, cpu_stepfun, cpu_volume  # Numba takes time to import
 
     def features(
         rays: Rays, t: Tensor, stretch: tuple[float, float, float], contraction: bool, octaves: int
@@ -113,4 +120,7 @@ def ray_ops(backend: Backend) -> RayOps:
         rendered,
         cpu_stepfun.interlevel_loss,
         cpu_stepfun.distortion_loss,
+        cpu_histograms.blurred_interlevel_loss,
+        cpu_histograms.dilate,
+        cpu_histograms.ray_entropy,
     )

@@ -3,6 +3,7 @@
 Letters: r rays, S intervals; p the importance weight of a ray, 1 where pixels are drawn uniformly.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from jaxtyping import Float
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.render.model import NormalSamples, RenderedRays
+from plnerf.render.proposals import Histogram
 from plnerf.render.ray_ops import TORCH, RayOps
 
 
@@ -21,8 +23,13 @@ class LossWeights:
     """Mean squared error of the colour (NeRF 2020)."""
     interlevel: float = 1.0
     """Proposals must cover the final histogram (Mip-NeRF 360)."""
+    interlevel_blur: tuple[float, ...] = ()
+    """Half width, in s, of the box that blurs the final histogram for each proposal round, which must then
+    have as much weight everywhere (zip-NeRF: 0.03 and 0.003).  Empty: the bound of Mip-NeRF 360."""
     distortion: float = 0.001
     """Weight of a ray gathers in one place (Mip-NeRF 360)."""
+    entropy: float = 0.0
+    """Every ray ends in one interval or in none (InfoNeRF)."""
     normals: float = 3e-4
     """Predicted normals follow the density's gradient (Ref-NeRF R_p, its value)."""
     orientation: float = 1e-3
@@ -33,9 +40,11 @@ class LossWeights:
     600 steps."""
 
     def __post_init__(self) -> None:
-        values = (self.colour, self.interlevel, self.distortion, self.normals, self.orientation)
-        if min(values) < 0:
-            raise ConfigError(f"The weights of losses must be 0 or more, but are {self}.")
+        values = (
+            self.colour, self.interlevel, self.distortion, self.entropy, self.normals, self.orientation,
+        )  # fmt: skip
+        if min(values) < 0 or min(self.interlevel_blur, default=0.0) < 0:
+            raise ConfigError(f"The weights of losses and interlevel_blur must be 0 or more, but are {self}.")
 
 
 def loss_terms(
@@ -54,11 +63,13 @@ def loss_terms(
     final = out.histograms[-1]
     terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
     terms["interlevel"] = sum(
-        (ops.interlevel_loss(final.s, final.w, round_.s, round_.w).mean() for round_ in out.histograms[:-1]),
+        (value.mean() for value in _interlevel(out.histograms, weights.interlevel_blur, ops)),
         out.colour.new_zeros(()),
     )
     if weights.distortion:
         terms["distortion"] = (importance * ops.distortion_loss(final.s, final.w)).mean()
+    if weights.entropy:
+        terms["entropy"] = (importance * ops.ray_entropy(final.w)).mean()
     if out.normal_samples is not None:
         samples = out.normal_samples
         if not weights.normals_shape_density:
@@ -69,6 +80,19 @@ def loss_terms(
         terms["normals"] = (counts * normal_loss(samples)).mean()
         terms["orientation"] = (counts * orientation_loss(samples)).mean()
     return {name: getattr(weights, name) * term for name, term in terms.items()}
+
+
+def _interlevel(
+    histograms: tuple[Histogram, ...], blur: tuple[float, ...], ops: RayOps
+) -> Iterator[Float[Tensor, " r"]]:
+    """The interlevel loss of each proposal round."""
+    *rounds, final = histograms
+    if not blur:
+        for found in rounds:
+            yield ops.interlevel_loss(final.s, final.w, found.s, found.w)
+        return
+    for found, half_width in zip(rounds, blur, strict=True):
+        yield ops.blurred_interlevel_loss(final.s, final.w, found.s, found.w, half_width)
 
 
 def normal_loss(samples: NormalSamples) -> Float[Tensor, " q"]:
