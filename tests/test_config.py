@@ -11,6 +11,7 @@ from plnerf.errors import ConfigError
 from plnerf.presets import PL_NERF
 from plnerf.scene.scene import load_scene
 from plnerf.train.config import RunConfig, TrainConfig, fit_to_scene
+from plnerf.train.losses import LossWeights
 from tiny_run import open_tiny
 
 GOOD: dict[str, Any] = {
@@ -100,3 +101,13 @@ def test_the_finest_cells_follow_the_pixels(tiny_scene: Path, tmp_path: Path) ->
 def test_the_finest_cells_are_never_coarser_than_the_coarsest(tiny_scene: Path, tmp_path: Path) -> None:
     model = fit_to_scene(PL_NERF.model, open_tiny(tiny_scene, tmp_path), 1e-6)
     assert model.field.grid.finest == model.field.grid.coarsest
+
+
+@pytest.mark.parametrize("blur", [(0.03,), (0.03, 0.003, 0.001)])
+def test_a_blur_without_its_proposal_round_is_refused(blur: tuple[float, ...]) -> None:
+    train = TrainConfig(loss=LossWeights(interlevel_blur=blur))
+    with pytest.raises(ConfigError, match=f"each of the 2 proposal rounds, or none, but has {len(blur)}"):
+        RunConfig(**GOOD, model=PL_NERF.model, train=train, steps=1)
+    RunConfig(
+        **GOOD, model=PL_NERF.model, train=TrainConfig(loss=LossWeights(interlevel_blur=(0.1, 0.0))), steps=1
+    )

@@ -1,5 +1,6 @@
 """Sampling along rays: the warp is what it says, samples go where the density is, gradients stay out."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +10,7 @@ import torch
 from torch import Tensor
 
 from plnerf.errors import ConfigError
+from plnerf.rays.histograms import dilate
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import resample_edges, stratified_levels
 from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
@@ -99,6 +101,26 @@ def test_samples_follow_the_annealed_weights_of_the_round_before(anneal: float) 
     torch.testing.assert_close(first.w, weights_from_density(wall(3.0)(make_rays(2), t), t))
 
 
+def test_dilation_looks_beside_what_was_found_and_none_changes_nothing() -> None:
+    """A round's samples are those of the dilated weights: more of them just before and behind a thin wall."""
+
+    def sheet(rays: Rays, t: Tensor) -> Tensor:
+        return torch.where((t[:, :-1] < 0.5) & (t[:, 1:] >= 0.5), 1e4, 0.0)
+
+    shares = []
+    for dilation in (0.0, 0.005, 0.02):
+        config = dataclasses.replace(CONFIG, dilation=dilation)
+        s, (first, second) = sample_along_rays(make_rays(2), [sheet] * 2, config, 0.7, None)
+        u = stratified_levels(2, 33, None, s)
+        looked = dilate(first.s, first.w, dilation) if dilation else first.w
+        assert torch.equal(second.s, resample_edges(first.s, looked, u, CONFIG.padding, 0.7))
+        hit = int(first.w[0].argmax())
+        low, high = float(first.s[0, hit]), float(first.s[0, hit + 1])
+        beside = ((second.s > low - 0.02) & (second.s < low)) | ((second.s > high) & (second.s < high + 0.02))
+        shares.append(beside.double().mean().item())
+    assert shares[0] < shares[1] < shares[2]
+
+
 def test_samples_are_deterministic_without_a_generator_and_a_function_of_its_seed_with_one() -> None:
     def edges(generator: torch.Generator | None) -> Tensor:
         return sample_along_rays(make_rays(3), [wall(3.0)] * 2, CONFIG, 1.0, generator)[0]
@@ -137,6 +159,7 @@ def test_without_proposals_samples_are_even() -> None:
         {"knee": 0.0},
         {"final": 0},
         {"padding": 0.0},
+        {"dilation": -0.1},
         {"proposals": (64, 0)},
     ],
     ids=str,

@@ -34,19 +34,24 @@ class SamplerConfig:
     """Weight given to every interval before resampling: with 32 intervals half of the samples go on
     looking where nothing was found yet, which is how thin things are found (nerfacto: 0.01 of many more
     intervals)."""
+    dilation: float = 0.0
+    """How far, in s, a round looks beside what the round before found: its density is raised to the largest
+    within this distance (Mip-NeRF 360, whose constant part is 0.0025).  0: not at all."""
 
     def __post_init__(self) -> None:
         if (
             not 0 < self.near < self.far
             or self.knee <= 0
             or self.padding <= 0
+            or self.dilation < 0
             or self.final < 1
             or any(n < 1 for n in self.proposals)
         ):
             raise ConfigError(
-                f"A sampler needs 0 < near < far, knee > 0, padding > 0 and at least one interval a round, "
-                f"but got near={self.near}, far={self.far}, knee={self.knee}, proposals={self.proposals}, "
-                f"final={self.final}, padding={self.padding}."
+                "A sampler needs 0 < near < far, knee > 0, padding > 0, dilation >= 0 and at least one "
+                f"interval a round, but got near={self.near}, far={self.far}, knee={self.knee}, "
+                f"proposals={self.proposals}, final={self.final}, padding={self.padding}, "
+                f"dilation={self.dilation}."
             )
 
 
@@ -85,5 +90,6 @@ def sample_along_rays(
         w = ops.weights_from_density(density(rays, t), t)
         history.append(Histogram(s, w))
         u = stratified_levels(len(rays), intervals + 1, generator, s)
-        s = ops.resample_edges(s, w.detach(), u, config.padding, anneal)
+        found = ops.dilate(s, w.detach(), config.dilation) if config.dilation else w.detach()
+        s = ops.resample_edges(s, found, u, config.padding, anneal)
     return s, tuple(history)

@@ -102,6 +102,12 @@ class RunConfig:
             raise ConfigError(
                 f"The budget must be positive and finite, but steps={self.steps} and seconds={self.seconds}."
             )
+        blurs, rounds = self.train.loss.interlevel_blur, self.model.sampler.proposals
+        if blurs and len(blurs) != len(rounds):
+            raise ConfigError(
+                f"train.loss.interlevel_blur needs a half width for each of the {len(rounds)} proposal "
+                f"rounds, or none, but has {len(blurs)}: {list(blurs)}."
+            )
         if not 0 <= self.seed < 1 << 63:
             raise ConfigError(f"The seed must be from 0 to 2^63 - 1, but is {self.seed}.")
 
