@@ -68,7 +68,7 @@ def _blurred(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _blurred_parallel(  # noqa: PLR0913
+def _blurred_parallel(  # noqa: PLR0913 (a kernel has no structs)
     s, w, s_proposal, w_proposal, h, loss, gradient, rays, parts
 ):
     for part in prange(parts):

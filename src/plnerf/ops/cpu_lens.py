@@ -82,7 +82,7 @@ def _cast(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, error_model="numpy")
 @no_type_check
-def _cast_parallel(  # noqa: PLR0913
+def _cast_parallel(  # noqa: PLR0913 (a kernel has no structs)
     R, centre, focal, principal, distortion, camera, pixel, origins, directions, radius, rays, parts
 ):
     for part in prange(parts):

@@ -93,7 +93,7 @@ def _sin_cos32(x):
 @no_type_check
 def _sin_cos(x):
     if x == types.float32:
-        return lambda x: _sin_cos32(x)  # noqa: PLW0108
+        return lambda x: _sin_cos32(x)  # noqa: PLW0108 (Numba wants a function of its own)
     return lambda x: (math.sin(x), math.cos(x))
 
 
@@ -129,5 +129,5 @@ def _power32(x, exponent):
 @no_type_check
 def _power(x, exponent):
     if x == types.float32:
-        return lambda x, exponent: _power32(x, exponent)  # noqa: PLW0108
+        return lambda x, exponent: _power32(x, exponent)  # noqa: PLW0108 (Numba wants a function of its own)
     return lambda x, exponent: x**exponent

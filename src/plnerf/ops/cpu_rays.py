@@ -158,7 +158,7 @@ def fill_features(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _features_parallel(  # noqa: PLR0913
+def _features_parallel(  # noqa: PLR0913 (a kernel has no structs)
     origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, rays, parts
 ):
     for part in prange(parts):

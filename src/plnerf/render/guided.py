@@ -1,0 +1,47 @@
+"""Samples where a ray passes near a curve found in the images: DESIGN of thin things, not of their shape.
+
+A wire of some centimetres is hit by few of the samples that a histogram of metres spreads.  Where a curve is
+known, some of a ray's edges are laid within its reach instead; whether anything is there stays the colours'
+decision.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor
+
+from plnerf.rays.rays import Rays
+from plnerf.rays.warp import to_warped
+from plnerf.wires.guides import Guides, windows
+
+
+def guide_edges(
+    rays: Rays,
+    s: Float[Tensor, "r E"],
+    guides: Guides,
+    count: int,
+    warp: tuple[float, float, float],
+    generator: Generator | None,
+) -> Float[Tensor, "r E"]:
+    """The edges s, `count` of them moved into the windows of the curves where a ray meets any.
+
+    `warp` holds near, far and knee.  With a generator the edges in a window are jittered together.
+    """
+    if not len(guides) or not count:
+        return s
+    found = windows(rays, guides, warp[0])
+    each = count // found.low.shape[1]
+    even = torch.arange(each, device=s.device, dtype=s.dtype) / each
+    # Of a window that stands twice, the second one's edges lie between the first one's.
+    offset = torch.arange(found.low.shape[1], device=s.device, dtype=s.dtype)[:, None] / count
+    jitter = 0.5 / count
+    if generator is not None:
+        jitter = torch.rand(len(rays), 1, 1, generator=generator, device=s.device, dtype=s.dtype) / count
+    share = even + offset + jitter
+    low, high = found.low[..., None], found.high[..., None]
+    laid = to_warped(low + share * (high - low), *warp).flatten(1)
+    edges = s.shape[1]
+    kept = torch.ones(edges, dtype=torch.bool)
+    kept[torch.linspace(1, edges - 2, laid.shape[1]).round().long()] = False
+    index = kept.nonzero()[:, 0].to(s.device)
+    mixed = torch.cat([s[:, index], laid], 1).sort(1).values
+    return torch.where(found.hit[:, None], mixed, s)

@@ -1,0 +1,134 @@
+"""What each image says about lines that run along the span: thin, and pointing where the span points.
+
+All lines along the span's axis meet in one point of an image, their vanishing point; the direction from a
+pixel to it is the only one a conductor can have there, but for its sag.  A conductor is a ridge across that
+direction: the brightness bends (second derivative) across it and not along it.
+
+Letters: n images of h x w pixels; the span's axis is +x of the scene frame.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from plnerf.scene.cameras import Cameras
+from plnerf.scene.images import ImageStore
+
+SCALES_PX = (1.0, 2.0, 3.5)
+"""Standard deviations of the Gaussians: wires 1 to 8 px wide."""
+ALONG_PX = 9.0
+"""Half the length over which the bend is averaged along the line: texture is not straight."""
+SAG_DEG = (-7.0, 0.0, 7.0)
+"""A conductor's directions beside that of the span's axis: sag, and supports at unequal heights."""
+BESIDE_PX = 5
+"""A ridge is the strongest pixel this far to both sides; a second derivative echoes beside a line."""
+CONTRAST_PX = 12.0
+"""Neighbourhood whose bends a pixel's is compared with."""
+LEAST_BEND = 0.004
+"""Of the brightness; noise and compression bend that much in a clear sky."""
+
+
+def line_response(
+    image: UInt8[np.ndarray, "h w 3"], towards: Float[np.ndarray, "h w 2"]
+) -> Float[np.ndarray, "h w"]:
+    """How much a pixel looks like a line in the given direction (unit vectors x, y), 0 to 1.
+
+    The bend across the direction beyond the bend along it, of either sign, at the best of a few scales
+    (Lindeberg's normalisation), in units of the neighbourhood's; kept only on the ridge itself.
+    """
+    grey = image.astype(np.float32).mean(-1) / 255
+    c, s = towards[..., 0], towards[..., 1]
+    best = np.zeros_like(grey)
+    for sigma in SCALES_PX:
+        xx, xy, yy = (sigma**2 * part for part in _hessian(grey, sigma))
+        across = s * s * xx - 2 * c * s * xy + c * c * yy
+        along = c * c * xx + 2 * c * s * xy + s * s * yy
+        bend = np.maximum(np.abs(across) - 2 * np.abs(along), 0) * np.sign(across)
+        np.copyto(best, bend, where=np.abs(bend) > np.abs(best))
+    best = _average_along(best, c, s)
+    strength = np.abs(best)
+    around = np.sqrt(cv2.GaussianBlur(best * best, (0, 0), CONTRAST_PX)) + LEAST_BEND
+    response = np.clip(strength / (3 * around), 0, 1)
+    return np.where(_is_ridge(strength, c, s), response, 0).astype(np.float32)
+
+
+def line_evidence(store: ImageStore, cameras: Cameras, images: tuple[int, ...]) -> Float[np.ndarray, " p"]:
+    """The responses of the chosen images, one after the other in one flat array; masked-out pixels 0."""
+    slope = track_slope(cameras.centre[list(images)].double().numpy())
+    maps = []
+    for i in images:
+        picture = store.image(i)
+        towards = vanishing_directions(cameras, i, picture.shape[:2], slope)
+        maps.append(np.where(store.valid(i), line_response(picture, towards), 0).ravel())
+    return np.concatenate(maps)
+
+
+def track_slope(centres: Float[np.ndarray, "n 3"]) -> float:
+    """How steeply the cameras climb along the span: conductors on a hill climb with them."""
+    x, z = centres[:, 0] - centres[:, 0].mean(), centres[:, 2] - centres[:, 2].mean()
+    return float((x * z).sum() / max((x * x).sum(), 1e-12))
+
+
+def vanishing_directions(
+    cameras: Cameras, i: int, shape: tuple[int, ...], slope: float
+) -> Float[np.ndarray, "h w 2"]:
+    """Unit vectors of the image direction in which a line along (1, 0, slope) runs through each pixel.
+
+    The lens is left out: it turns directions by a degree or two, which a second derivative does not notice.
+    """
+    R_scene_camera: Tensor = cameras.R_scene_camera[i]
+    axis = R_scene_camera[0] + slope * R_scene_camera[2]  # in camera axes
+    ax, ay, az = (float(v) for v in axis)
+    fx, fy = (float(v) for v in cameras.focal_px[i])
+    cx, cy = (float(v) for v in cameras.principal_px[i])
+    h, w = shape
+    u, v = np.meshgrid((np.arange(w) + 0.5 - cx) / fx, (np.arange(h) + 0.5 - cy) / fy)
+    # A point moved along the axis moves in the image by (a_xy - uv a_z) / depth.
+    dx, dy = fx * (ax - u * az), fy * (ay - v * az)
+    length = np.maximum(np.hypot(dx, dy), 1e-9)
+    return np.stack([dx / length, dy / length], -1).astype(np.float32)
+
+
+def _hessian(grey: Float[np.ndarray, "h w"], sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x = np.arange(-math.ceil(4 * sigma), math.ceil(4 * sigma) + 1, dtype=np.float64)
+    smooth = np.exp(-(x**2) / (2 * sigma**2))
+    smooth /= smooth.sum()
+    variance = (x**2 * smooth).sum()
+    bend = (x**2 - variance) * smooth
+    bend = 2 * bend / (x**2 * bend).sum()
+    slope = x * smooth / variance
+    xx, xy, yy = (
+        cv2.sepFilter2D(grey, cv2.CV_32F, kx, ky, borderType=cv2.BORDER_REPLICATE)
+        for kx, ky in ((bend, smooth), (slope, slope), (smooth, bend))
+    )
+    return xx, xy, yy
+
+
+def _shifted(picture: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
+    h, w = picture.shape
+    x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+    return cv2.remap(picture, x + dx, y + dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def _average_along(bend: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """The bend averaged along the best of the directions that sag allows."""
+    best = np.zeros_like(bend)
+    steps = np.linspace(-ALONG_PX, ALONG_PX, 7, dtype=np.float32)
+    for angle in np.deg2rad(SAG_DEG).astype(np.float32):
+        ca, sa = np.cos(angle), np.sin(angle)
+        dx, dy = ca * c - sa * s, sa * c + ca * s
+        mean = np.mean([_shifted(bend, k * dx, k * dy) for k in steps], axis=0, dtype=np.float32)
+        np.copyto(best, mean, where=np.abs(mean) > np.abs(best))
+    return best
+
+
+def _is_ridge(strength: np.ndarray, c: np.ndarray, s: np.ndarray) -> Bool[np.ndarray, "h w"]:
+    """Whether a pixel is at least as strong as those to both sides across the direction."""
+    ridge = np.ones(strength.shape, dtype=bool)
+    for k in range(1, BESIDE_PX + 1):
+        ridge &= strength >= _shifted(strength, -k * s, k * c)
+        ridge &= strength >= _shifted(strength, k * s, -k * c)
+    return ridge

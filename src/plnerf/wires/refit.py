@@ -1,0 +1,152 @@
+"""Fitting a curve to the ridges themselves: Gauss-Newton on distances in pixels, with its covariance.
+
+Letters as in `sweep.py`.  One observation is one view's ridge in one plane: its signed distance e (px) across
+the projected curve, and the derivatives of that distance by y and z.
+"""
+
+from typing import NamedTuple, no_type_check
+
+import numpy as np
+from jaxtyping import Float
+from numba import njit
+
+from plnerf.wires.climb import curve_point
+from plnerf.wires.views import Views, look_at
+
+WINDOWS_PX = (12, 12, 8, 6, 4, 4, 3, 3, 3)
+"""How far to both sides a ridge is looked for, from the first iteration to the last."""
+WEAKEST = 0.15
+"""Response below which nothing counts as a ridge."""
+END_ON = 0.15
+"""Sine of the angle between curve and line of sight below which a view says nothing."""
+SIGMA_PX = 0.5
+"""Standard deviation of a ridge's place."""
+PLANES_ALIKE = 4.0
+"""Observations of one view in neighbouring planes share their error: so many count as one."""
+
+
+class Fit(NamedTuple):
+    """A curve, its covariance (scene units squared), and the root mean square of its distances."""
+
+    q: Float[np.ndarray, "5"]
+    covariance: Float[np.ndarray, "5 5"]
+    rms_px: float
+
+
+def refit(
+    views: Views, values: Float[np.ndarray, " p"], q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]
+) -> Fit | None:
+    """The curve where the ridges near it are; None where too few are seen to fix it."""
+    s = np.linspace(0, 1, len(x))
+    for window in WINDOWS_PX:
+        rows = observe(views, values, q, x, window, WEAKEST, END_ON)
+        along = s[rows[:, 0].astype(np.int64)]
+        e, g_y, g_z = rows[:, 1], rows[:, 3], rows[:, 4]
+        J = np.stack(
+            [g_y * (1 - along), g_y * along, g_z * (1 - along), g_z * along, -4 * along * (1 - along) * g_z],
+            1,
+        )
+        weight = rows[:, 2] / (1 + (e / max(1.0, window / 3)) ** 2)  # Cauchy: the far ones are others' ridges
+        information = (J * weight[:, None]).T @ J
+        if len(rows) < 20 or np.linalg.cond(information) > 1e9:
+            return None
+        q = q + np.linalg.solve(information, (J * weight[:, None]).T @ e)
+    rms = float(np.sqrt((weight * e**2).sum() / weight.sum()))
+    return Fit(q, max(SIGMA_PX, rms) ** 2 * PLANES_ALIKE * np.linalg.inv(information), rms)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def observe(views, values, q, x, window_px, weakest, end_on):
+    """Rows (plane, e, response, de/dy, de/dz): the strongest near ridge across the curve in each view."""
+    out = np.empty((len(x) * len(views.R), 5))
+    count = 0
+    tiny = 1e-4 * (x[-1] - x[0])
+    for i in range(len(x)):
+        s = i / (len(x) - 1)
+        y, z = curve_point(q, s)
+        y_on, z_on = curve_point(q, s + 1e-4)
+        for n in range(len(views.R)):
+            u, v, depth = look_at(views, n, x[i], y, z)
+            u_on, v_on, depth_on = look_at(views, n, x[i] + tiny, y_on, z_on)
+            if depth < 0 or depth_on < 0:
+                continue
+            length = np.hypot(u_on - u, v_on - v)
+            if length * depth < end_on * tiny * views.focal[n, 0]:
+                continue
+            nx, ny = -(v_on - v) / length, (u_on - u) / length
+            u_y, v_y, depth_y = look_at(views, n, x[i], y + tiny, z)
+            u_z, v_z, depth_z = look_at(views, n, x[i], y, z + tiny)
+            if depth_y < 0 or depth_z < 0:
+                continue
+            best, e = 0.0, 0.0
+            w, h = views.sizes[n]
+            for k in range(-2 * window_px, 2 * window_px + 1):
+                column, row = int(u + 0.5 * k * nx), int(v + 0.5 * k * ny)
+                if column < 0 or row < 0 or column >= w or row >= h:
+                    continue
+                near = 1 - 0.25 * abs(k) / window_px
+                response = values[views.starts[n] + row * w + column] * near
+                if response > best:
+                    best, e = response, (column + 0.5 - u) * nx + (row + 0.5 - v) * ny
+            if best < weakest:
+                continue
+            out[count, 0], out[count, 1], out[count, 2] = i, e, best
+            out[count, 3] = ((u_y - u) * nx + (v_y - v) * ny) / tiny
+            out[count, 4] = ((u_z - u) * nx + (v_z - v) * ny) / tiny
+            count += 1
+    return out[:count]
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def support(views, values, q, x, near_px, beside_px, weakest):
+    """How often views show a ridge on the curve, and how often at the same distance beside it by chance.
+
+    Per plane: hits on it and hits beside it (the mean of both sides), weighed by 1/depth, and the weight.
+    """
+    out = np.zeros((len(x), 3))
+    tiny = 1e-4 * (x[-1] - x[0])
+    for i in range(len(x)):
+        s = i / (len(x) - 1)
+        y, z = curve_point(q, s)
+        y_on, z_on = curve_point(q, s + 1e-4)
+        for n in range(len(views.R)):
+            u, v, depth = look_at(views, n, x[i], y, z)
+            u_on, v_on, depth_on = look_at(views, n, x[i] + tiny, y_on, z_on)
+            if depth < 0 or depth_on < 0:
+                continue
+            length = max(np.hypot(u_on - u, v_on - v), 1e-12)
+            nx, ny = -(v_on - v) / length, (u_on - u) / length
+            w, h = views.sizes[n]
+            for side in range(-1, 2):
+                hit = 0.0
+                for k in range(-2 * near_px, 2 * near_px + 1):
+                    column = int(u + (side * beside_px + 0.5 * k) * nx)
+                    row = int(v + (side * beside_px + 0.5 * k) * ny)
+                    if column < 0 or row < 0 or column >= w or row >= h:
+                        continue
+                    if values[views.starts[n] + row * w + column] > weakest:
+                        hit = 1.0
+                if side == 0:
+                    out[i, 0] += hit / depth
+                else:
+                    out[i, 1] += 0.5 * hit / depth
+            out[i, 2] += 1 / depth
+    return out
+
+
+@njit(cache=True)
+@no_type_check
+def erase(views, values, q, x, radius_px):
+    """Takes the ridges along a curve out of the maps: a ridge speaks for one conductor only."""
+    for i in range(len(x)):
+        y, z = curve_point(q, i / (len(x) - 1))
+        for n in range(len(views.R)):
+            u, v, depth = look_at(views, n, x[i], y, z)
+            if depth < 0:
+                continue
+            w, h = views.sizes[n]
+            for row in range(max(0, int(v) - radius_px), min(h, int(v) + radius_px + 1)):
+                for column in range(max(0, int(u) - radius_px), min(w, int(u) + radius_px + 1)):
+                    values[views.starts[n] + row * w + column] = 0.0

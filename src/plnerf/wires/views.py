@@ -1,0 +1,60 @@
+"""Cameras as the kernels of this room want them, and where they see a point.
+
+Letters: n views.  Everything in scene units, float64.
+"""
+
+from typing import NamedTuple, no_type_check
+
+import numpy as np
+from jaxtyping import Float, Int
+from numba import njit
+
+from plnerf.scene.cameras import Cameras
+
+
+class Views(NamedTuple):
+    """n cameras, and where each one's pixels begin in a flat array over all of them."""
+
+    R: Float[np.ndarray, "n 3 3"]  # scene to camera
+    centre: Float[np.ndarray, "n 3"]
+    focal: Float[np.ndarray, "n 2"]
+    principal: Float[np.ndarray, "n 2"]
+    distortion: Float[np.ndarray, "n 5"]
+    sizes: Int[np.ndarray, "n 2"]
+    starts: Int[np.ndarray, " n"]
+
+
+def views_of(cameras: Cameras) -> Views:
+    """The kernels' form of some cameras."""
+    double = (t.double().numpy() for t in (cameras.focal_px, cameras.principal_px, cameras.distortion))
+    R_camera_scene = np.ascontiguousarray(cameras.R_scene_camera.double().numpy().transpose(0, 2, 1))
+    sizes = cameras.size_px.numpy()
+    starts = np.concatenate([[0], np.cumsum(sizes.prod(1))[:-1]]).astype(np.int64)
+    return Views(R_camera_scene, cameras.centre.double().numpy(), *double, sizes, starts)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def look_at(views, n, x, y, z):
+    """Pixel (u, v) at which view n sees a point, and its depth; depth -1 where it is not in the image."""
+    R, c = views.R[n], views.centre[n]
+    dx, dy, dz = x - c[0], y - c[1], z - c[2]
+    depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
+    if depth <= 1e-6:
+        return 0.0, 0.0, -1.0
+    u = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / depth
+    v = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / depth
+    k = views.distortion[n]
+    r2 = u * u + v * v
+    if r2 > 16:
+        return 0.0, 0.0, -1.0  # 76 degrees off the axis: no lens of this model sees it
+    radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    x_px = (u * radial + 2 * k[2] * u * v + k[3] * (r2 + 2 * u * u)) * views.focal[n, 0] + views.principal[
+        n, 0
+    ]
+    y_px = (v * radial + 2 * k[3] * u * v + k[2] * (r2 + 2 * v * v)) * views.focal[n, 1] + views.principal[
+        n, 1
+    ]
+    if x_px < 0 or y_px < 0 or x_px >= views.sizes[n, 0] or y_px >= views.sizes[n, 1]:
+        return 0.0, 0.0, -1.0
+    return x_px, y_px, depth
