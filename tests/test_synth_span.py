@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from plnerf.errors import ConfigError
+from plnerf.synth.build import build_span
 from plnerf.synth.config import (
     CaptureConfig,
     ImageConfig,
@@ -11,15 +12,18 @@ from plnerf.synth.config import (
     SceneConfig,
     SpanConfig,
     SupportConfig,
+    TerrainConfig,
 )
 from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.insulators import insulators
 from plnerf.synth.meshes import beam, grid, lathe, tube, without, write_ply
-from plnerf.synth.span import build_span, ground_height, track_offset
+from plnerf.synth.terrain import Ground
 from plnerf.synth.texture import ground_texture, noise, strand_texture
-from plnerf.synth.tower import insulators, steel
+from plnerf.synth.tower import steel
 from plnerf.synth.truth import truth_of
 
 SMALL = SpanConfig(plants=PlantsConfig(background=6))
+GROUND = Ground(TerrainConfig(), (1.0, 0.0), 40.0)
 
 
 def volume(mesh) -> float:
@@ -36,7 +40,7 @@ def test_the_same_seed_gives_the_same_span_and_another_another():
 def test_origin_is_on_the_ground_at_mid_span_and_towers_are_a_span_apart():
     span = build_span(SMALL)
     west, east = (np.array(tower.foot) for tower in span.towers)
-    assert ground_height(np.zeros(1), np.zeros(1))[0] == 0.0
+    assert span.ground.heights(np.zeros(1), np.zeros(1))[0] == 0.0
     np.testing.assert_allclose((west + east)[:2], 0.0, atol=1e-12)
     assert np.hypot(*(east - west)[:2]) == pytest.approx(SMALL.span_length_m)
 
@@ -46,7 +50,7 @@ def test_wires_keep_their_sags_and_stay_clear_of_each_other_and_of_the_ground():
     lines = [wire.curve.polyline(0.1) for wire in span.conductors]
     for i, wire in enumerate(span.conductors):
         assert abs(wire.curve.sag_m - SMALL.wire(wire.wire).sag_m) < 1e-9
-        assert (lines[i][:, 2] - ground_height(lines[i][:, 0], lines[i][:, 1])).min() > 6.0
+        assert (lines[i][:, 2] - span.ground.heights(lines[i][:, 0], lines[i][:, 1])).min() > 6.0
         for other in lines[:i]:
             assert np.linalg.norm(lines[i][:, None] - other[None], axis=2).min() > 1.2
 
@@ -56,8 +60,8 @@ def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their
     assert len(span.plants) == SMALL.plants.trees + SMALL.plants.bushes + SMALL.plants.background
     for plant in span.plants:
         foot = np.array(plant.foot)
-        assert foot[2] == ground_height(foot[:1], foot[1:2])[0]
-        assert abs(track_offset(foot[:1], foot[1:2])[0]) > plant.radius_m
+        assert foot[2] == span.ground.heights(foot[:1], foot[1:2])[0]
+        assert abs(span.ground.track_offset(foot[:1], foot[1:2])[0]) > plant.radius_m
         for mesh in plant_meshes(plant):
             if mesh is not None:
                 away = mesh.vertices - foot
@@ -137,8 +141,8 @@ def test_ply_holds_every_vertex_and_face(tmp_path):
 
 def test_ground_colour_belongs_to_the_place_not_to_the_patch():
     """Two overlapping patches of the same texel agree where they overlap."""
-    large = ground_texture((-4.0, 4.0), (-3.0, 3.0), 0.1, 7)
-    small = ground_texture((-1.0, 2.0), (0.0, 3.0), 0.1, 7)
+    large = ground_texture(GROUND, (-4.0, 4.0), (-3.0, 3.0), 0.1, 7)
+    small = ground_texture(GROUND, (-1.0, 2.0), (0.0, 3.0), 0.1, 7)
     np.testing.assert_allclose(large[:30, 30:60], small, atol=2e-3)
     x, y = np.meshgrid(np.linspace(0, 900, 300), np.linspace(0, 900, 300))
     values = noise(x, y, 2.0, 5)
@@ -147,7 +151,7 @@ def test_ground_colour_belongs_to_the_place_not_to_the_patch():
 
 
 def test_textures_are_reflectances():
-    for texture in (ground_texture((-30.0, 30.0), (-20.0, 20.0), 0.2, 7), strand_texture(10.0, 7)):
+    for texture in (ground_texture(GROUND, (-30.0, 30.0), (-20.0, 20.0), 0.2, 7), strand_texture(10.0, 7)):
         assert 0.0 < texture.min() < texture.max() < 1.0
 
 

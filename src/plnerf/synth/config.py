@@ -31,8 +31,8 @@ class WireConfig:
     bundle: int = 1
     """sub-conductors side by side, each a conductor of its own"""
     bundle_gap_m: float = 0.4
-    insulator: Literal["string", "pin", "none"] = "string"
-    """a string hangs from its cross-arm, a pin stands on it"""
+    insulator: Literal["string", "vee", "pin", "spool", "none"] = "string"
+    """one string or two in a V hang from the cross-arm, a pin stands on it, a spool sits at a pole's side"""
 
     def __post_init__(self) -> None:
         require_positive(**{
@@ -55,14 +55,17 @@ class SupportConfig:
     """width of a lattice tower at its foot, diameter of a pole there"""
     waist_m: float = 0.72
     """width of a lattice tower at its lowest arm, diameter of a pole at its top"""
+    shoulder_m: float = 0.6
+    """width of a lattice tower above its highest arm"""
     string_length_m: float = 0.95
-    """insulator string, from cross-arm to clamp"""
+    """insulator string, from cross-arm down to the clamp"""
 
     def __post_init__(self) -> None:
         require_positive(
             height_m=self.height_m,
             foot_m=self.foot_m,
             waist_m=self.waist_m,
+            shoulder_m=self.shoulder_m,
             string_length_m=self.string_length_m,
         )
 
@@ -73,21 +76,53 @@ class TerrainConfig:
 
     waves: float = 1.0
     """factor on the gentle waves of about half a metre near the line"""
+    hills: float = 1.0
+    """factor on the hills that stand from 150 m on"""
     rise_m: float = 0.0
-    """how much higher the ground lies at the second support than at the first"""
+    """how much higher the slope lies at the second support than at the first, waves aside"""
     track: Literal["dirt", "road", "none"] = "dirt"
     """what runs beside the line"""
+    centre_m: float = 0.0
+    """where along the line the ground is finest and the plants are strewn"""
 
 
 @dataclass(frozen=True)
 class PlantsConfig:
-    """How many plants stand where."""
+    """How many plants stand where.  No plant comes closer to a conductor than `clearance_m`."""
 
     trees: int = 10
-    """trees within 30 m of mid-span, beside the line, one of them under it"""
+    """trees beside the line, one of them under it"""
     bushes: int = 16
     background: int = 170
     """trees from 30 m to 170 m away"""
+    trees_across_m: tuple[float, float] = (10.0, 17.0)
+    tree_height_m: tuple[float, float] = (5.5, 8.8)
+    conifers: float = 0.0
+    """share of spruces among the trees"""
+    near: int = 0
+    """trees under and beside the wires, each as high as a clearance drawn from `near_clearance_m` allows"""
+    near_clearance_m: tuple[float, float] = (2.0, 4.0)
+    near_across_m: tuple[float, float] = (0.0, 6.0)
+    clearance_m: float = 1.5
+
+    def __post_init__(self) -> None:
+        counts = {
+            "trees": self.trees,
+            "bushes": self.bushes,
+            "background": self.background,
+            "near": self.near,
+        }
+        for name, value in counts.items():
+            if value < 0:
+                raise ConfigError(f"synth: the number of {name} must be 0 or more, got {value}.")
+        require_positive(clearance_m=self.clearance_m)
+        if not 0 <= self.conifers <= 1:
+            raise ConfigError(f"synth: conifers is a share from 0 to 1, got {self.conifers}.")
+        if self.near and self.near_clearance_m[0] < self.clearance_m:
+            raise ConfigError(
+                f"synth: near_clearance_m begins at {self.near_clearance_m[0]} m, below clearance_m = "
+                f"{self.clearance_m} m. Lower clearance_m or draw larger clearances."
+            )
 
 
 @dataclass(frozen=True)
@@ -109,16 +144,24 @@ class SpanConfig:
     support: SupportConfig = field(default_factory=SupportConfig)
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
     plants: PlantsConfig = field(default_factory=PlantsConfig)
+    houses: int = 0
+    """houses beside the line, behind the track"""
+    spacer_step_m: float = 15.0
+    """between the spacers of a bundle, at most"""
 
     def __post_init__(self) -> None:
-        require_positive(span_length_m=self.span_length_m)
+        require_positive(span_length_m=self.span_length_m, spacer_step_m=self.spacer_step_m)
+        if self.houses < 0:
+            raise ConfigError(f"synth: the number of houses must be 0 or more, got {self.houses}.")
         if not self.wires:
             raise ConfigError("synth: wires must name at least one wire, got none.")
         names = [wire.name for wire in self.wires]
         if len(set(names)) < len(names):
             raise ConfigError(f"synth: every wire needs a name of its own, got {', '.join(names)}.")
         for wire in self.wires:
-            top = wire.height_m + (self.support.string_length_m if wire.insulator == "string" else 0.0)
+            top = wire.height_m + (
+                self.support.string_length_m if wire.insulator in ("string", "vee") else 0.0
+            )
             if top > self.support.height_m:
                 raise ConfigError(
                     f"synth: {wire.name} needs its support at {top:.2f} m above the foot (clamp height + "
@@ -148,7 +191,7 @@ class Pass:
     """where it begins: -1 is the beginning of the filmed stretch, 1 its end, more lies beyond"""
     end: float
     toward_deg: float
-    """camera turned from the flight direction to the left (flying back: to the right)"""
+    """camera turned from the flight direction to the left"""
     pitch_deg: float
     """upwards positive"""
     weave_m: float = 0.30
@@ -163,7 +206,9 @@ class Pass:
     def __post_init__(self) -> None:
         require_positive(**{f"pass {self.name}: zigzag_period_m": self.zigzag_period_m})
         if self.start == self.end:
-            raise ConfigError(f"synth: pass {self.name} starts and ends at {self.start}. Let it go somewhere.")
+            raise ConfigError(
+                f"synth: pass {self.name} starts and ends at {self.start}. Let it go somewhere."
+            )
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ def plant_meshes(plant: Plant) -> tuple[Mesh | None, Mesh]:
     """The wood (a bush has none to show) and the leaves; both inside the plant's cylinder."""
     rng = np.random.default_rng(plant.seed)
     foot = np.array(plant.foot)
+    if plant.kind == "conifer":
+        return _conifer(plant, rng)
     tree = plant.kind != "bush"
     base = 0.2 * plant.height_m if tree else 0.0  # where the crown begins
     half_height = (plant.height_m - base) / 2
@@ -50,6 +52,31 @@ def plant_meshes(plant: Plant) -> tuple[Mesh | None, Mesh]:
         middle = (start + tip) / 2 + up(-0.06 * plant.radius_m)
         wood.append(tube(np.stack([start, middle, tip]), thickness * np.array([0.35, 0.22, 0.08]), 6))
     return join(wood), leaves
+
+
+def _conifer(plant: Plant, rng: np.random.Generator) -> tuple[Mesh, Mesh]:
+    """A spruce: whorls of drooping branches, shorter towards the tip, hung with short needled twigs."""
+    foot, count, size = np.array(plant.foot), 20000, 0.13
+    whorls = max(9, round(plant.height_m / 0.42))
+    branches = whorls * 7
+    up_share = np.sort(rng.uniform(0.09, 0.985, branches))  # of the height
+    azimuth = rng.uniform(0, 2 * np.pi, branches)
+    reach = (plant.radius_m - size) * (1 - up_share) ** 0.8 * rng.uniform(0.75, 1.0, branches)
+    which = rng.choice(branches, size=count, p=reach / reach.sum())
+    out = rng.uniform(0.05, 1.0, count) ** 0.75
+    r = reach[which] * out
+    sideways = rng.normal(0, 0.10, count) * (0.35 + reach[which]) * (1.15 - out)
+    droop = 0.24 * reach[which] * out**1.4 + np.abs(rng.normal(0, 0.07, count))
+    c, s = np.cos(azimuth[which]), np.sin(azimuth[which])
+    z = np.clip(up_share[which] * plant.height_m - droop, 0.15, plant.height_m - size)
+    at = np.stack([r * c - sideways * s, r * s + sideways * c, z], axis=1)
+    away = np.linalg.norm(at[:, :2], axis=1, keepdims=True)
+    at[:, :2] *= np.minimum(1.0, (plant.radius_m - size) / np.maximum(away, 1e-9))
+    green = np.array([0.055, 0.105, 0.045]) * rng.uniform([0.8, 0.85, 0.8], [1.25, 1.15, 1.25])
+    colour = green * (rng.uniform(0.7, 1.3, count) * (0.55 + 0.55 * out))[:, None]
+    leaves = _leaves(at + foot, size * rng.uniform(0.7, 1.4, count), colour, rng)
+    axis = foot + np.array([0.0, 0.0, 1.0]) * np.linspace(-0.3, 0.97 * plant.height_m, 8)[:, None]
+    return tube(axis, 0.014 * plant.height_m * np.linspace(1.1, 0.08, 8), 9), leaves
 
 
 def _leaves(

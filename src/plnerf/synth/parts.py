@@ -1,23 +1,29 @@
 """A span as named bodies with surfaces: what the renderer is given.  Metres, world frame."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.houses import roof, walls, windows
+from plnerf.synth.insulators import insulators, spacers
 from plnerf.synth.meshes import Mesh, grid, join, tube, without
-from plnerf.synth.span import Span, ground_height
+from plnerf.synth.pole import irons, wood
+from plnerf.synth.span import Conductor, Span
 from plnerf.synth.texture import ground_texture, strand_texture
-from plnerf.synth.tower import footings, insulators, steel
+from plnerf.synth.tower import footings, steel
 
 GROUND_PATCHES = (  # half lengths in x and y, vertex spacing and texel, in metres: fine near the line
     (44.0, 24.0, 0.5, 0.025),
     (140.0, 140.0, 2.0, 0.14),
     (1000.0, 1000.0, 12.5, 1.0),
 )
+LONGEST_PIECE_M = 42.0  # of a conductor, under one texture
 
 
 @dataclass(frozen=True)
@@ -43,38 +49,76 @@ def span_parts(span: Span) -> Iterator[Part]:
     """Every body of the span."""
     yield from _ground(span)
     for conductor in span.conductors:
-        # 10 cm steps leave the chord 1e-5 m from the curve
-        mesh = tube(conductor.curve.polyline(0.1), conductor.diameter_m / 2, 16)
-        if mesh.uv is None:
-            raise AssertionError("tubes carry uv")
-        length = float(mesh.uv[:, 1].max())
-        mesh = Mesh(mesh.vertices, mesh.faces, mesh.uv / np.array([1.0, length]), smooth=True)
-        texture = strand_texture(length, span.config.seed + len(conductor.name))
+        mesh, texture = _conductor(conductor, span.config.seed)
         yield Part(conductor.name, mesh, Surface("metal", texture, 0.55), wire=True)
     zinc = Surface("metal", (0.36, 0.37, 0.38), 0.55)
-    yield Part("steel", join([steel(span, tower) for tower in span.towers]), zinc)
-    concrete = Surface("matt", (0.42, 0.40, 0.37))
-    yield Part("footings", join([footings(span, tower) for tower in span.towers]), concrete)
-    strings = [insulators(span, tower) for tower in span.towers]
-    yield Part("discs", join([discs for discs, _ in strings]), Surface("glazed", (0.16, 0.055, 0.03), 0.12))
-    yield Part("fittings", join([metal for _, metal in strings]), Surface("metal", (0.30, 0.30, 0.31), 0.5))
+    if span.config.support.kind == "lattice":
+        yield Part("steel", join([steel(span, tower) for tower in span.towers]), zinc)
+        concrete = Surface("matt", (0.42, 0.40, 0.37))
+        yield Part("footings", join([footings(span, tower) for tower in span.towers]), concrete)
+    else:
+        yield Part("poles", join([wood(span, tower) for tower in span.towers]), Surface("matt", None))
+        braces = [mesh for tower in span.towers for mesh in irons(span, tower)]
+        if braces:
+            yield Part("braces", join(braces), Surface("metal", (0.30, 0.30, 0.31), 0.5))
+    carriers = [insulators(span, tower) for tower in span.towers]
+    porcelain = [mesh for mesh, _ in carriers if mesh is not None]
+    if porcelain:
+        yield Part("discs", join(porcelain), Surface("glazed", (0.16, 0.055, 0.03), 0.12))
+    yield Part("fittings", join([metal for _, metal in carriers]), Surface("metal", (0.30, 0.30, 0.31), 0.5))
+    between = spacers(span)
+    if between is not None:
+        yield Part("spacers", between, zinc)
+    yield from _houses(span)
     plants = [plant_meshes(plant) for plant in span.plants]
     if plants:
         yield Part("leaves", join([leaves for _, leaves in plants]), Surface("leaf", None))
-    woods = [wood for wood, _ in plants if wood is not None]
+    woods = [stem for stem, _ in plants if stem is not None]
     if woods:
         yield Part("wood", join(woods), Surface("matt", (0.13, 0.095, 0.065)))
+
+
+def _conductor(conductor: Conductor, seed: int) -> tuple[Mesh, Float[np.ndarray, "h w 3"]]:
+    """A tube along the curve in pieces of about 40 m, each under the same strands."""
+    # 10 cm steps leave the chord 1e-5 m from a curve of p = 143 m; flatter ones need fewer
+    points = conductor.curve.polyline(max(0.1, conductor.curve.p_m / 5000))
+    pieces = max(1, math.ceil(conductor.curve.length_m / LONGEST_PIECE_M))
+    cuts = np.linspace(0, len(points) - 1, pieces + 1).round().astype(int)
+    meshes = []
+    for start, end in pairwise(cuts):
+        mesh = tube(points[start : end + 1], conductor.diameter_m / 2, 16)
+        if mesh.uv is None:
+            raise AssertionError("tubes carry uv")
+        length = float(mesh.uv[:, 1].max())
+        meshes.append(Mesh(mesh.vertices, mesh.faces, mesh.uv / np.array([1.0, length]), smooth=True))
+    return join(meshes), strand_texture(length, seed + len(conductor.name))
+
+
+def _houses(span: Span) -> Iterator[Part]:
+    if not span.houses:
+        return
+    yield Part("walls", join([walls(house) for house in span.houses]), Surface("matt", None))
+    yield Part("roofs", join([roof(house) for house in span.houses]), Surface("matt", None))
+    openings = [windows(house) for house in span.houses]
+    yield Part("panes", join([panes for panes, _ in openings]), Surface("glazed", (0.03, 0.035, 0.04), 0.08))
+    yield Part("frames", join([frames for _, frames in openings]), Surface("matt", None))
 
 
 def _ground(span: Span) -> Iterator[Part]:
     """Nested patches; each coarser one has a hole where the finer one lies."""
     hole: tuple[float, float] | None = None
+    middle = span.at(span.config.terrain.centre_m, 0.0)
     for level, (half_x, half_y, step, texel) in enumerate(GROUND_PATCHES):
-        x = np.linspace(-half_x, half_x, round(2 * half_x / step) + 1)
-        y = np.linspace(-half_y, half_y, round(2 * half_y / step) + 1)
-        mesh = grid(x, y, ground_height(*np.meshgrid(x, y)))
+        x = np.linspace(-half_x, half_x, round(2 * half_x / step) + 1) + middle[0]
+        y = np.linspace(-half_y, half_y, round(2 * half_y / step) + 1) + middle[1]
+        mesh = grid(x, y, span.ground.heights(*np.meshgrid(x, y)))
         if hole is not None:
-            mesh = without(mesh, (-hole[0], hole[0]), (-hole[1], hole[1]))
-        texture = ground_texture((-half_x, half_x), (-half_y, half_y), texel, span.config.seed)
+            mesh = without(mesh, _around(middle[0], hole[0]), _around(middle[1], hole[1]))
+        sides = _around(middle[0], half_x), _around(middle[1], half_y)
+        texture = ground_texture(span.ground, *sides, texel, span.config.seed)
         yield Part(f"ground {level}", mesh, Surface("matt", texture))
         hole = (half_x, half_y)
+
+
+def _around(middle: float, half: float) -> tuple[float, float]:
+    return middle - half, middle + half

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.synth.span import track_offset
+from plnerf.synth.terrain import ROAD_HALF_M, Ground
 
 TABLE = 256  # lattice values per side; the noise repeats after TABLE wavelengths
 
@@ -27,7 +27,7 @@ def noise(
 
 
 def ground_texture(
-    x_m: tuple[float, float], y_m: tuple[float, float], texel_m: float, seed: int
+    ground: Ground, x_m: tuple[float, float], y_m: tuple[float, float], texel_m: float, seed: int
 ) -> Float[np.ndarray, "h w 3"]:
     """Ground colour over a rectangle, row 0 at the highest y (as an image), detail down to the texel."""
     nx, ny = round((x_m[1] - x_m[0]) / texel_m), round((y_m[1] - y_m[0]) / texel_m)
@@ -52,12 +52,39 @@ def ground_texture(
     colour = colour * np.clip(1 + 0.21 * blades, 0.25, 2.2)
     gravel = np.clip(1 + 0.17 * octaves(0.35, 4, 0.95, 4)[..., None], 0.3, 2)
     colour = (1 - soil) * colour + soil * earth * gravel
-    away = np.abs(track_offset(x, y))
-    rough = np.clip(1 + 0.25 * octaves(0.9, 3, 0.7, 5), 0.3, 2)
+    if ground.terrain.track == "road":
+        colour = _with_road(colour, ground, x, y, gravel)
+    elif ground.terrain.track == "dirt":
+        colour = _with_ruts(colour, ground, x, y, gravel, octaves(0.9, 3, 0.7, 5))
+    return np.clip(colour, 0.01, 0.85).astype(np.float32)
+
+
+def _with_ruts(
+    colour: np.ndarray, ground: Ground, x: np.ndarray, y: np.ndarray, gravel: np.ndarray, lumps: np.ndarray
+) -> np.ndarray:
+    """Two bare ruts of a dirt track."""
+    away = np.abs(ground.track_offset(x, y))
+    rough = np.clip(1 + 0.25 * lumps, 0.3, 2)
     rut = np.exp(-(((away - 0.8) / 0.42) ** 2) * rough)[..., None]
     rut = np.clip(1.25 * rut, 0, 1)
-    colour = (1 - rut) * colour + rut * np.array([0.36, 0.295, 0.215]) * gravel
-    return np.clip(colour, 0.01, 0.85).astype(np.float32)
+    return (1 - rut) * colour + rut * np.array([0.36, 0.295, 0.215]) * gravel
+
+
+def _with_road(
+    colour: np.ndarray, ground: Ground, x: np.ndarray, y: np.ndarray, gravel: np.ndarray
+) -> np.ndarray:
+    """Asphalt with edge lines and a dashed line in the middle, along the wires."""
+    away = np.abs(ground.track_offset(x, y))
+    along = ground.along[0] * x + ground.along[1] * y
+    shoulder = np.clip((ROAD_HALF_M + 0.5 - away) / 0.3, 0, 1)[..., None]
+    colour = (1 - shoulder) * colour + shoulder * np.array([0.27, 0.235, 0.19]) * gravel
+    asphalt = np.clip((ROAD_HALF_M - away) / 0.05, 0, 1)[..., None]
+    worn = 0.115 * (1 + 0.12 * np.cos(np.pi * away / 0.85))[..., None] * np.clip(0.6 + 0.4 * gravel, 0.7, 1.4)
+    colour = (1 - asphalt) * colour + asphalt * worn * np.array([1.0, 0.99, 0.96])
+    dashed = (away < 0.06) & (along % 9.0 < 3.0)
+    edges = np.abs(away - ROAD_HALF_M + 0.2) < 0.05
+    paint = (dashed | edges)[..., None] * 0.85
+    return (1 - paint) * colour + paint * np.array([0.55, 0.55, 0.53])
 
 
 def strand_texture(length_m: float, seed: int) -> Float[np.ndarray, "h w 3"]:
