@@ -10,7 +10,7 @@ from torch import Tensor
 
 from plnerf.train.batches import Ahead, pinned, to_device
 from plnerf.train.loop import step_generator
-from plnerf.train.pixels import PixelBatch, PixelSampler
+from plnerf.train.pixels import PixelBatch, PixelSampler, detail_pools
 from tiny_run import open_tiny
 
 CPU = torch.device("cpu")
@@ -26,7 +26,7 @@ def test_batches_are_those_drawn_in_the_loop(
 ) -> None:
     """Whichever step a run goes on from."""
     scene = open_tiny(tiny_scene, tmp_path)
-    sampler = PixelSampler(scene.images, scene.train, 0.5, 0.1)
+    sampler = PixelSampler(scene.images, scene.train, detail_pools(scene.images, scene.train, 0.5, 0.1))
 
     def draw(step: int) -> PixelBatch:
         return sampler.draw(64, step_generator(3, step, CPU))

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from plnerf.scene.images import ImageStore
-from plnerf.train.pixels import PixelSampler, detail_pixels, ridge_strength
+from plnerf.train.pixels import PixelSampler, detail_pixels, detail_pools, ridge_strength
 
 SIZES = [(24, 16), (10, 30), (17, 13), (20, 20)]
 TRAIN = (2, 0, 3)  # in no order, and not all
@@ -42,7 +42,9 @@ def test_the_weighted_mean_is_the_mean_over_all_training_pixels(
 ) -> None:
     """E[importance f] = 1/N sum f over valid pixels: within 5 standard errors of 200,000 draws."""
     store = make_store(tmp_path, masked)
-    batch = PixelSampler(store, TRAIN, share, part=0.1).draw(200_000, torch.Generator().manual_seed(0))
+    batch = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, share, 0.1)).draw(
+        200_000, torch.Generator().manual_seed(0)
+    )
     drawn = batch.importance * pattern(batch.camera, batch.pixel_px)
     truth = torch.cat([
         pattern(*all_pixels(i)) * torch.from_numpy(store.valid(i).ravel()) for i in TRAIN
@@ -55,7 +57,9 @@ def test_the_weighted_mean_is_the_mean_over_all_training_pixels(
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_pixels_are_those_of_the_training_images_and_whole(tmp_path: Path, share: float) -> None:
     store = make_store(tmp_path)
-    batch = PixelSampler(store, TRAIN, share, part=0.1).draw(20_000, torch.Generator().manual_seed(0))
+    batch = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, share, 0.1)).draw(
+        20_000, torch.Generator().manual_seed(0)
+    )
     assert set(batch.camera.tolist()) == set(TRAIN)
     for image in TRAIN:
         mine = batch.camera == image
@@ -69,7 +73,9 @@ def test_pixels_are_those_of_the_training_images_and_whole(tmp_path: Path, share
 
 def test_masked_pixels_do_not_count(tmp_path: Path) -> None:
     store = make_store(tmp_path, masked=True)
-    batch = PixelSampler(store, TRAIN, 0.5, part=0.1).draw(5_000, torch.Generator().manual_seed(0))
+    batch = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, 0.5, 0.1)).draw(
+        5_000, torch.Generator().manual_seed(0)
+    )
     corner = (batch.pixel_px - 0.5).long().numpy()
     valid = [store.valid(c)[y, x] for c, (x, y) in zip(batch.camera.tolist(), corner, strict=True)]
     assert torch.equal(batch.importance > 0, torch.tensor(valid))
@@ -81,7 +87,9 @@ def test_detail_gets_its_share_of_the_draws(tmp_path: Path) -> None:
     detail = set(detail_pixels(store, TRAIN, 0.1).tolist())
     total = sum(SIZES[i][0] * SIZES[i][1] for i in TRAIN)
     assert len(detail) == sum(round(0.1 * SIZES[i][0] * SIZES[i][1]) for i in TRAIN)
-    batch = PixelSampler(store, TRAIN, 0.6, part=0.1).draw(50_000, torch.Generator().manual_seed(0))
+    batch = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, 0.6, 0.1)).draw(
+        50_000, torch.Generator().manual_seed(0)
+    )
     corner = (batch.pixel_px - 0.5).long()
     width = torch.tensor([w for w, _ in SIZES])[batch.camera]
     flat = torch.from_numpy(store.starts)[batch.camera] + corner[:, 1] * width + corner[:, 0]
@@ -107,7 +115,7 @@ def test_detail_pixels_are_sorted_and_the_strongest_of_each_image(tmp_path: Path
 
 
 def test_draws_are_a_function_of_the_generator(tmp_path: Path) -> None:
-    sampler = PixelSampler(make_store(tmp_path), TRAIN, 0.5, part=0.1)
+    sampler = PixelSampler(make_store(tmp_path), TRAIN, detail_pools(make_store(tmp_path), TRAIN, 0.5, 0.1))
     a, b, c = (sampler.draw(100, torch.Generator().manual_seed(seed)) for seed in (0, 0, 1))
     assert torch.equal(a.pixel_px, b.pixel_px)
     assert not torch.equal(a.pixel_px, c.pixel_px)

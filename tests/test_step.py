@@ -15,7 +15,7 @@ from plnerf.presets import PL_NERF
 from plnerf.render.model import PLNeRF
 from plnerf.scene.cameras import Cameras
 from plnerf.train.config import RunConfig
-from plnerf.train.pixels import PixelBatch, PixelSampler
+from plnerf.train.pixels import PixelBatch, PixelSampler, detail_pools
 from plnerf.train.settings import override
 from plnerf.train.step import Finite, Training
 from tiny_run import open_tiny, tiny_config
@@ -123,7 +123,9 @@ def test_steps_learn_and_leave_their_inputs_alone(tiny_scene: Path, tmp_path: Pa
     finite = Finite(torch.device("cpu"))
     optimizer = torch.optim.Adam(model.parameters(), lr=0.01)
     training = Training(model, optimizer, scene.cameras, config.train, finite)
-    batch = PixelSampler(scene.images, scene.train, 0.5, 0.1).draw(64, generator)
+    batch = PixelSampler(scene.images, scene.train, detail_pools(scene.images, scene.train, 0.5, 0.1)).draw(
+        64, generator
+    )
     before = [value.clone() for value in (batch.camera, batch.pixel_px, batch.colour, batch.importance)]
     first, *_, last = (training.step(batch, 0.5, generator)["colour"].item() for _ in range(8))
     assert last < 0.8 * first
@@ -153,7 +155,7 @@ def test_terms_carry_no_graph(tiny_scene: Path, tmp_path: Path) -> None:
         dataclasses.replace(config.train, loss=loss),
         Finite(torch.device("cpu")),
     )
-    batch = PixelSampler(scene.images, scene.train, 0.0, 0.1).draw(32, generator)
+    batch = PixelSampler(scene.images, scene.train).draw(32, generator)
     terms = training.step(batch, 1.0, generator)
     assert set(terms) == {"colour", "interlevel", "distortion", "normals", "orientation"}
     assert not any(term.requires_grad for term in terms.values())
@@ -169,7 +171,7 @@ def test_a_step_with_triton_is_a_step_with_torch(tiny_scene: Path, tmp_path: Pat
         "model.sampler.proposals=[8,6]", "model.sampler.final=5", "train.normal_rays=4",
         "train.loss.normals_shape_density=true",
     )  # fmt: skip
-    batch = PixelSampler(scene.images, scene.train, 0.0, 0.1).draw(16, torch.Generator().manual_seed(0))
+    batch = PixelSampler(scene.images, scene.train).draw(16, torch.Generator().manual_seed(0))
     found = []
     for backend in ("torch", "triton"):
         model = PLNeRF(config.model, len(scene.names), backend, torch.Generator().manual_seed(1))

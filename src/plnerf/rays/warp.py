@@ -20,3 +20,10 @@ def to_distance(s: Float[Tensor, "*n"], near: float, far: float, knee: float) ->
     g = low + s * (high - low)
     rest = (1 - high) + (1 - s) * (high - low)  # 1 - g, without cancellation at the far end
     return torch.where(g < 0.5, 2 * knee * g, knee / (2 * rest))
+
+
+def to_warped(t: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
+    """Warped distance s of a distance t: the inverse of `to_distance`, clamped to [0, 1]."""
+    low, high = warp(near, knee), warp(far, knee)
+    g = torch.where(t < knee, t / (2 * knee), 1 - knee / (2 * t.clamp_min(knee)))
+    return ((g - low) / (high - low)).clamp(0, 1)

@@ -9,15 +9,13 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
-from plnerf.rays.rays import Rays
 from plnerf.rays.warp import to_warped
-from plnerf.wires.guides import Guides, windows
+from plnerf.wires.guides import Windows
 
 
 def guide_edges(
-    rays: Rays,
     s: Float[Tensor, "r E"],
-    guides: Guides,
+    found: Windows,
     count: int,
     warp: tuple[float, float, float],
     generator: Generator | None,
@@ -26,16 +24,13 @@ def guide_edges(
 
     `warp` holds near, far and knee.  With a generator the edges in a window are jittered together.
     """
-    if not len(guides) or not count:
-        return s
-    found = windows(rays, guides, warp[0])
     each = count // found.low.shape[1]
     even = torch.arange(each, device=s.device, dtype=s.dtype) / each
     # Of a window that stands twice, the second one's edges lie between the first one's.
     offset = torch.arange(found.low.shape[1], device=s.device, dtype=s.dtype)[:, None] / count
     jitter = 0.5 / count
     if generator is not None:
-        jitter = torch.rand(len(rays), 1, 1, generator=generator, device=s.device, dtype=s.dtype) / count
+        jitter = torch.rand(len(s), 1, 1, generator=generator, device=s.device, dtype=s.dtype) / count
     share = even + offset + jitter
     low, high = found.low[..., None], found.high[..., None]
     laid = to_warped(low + share * (high - low), *warp).flatten(1)

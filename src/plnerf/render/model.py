@@ -19,13 +19,15 @@ from plnerf.errors import ConfigError
 from plnerf.field.density import DensityConfig, DensityField
 from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
+from plnerf.field.tubes import TubeConfig, TubeField
 from plnerf.ops.dispatch import Backend
-from plnerf.rays.contraction import axis_factors, contract, pull_back
-from plnerf.rays.frustums import ray_frustums
+from plnerf.rays.contraction import axis_factors, ball_sizes, contract, pull_back
+from plnerf.rays.frustums import frustum_moments, ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
 from plnerf.render.volume import composite
+from plnerf.wires.guides import Guides, Windows, windows
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,8 @@ class ModelConfig:
     field: RadianceConfig
     proposals: tuple[DensityConfig, ...]
     sampler: SamplerConfig = dataclasses.field(default_factory=SamplerConfig)
+    tubes: TubeConfig | None = None
+    """The field around found curves; None leaves them to the field of everything else."""
     contraction: bool = True
     """L-infinity contraction of unbounded space; without it, all beyond [-2, 2]^3 is clamped to its faces."""
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -78,13 +82,23 @@ class RenderedRays:
 class PLNeRF(nn.Module):
     """The radiance field, its two proposal fields, and what is learnt of each image: appearance and pose."""
 
-    def __init__(self, config: ModelConfig, images: int, backend: Backend, generator: Generator) -> None:
+    def __init__(
+        self,
+        config: ModelConfig,
+        images: int,
+        backend: Backend,
+        generator: Generator,
+        guides: Guides | None = None,
+    ) -> None:
         super().__init__()
-        self.config, self.backend = config, backend
+        self.config, self.backend, self.guides = config, backend, guides
         self.field = RadianceField(config.field, backend, generator)
         self.proposals = nn.ModuleList(
             DensityField(proposal, backend, generator) for proposal in config.proposals
         )
+        self.tubes: TubeField | None = None
+        if guides is not None and config.tubes is not None:
+            self.tubes = TubeField(config.tubes, config.field.feature, guides, backend, generator)
         # Zero at the start: the mean vector, used for views without an image of their own, stays within what
         # is seen.
         self.appearance = nn.Parameter(torch.zeros(images, config.field.appearance))
@@ -107,16 +121,20 @@ class PLNeRF(nn.Module):
         # Poses are refined through the geometry, of which only the truths have a gradient.
         ops = TORCH if rays.origins.requires_grad else ray_ops(self.backend)
         densities = [partial(self._proposal_density, ops, field) for field in self.proposals]
-        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator, ops)
+        near = self.windows(rays)
+        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator, ops, near)
         t = to_distance(s, self.config.sampler, ops)
         unit, ipe = self._features(ops, rays, t, self.field.octaves)
-        density, feature = self.field.density(unit)
+        size = self.frustum_sizes(rays, t, unit)
+        density, feature = self.field.density(unit, size)
+        if self.tubes is not None and near is not None:
+            density, feature = self.tubes.replace(density, feature, self.tubes.locate(rays, t, near))
         colours = self.field.colour(feature, ipe, rays.directions, appearance)
         seen = ops.render_rays(density, t, colours)
         normal_samples = None
         if q := normal_rays:
             with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
-                from_density = self._density_normals(rays[:q], t[:q])
+                from_density = self._density_normals(rays[:q], t[:q], None if size is None else size[:q])
             predicted = self.field.predicted_normals(feature[:q])
             normal_samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
         return RenderedRays(
@@ -128,6 +146,10 @@ class PLNeRF(nn.Module):
             histograms=(*history, Histogram(s, seen.w)),
             normal_samples=normal_samples,
         )
+
+    def windows(self, rays: Rays) -> Windows | None:
+        """Where rays pass near the curves that guide this model; None where there are none."""
+        return None if self.guides is None else windows(rays, self.guides, self.config.sampler.near)
 
     def mean_appearance(self, rays: int, images: Tensor) -> Float[Tensor, "{rays} A"]:
         """The mean vector of some images, for views that have none of their own."""
@@ -145,7 +167,21 @@ class PLNeRF(nn.Module):
         density: Tensor = field(self._features(ops, rays, t, 0)[0])
         return density
 
-    def _density_normals(self, rays: Rays, t: Float[Tensor, "q E"]) -> Float[Tensor, "q E-1 3"]:
+    def frustum_sizes(
+        self, rays: Rays, t: Float[Tensor, "r E"], unit: Float[Tensor, "r E-1 3"]
+    ) -> Float[Tensor, "r E-1"] | None:
+        """Sizes of the frustums in the unit cube, as constants; None where the field takes none."""
+        if not self.config.field.damping:
+            return None
+        config = self.config
+        with torch.no_grad():
+            radius = rays.radius[:, None].expand(-1, t.shape[1] - 1)
+            _, var_t, var_r = frustum_moments(t[:, :-1], t[:, 1:], radius)
+            return ball_sizes(var_t, var_r, 4 * unit - 2, config.stretch, config.contraction) / 4
+
+    def _density_normals(
+        self, rays: Rays, t: Float[Tensor, "q E"], size: Float[Tensor, "q E-1"] | None
+    ) -> Float[Tensor, "q E-1 3"]:
         """Normals as the density says, n = -grad sigma / |grad sigma|.  Ref-NeRF eq. 3.
 
         The log density has a gradient of the same direction, without the range of exp.
@@ -154,7 +190,7 @@ class PLNeRF(nn.Module):
         stretch = axis_factors(self.config.stretch, mean)
         stretched = mean * stretch
         bounded = contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
-        gradient = self.field.log_density_gradient((bounded + 2) / 4)
+        gradient = self.field.log_density_gradient((bounded + 2) / 4, size)
         if self.config.contraction:
             gradient = pull_back(gradient, stretched)
         else:

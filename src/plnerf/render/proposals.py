@@ -13,7 +13,9 @@ from torch import Generator, Tensor
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges, stratified_levels
+from plnerf.render.guided import guide_edges
 from plnerf.render.ray_ops import TORCH, RayOps
+from plnerf.wires.guides import Windows
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class SamplerConfig:
     """Where rays end."""
     knee: float = 0.25
     """Where even samples in t give way to even samples in 1/t."""
+    guided: int = 16
+    """Of the final edges, those that are laid where a ray passes near a known curve."""
     padding: float = 0.03
     """Weight given to every interval before resampling: with 32 intervals half of the samples go on
     looking where nothing was found yet, which is how thin things are found (nerfacto: 0.01 of many more
@@ -75,6 +79,7 @@ def sample_along_rays(
     anneal: float | Tensor,
     generator: Generator | None,
     ops: RayOps = TORCH,
+    windows: Windows | None = None,
 ) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...]]:
     """Edges s of the final intervals, and the histograms of the proposal rounds that led to them.
 
@@ -92,4 +97,6 @@ def sample_along_rays(
         u = stratified_levels(len(rays), intervals + 1, generator, s)
         found = ops.dilate(s, w.detach(), config.dilation) if config.dilation else w.detach()
         s = ops.resample_edges(s, found, u, config.padding, anneal)
+    if windows is not None and config.guided:
+        s = guide_edges(s, windows, config.guided, (config.near, config.far, config.knee), generator)
     return s, tuple(history)

@@ -77,7 +77,7 @@ def render_pruned(
     ops, twin, sampler = ray_ops(model.backend), _twin(model), model.config.sampler
     with torch.no_grad():
         densities = [partial(twin.densities, model, field) for field in model.proposals]
-        s, history = sample_along_rays(rays, densities, sampler, 1.0, None, ops)
+        s, history = sample_along_rays(rays, densities, sampler, 1.0, None, ops, model.windows(rays))
         t = to_distance(s, sampler, ops)
         looked = twin.look(model, rays, t, appearance, pruning.light, normals)
         seen = ops.render_rays(looked.density, t, looked.colours)
@@ -93,9 +93,14 @@ def render_pruned(
     return PrunedRays(rendered, looked.computed)
 
 
+def is_fused(model: PLNeRF) -> bool:
+    """Whether all of a pruned rendering runs in fused kernels; those of the field do no damping."""
+    return model.backend == "numba" and not model.config.field.damping
+
+
 def _twin(model: PLNeRF) -> _Twin:
     if model.backend != "numba":
         return _Twin(look.densities, look.look)
     from plnerf.render import look_cpu  # Numba takes time to import
 
-    return _Twin(look_cpu.densities, look_cpu.look)
+    return _Twin(look_cpu.densities, look_cpu.look if is_fused(model) else look.look)

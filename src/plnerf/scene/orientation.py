@@ -70,6 +70,24 @@ def frames_for(
     return Frames(R_scene_world, scale, shift, unit, crs, up_source)
 
 
+def search_box(
+    frames: Frames, span: Float[np.ndarray, "2 3"] | None, centres: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "2 3"]:
+    """Lowest and highest x, y, z (scene frame) of what the capture is about.
+
+    The world box ``span``, turned; else the cameras' own box, as far as they flew along the line, and a
+    quarter of that further to all other sides.
+    """
+    if span is not None:
+        half = 0.5 * frames.scale * (np.abs(frames.R_scene_world) @ (span[1] - span[0]))
+        middle = frames.to_scene(span.mean(0))
+        box: Float[np.ndarray, "2 3"] = np.stack([middle - half, middle + half])
+        return box
+    low, high = centres.min(0), centres.max(0)
+    around = 0.25 * (high[0] - low[0]) * np.array([0.0, 1.0, 1.0])
+    return np.stack([low - around, high + around])
+
+
 def estimate_up(
     R_world_camera: Float[np.ndarray, "n 3 3"], centres: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, "3"], str]:

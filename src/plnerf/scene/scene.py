@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from plnerf.errors import SceneError
 from plnerf.scene.build_store import Progress, open_store, reduced_sizes_px
@@ -14,7 +15,7 @@ from plnerf.scene.cameras import Cameras
 from plnerf.scene.formats import read_listing
 from plnerf.scene.images import ImageStore
 from plnerf.scene.listing import Listing, some
-from plnerf.scene.orientation import frames_for
+from plnerf.scene.orientation import frames_for, search_box
 from plnerf.scene.transforms import Frames
 
 HOLD_OUT_EVERY = 8
@@ -30,6 +31,8 @@ class Scene:
     cameras: Cameras
     """Scene frame, intrinsics at the training resolution."""
     frames: Frames
+    box: Float[np.ndarray, "2 3"]
+    """Lowest and highest corner of the span of interest, scene frame."""
     images: ImageStore
     train: tuple[int, ...]
     test: tuple[int, ...]
@@ -76,6 +79,7 @@ def load_scene(source: Path, *, store: Path, downscale: int = 1, progress: Progr
         names=tuple(shot.name for shot in listing.shots),
         cameras=scene_cameras(listing, frames, downscale),
         frames=frames,
+        box=search_box(frames, listing.span, frames.to_scene(T_world_camera[:, :3, 3])),
         images=open_store(listing.shots, listing.root, store, downscale=downscale, progress=progress),
         train=train,
         test=test,

@@ -35,6 +35,12 @@ class TrainConfig:
     """Share of the rays drawn from the detail pixels (thin lines)."""
     detail_part: float = 0.1
     """Part of an image's pixels that are detail pixels."""
+    find_wires: bool = False
+    """Whether conductors are looked for in the images first, to guide pixels and samples."""
+    curve_share: float = 0.3
+    """Share of the rays drawn from the pixels along found conductors."""
+    unbias: float = 1.0
+    """Power of the importance weights: 1 makes the loss that of uniform draws, 0 leaves it as drawn."""
     pose_refinement: bool = False
     """Whether the training cameras' poses are refined (NeRF--)."""
     pose_from: float = 0.2

@@ -26,8 +26,10 @@ from plnerf.train.checkpoint import (
 )
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.graph import GraphedStep
+from plnerf.train.guidance import favoured_pixels, guides_for, run_curves
 from plnerf.train.metrics import validation_psnr
 from plnerf.train.optimizer import build_optimizer
+from plnerf.train.pairs import draw_pairs
 from plnerf.train.pixels import PixelBatch, PixelSampler
 from plnerf.train.report import LOG_EVERY, Report
 from plnerf.train.run import build_model, open_scene, write_config
@@ -45,9 +47,10 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     """
     scene = scene or open_scene(config, folder)
     cfg, checkpoints = config.train, folder / "checkpoints"
-    model = build_model(config, scene)
+    curves, searched = run_curves(config, scene, folder)
+    model = build_model(config, scene, guides_for(curves, config))
     optimizer = build_optimizer(model, cfg)
-    step, seconds = 0, 0.0
+    step, seconds = 0, searched
     if saved := list_checkpoints(checkpoints):
         start = load_checkpoint(saved[-1], model, optimizer)
         step, seconds = start.step, start.seconds
@@ -56,7 +59,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
         report.nothing_left(config, step, seconds)
         return folder
     write_config(folder, config)
-    sampler = PixelSampler(scene.images, scene.train, cfg.detail_share, cfg.detail_part)
+    sampler = PixelSampler(scene.images, scene.train, favoured_pixels(config, scene, curves), cfg.unbias)
     device = torch.device(config.device)
     training = Training(model, optimizer, scene.cameras.to(device), cfg, Finite(device))
     take, first = step_taker(training, config), step
@@ -64,7 +67,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
 
     def draw(step: int) -> tuple[PixelBatch, Generator]:
         generator = step_generator(config.seed, step, CPU)
-        batch = sampler.draw(cfg.rays, generator)
+        batch = (draw_pairs if cfg.loss.edges else PixelSampler.draw)(sampler, cfg.rays, generator)
         return batch if device == CPU else pinned(batch), generator
 
     report.begin(config, scene, step)

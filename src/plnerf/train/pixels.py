@@ -7,6 +7,7 @@ unbiased: with N pixels in all and D detail pixels, a pixel is drawn with probab
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Generator, Tensor
 
+from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
 
 MOST_DETAIL_PIXELS = 1 << 24
@@ -81,32 +83,58 @@ def detail_pixels(
     return np.concatenate(chosen).astype(np.int64)
 
 
-class PixelSampler:
-    """Draws pixels of the training images; holds no random state of its own."""
+@dataclass(frozen=True)
+class Pool:
+    """Pixels that are drawn more often: flat indices in increasing order, and their share of the draws."""
 
-    def __init__(self, store: ImageStore, images: tuple[int, ...], share: float, part: float) -> None:
-        """`share` of the draws go to the detail pixels, a `part` of all pixels; share 0 draws uniformly."""
-        self.store, self.share = store, share
+    pixels: Int[np.ndarray, " d"]
+    share: float
+
+
+def detail_pools(store: ImageStore, images: tuple[int, ...], share: float, part: float) -> tuple[Pool, ...]:
+    """The detail pixels, a `part` of all pixels, as a pool with a share; none where the share is 0."""
+    return (Pool(detail_pixels(store, images, part), share),) if share else ()
+
+
+class PixelSampler:
+    """Draws pixels of the training images; holds no random state of its own.
+
+    What is not drawn from a pool is drawn uniformly; a pixel's importance is one over how much more often
+    than uniformly it is drawn, so that weighted means are those of uniform draws.
+    """
+
+    def __init__(
+        self, store: ImageStore, images: tuple[int, ...], pools: Sequence[Pool] = (), unbias: float = 1.0
+    ) -> None:
+        self.store, self._unbias = store, unbias
         sizes = np.diff(store.starts)[list(images)]
         self._firsts = torch.from_numpy(store.starts[list(images)])
         self._ends = torch.from_numpy(np.cumsum(sizes))
         self.total = int(sizes.sum())
-        self._detail = torch.from_numpy(detail_pixels(store, images, part)) if share else None
+        self._pools = [torch.from_numpy(pool.pixels) for pool in pools]
+        self._shares = [pool.share for pool in pools]
+        self._uniform = 1 - sum(self._shares)
+        if self._uniform <= 0:
+            raise ConfigError(
+                f"The pools' shares of the drawn pixels must leave some to all pixels, but are {self._shares}. "
+                "Lower train.detail_share or train.curve_share."
+            )
 
     def draw(self, rays: int, generator: Generator) -> PixelBatch:
         """A batch of pixels, drawn with replacement."""
         within = torch.randint(self.total, (rays,), generator=generator)
         slot = torch.searchsorted(self._ends, within, right=True)
         flat = self._firsts[slot] + within - torch.where(slot > 0, self._ends[slot - 1], 0)
-        importance = torch.ones(rays)
-        if self._detail is not None:
-            count = len(self._detail)
-            pick = self._detail[torch.randint(count, (rays,), generator=generator)]
-            flat = torch.where(torch.rand(rays, generator=generator) < self.share, pick, flat)
-            found = torch.searchsorted(self._detail, flat).clamp(max=count - 1)
-            is_detail = self._detail[found] == flat
-            importance = 1 / (1 - self.share + self.share * self.total / count * is_detail)
+        choice, reached = torch.rand(rays, generator=generator), 0.0
+        for pixels, share in zip(self._pools, self._shares, strict=True):
+            pick = pixels[torch.randint(len(pixels), (rays,), generator=generator)]
+            flat = torch.where((choice >= reached) & (choice < reached + share), pick, flat)
+            reached += share
+        often = torch.full((rays,), self._uniform)
+        for pixels, share in zip(self._pools, self._shares, strict=True):
+            found = torch.searchsorted(pixels, flat).clamp(max=len(pixels) - 1)
+            often += share * self.total / len(pixels) * (pixels[found] == flat)
         camera, pixel_px = self.store.locate(flat)
         return PixelBatch(
-            camera, pixel_px, self.store.colours(flat), importance * self.store.valid_flat(flat)
+            camera, pixel_px, self.store.colours(flat), self.store.valid_flat(flat) * often**-self._unbias
         )

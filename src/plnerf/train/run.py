@@ -17,7 +17,9 @@ from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
+from plnerf.train.guidance import guides_for, run_curves
 from plnerf.train.settings import from_json, to_json
+from plnerf.wires.guides import Guides
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,8 @@ def open_run(folder: Path) -> TrainedRun:
             f"one: plnerf train {config.scene} -o {folder} --resume."
         )
     scene = open_scene(config, folder)
-    model = build_model(config, scene)
+    curves, _ = run_curves(config, scene, folder)
+    model = build_model(config, scene, guides_for(curves, config))
     checkpoint = load_checkpoint(checkpoints[-1], model)
     return TrainedRun(folder, config, scene, model.eval(), checkpoint.step, checkpoint.seconds)
 
@@ -57,7 +60,7 @@ def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None
     return load_scene(Path(config.scene), store=store, downscale=config.downscale, progress=progress)
 
 
-def build_model(config: RunConfig, scene: Scene) -> PLNeRF:
+def build_model(config: RunConfig, scene: Scene, guides: Guides | None = None) -> PLNeRF:
     """The untrained model of a run, its weights drawn from the run's seed.
 
     Raises ConfigError where the run's device is not there, or its backend cannot run on it.
@@ -69,7 +72,7 @@ def build_model(config: RunConfig, scene: Scene) -> PLNeRF:
         )
     resolve_backend(config.backend, torch.device(config.device))  # the run may come from another machine
     generator = torch.Generator().manual_seed(config.seed)
-    return PLNeRF(config.model, len(scene.names), config.backend, generator).to(config.device)
+    return PLNeRF(config.model, len(scene.names), config.backend, generator, guides).to(config.device)
 
 
 def read_config(folder: Path) -> RunConfig:

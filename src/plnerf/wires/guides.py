@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from plnerf.rays.rays import Rays
@@ -44,6 +44,7 @@ class Windows:
 
     low: Float[Tensor, "r k"]
     high: Float[Tensor, "r k"]
+    curve: Int[Tensor, "r k"]
     hit: Bool[Tensor, " r"]
     """Whether there is one at all."""
 
@@ -70,7 +71,7 @@ def windows(rays: Rays, guides: Guides, near: float) -> Windows:
         # A ray with one window has it twice: shapes do not depend on the data.
         which = torch.where(best.isfinite(), which, which[:, :1])
         t, half = t.gather(1, which), half.gather(1, which)
-        return Windows(t - half, t + half, best[:, 0].isfinite())
+        return Windows(t - half, t + half, which, best[:, 0].isfinite())
 
 
 def closest_approach(

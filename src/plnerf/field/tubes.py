@@ -1,0 +1,120 @@
+"""The field close to known curves, in the curves' own coordinates.
+
+A hash table of a scene is shared by everything in it: the few cells of a wire collide with the many of ground
+and trees, whose gradients win, and a wire of some centimetres never becomes dense.  Around each curve that was
+found in the images lies a tube; points inside of it are encoded along and across the curve in a table of
+their own.  It holds density and feature vector like the field around it, free of any shape: whether anything
+is there, and where, stays the colours' decision.
+
+Letters: c curves of `reach` R; a point's offsets u (along y) and v (along z) from the curve at the same x; n
+points.
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Generator, Tensor, nn
+
+from plnerf.errors import ConfigError
+from plnerf.field.hashgrid import HashGrid
+from plnerf.field.networks import density_activation, mlp
+from plnerf.ops.dispatch import Backend
+from plnerf.ops.grid import GridShape
+from plnerf.rays.rays import Rays
+from plnerf.wires.guides import Guides, Windows
+
+FIRST_DEPTH = 0.2
+"""Optical depth across a new tube: thin enough to see through, thick enough to have a gradient."""
+SLOTS = 16
+"""Tubes side by side in the unit cube, and again as many rows of them."""
+
+
+@dataclass(frozen=True)
+class TubeConfig:
+    """Sizes of the field around curves."""
+
+    grid: GridShape = field(
+        default_factory=lambda: GridShape(levels=4, coarsest=32, finest=256, features=4, log2_table=17)
+    )
+    """Over a unit cube that is one tube's length along and `SLOTS` tubes across."""
+    hidden: int = 32
+    """Width of the only hidden layer."""
+
+    def __post_init__(self) -> None:
+        if self.hidden < 1:
+            raise ConfigError(f"A tube field needs hidden of 1 or more, but got {self.hidden}.")
+
+
+@dataclass(frozen=True)
+class InTubes:
+    """Which samples lie in a tube: their flat indices among all, their curves, and their unit coordinates."""
+
+    index: Int[Tensor, " n"]
+    curve: Int[Tensor, " n"]
+    unit: Float[Tensor, "n 3"]
+
+
+class TubeField(nn.Module):
+    """Density and feature vector within reach of c curves."""
+
+    def __init__(
+        self, config: TubeConfig, feature: int, guides: Guides, backend: Backend, generator: Generator
+    ) -> None:
+        super().__init__()
+        if len(guides) > SLOTS**2:
+            raise ConfigError(f"A tube field holds {SLOTS**2} curves at most, but got {len(guides)}.")
+        self.guides = guides
+        self.grid = HashGrid(config.grid, backend, generator)
+        self.network = mlp([config.grid.width, config.hidden, 1 + feature], generator)
+
+    def locate(self, rays: Rays, t: Float[Tensor, "r E"], windows: Windows) -> InTubes:
+        """The intervals of rays whose middles lie in the tube of one of the ray's windows."""
+        rows = windows.hit.nonzero()[:, 0]
+        middle = (t[rows, 1:] + t[rows, :-1]) / 2
+        points = rays.origins[rows, None] + middle[..., None] * rays.directions[rows, None]
+        found: Tensor | None = None
+        for k in range(windows.curve.shape[1]):
+            curve = windows.curve[rows, k, None].expand_as(middle)
+            inside, unit = self._in_tube(points, curve)
+            if found is None:
+                found, curves, units = inside, curve, unit
+            else:
+                other = inside & ~found
+                curves = torch.where(other, curve, curves)
+                units = torch.where(other[..., None], unit, units)
+                found = found | other
+        index = (rows[:, None] * middle.shape[1] + torch.arange(middle.shape[1], device=t.device))[found]
+        return InTubes(index, curves[found], units[found])
+
+    def forward(self, at: InTubes) -> tuple[Float[Tensor, " n"], Float[Tensor, "n G"]]:
+        """Density in 1/length of the scene frame, and the feature vector."""
+        out = self.network(self.grid(at.unit))
+        first = FIRST_DEPTH / (2 * self.guides.reach[at.curve])
+        return first * density_activation(out[:, 0]), out[:, 1:]
+
+    def replace(
+        self, density: Float[Tensor, "r S"], feature: Float[Tensor, "r S G"], at: InTubes
+    ) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
+        """Densities and features of all samples, those in tubes replaced by the tubes' own."""
+        own_density, own_feature = self(at)
+        flat = density.flatten().index_copy(0, at.index, own_density)
+        features = feature.flatten(0, 1).index_copy(0, at.index, own_feature)
+        return flat.reshape(density.shape), features.reshape(feature.shape)
+
+    def _in_tube(
+        self, points: Float[Tensor, "h S 3"], curve: Int[Tensor, "h S"]
+    ) -> tuple[Bool[Tensor, "h S"], Float[Tensor, "h S 3"]]:
+        """Whether points lie in the tubes of these curves, and where in the unit cube."""
+        guides = self.guides
+        x, y, z = points.unbind(-1)
+        y0, y1 = guides.y[curve].unbind(-1)
+        z0, z1, z2 = guides.z[curve].unbind(-1)
+        low, high = guides.ends[curve].unbind(-1)
+        reach = guides.reach[curve]
+        u, v = (y - y0 - y1 * x) / reach, (z - z0 - x * (z1 + z2 * x)) / reach
+        inside = (u * u + v * v < 1) & (x > low) & (x < high)
+        along = (x - low) / (high - low)
+        across = (curve % SLOTS + 0.5 * (u + 1)) / SLOTS
+        upwards = (curve // SLOTS + 0.5 * (v + 1)) / SLOTS
+        return inside, torch.stack([along, across, upwards], -1).clamp(0, 1)
