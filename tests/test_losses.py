@@ -13,6 +13,7 @@ from plnerf.rays.stepfun import distortion_loss, interlevel_loss
 from plnerf.render.model import NormalSamples, RenderedRays
 from plnerf.render.proposals import Histogram
 from plnerf.train.losses import LossWeights, loss_terms, normal_loss, orientation_loss
+from plnerf.train.pairs import edge_loss
 
 R, S, Q = 6, 5, 4
 ONE = torch.ones(R)
@@ -94,7 +95,7 @@ def test_entropy_is_off_until_asked_for_and_weighed() -> None:
     torch.testing.assert_close(found, 0.2 * (importance * ray_entropy(out.histograms[-1].w)).mean())
 
 
-@pytest.mark.parametrize("bad", [{"entropy": -1.0}, {"interlevel_blur": (0.03, -0.003)}])
+@pytest.mark.parametrize("bad", [{"entropy": -1.0}, {"edges": -0.1}, {"interlevel_blur": (0.03, -0.003)}])
 def test_negative_weights_are_refused(bad: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match="0 or more"):
         LossWeights(**bad)
@@ -185,3 +186,12 @@ def test_samples_without_weight_do_not_count() -> None:
     empty = dataclasses.replace(some, weights=torch.zeros(Q, S))
     assert not normal_loss(empty).any()
     assert not orientation_loss(empty).any()
+
+
+def test_the_loss_on_edges_is_off_until_asked_for_and_weighed() -> None:
+    out, truth = rendered(None), torch.zeros(R, 3)
+    importance = torch.rand(R // 2, generator=torch.Generator().manual_seed(1)).repeat(2)
+    assert "edges" not in loss_terms(out, truth, importance, LossWeights())
+    found = loss_terms(out, truth, importance, LossWeights(edges=0.2))["edges"]
+    torch.testing.assert_close(found, 0.2 * edge_loss(out.colour, importance))
+    assert found > 0

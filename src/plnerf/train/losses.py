@@ -13,6 +13,7 @@ from plnerf.errors import ConfigError
 from plnerf.render.model import NormalSamples, RenderedRays
 from plnerf.render.proposals import Histogram
 from plnerf.render.ray_ops import TORCH, RayOps
+from plnerf.train.pairs import edge_loss
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,9 @@ class LossWeights:
     """Weight of a ray gathers in one place (Mip-NeRF 360)."""
     entropy: float = 0.0
     """Every ray ends in one interval or in none (InfoNeRF)."""
+    edges: float = 0.0
+    """Mean squared error of the differences between neighbouring pixels, in which thin lines count for more
+    than flat colours; the rays are then drawn in pairs."""
     normals: float = 3e-4
     """Predicted normals follow the density's gradient (Ref-NeRF R_p, its value)."""
     orientation: float = 1e-3
@@ -41,7 +45,8 @@ class LossWeights:
 
     def __post_init__(self) -> None:
         values = (
-            self.colour, self.interlevel, self.distortion, self.entropy, self.normals, self.orientation,
+            self.colour, self.interlevel, self.distortion, self.entropy, self.edges, self.normals,
+            self.orientation,
         )  # fmt: skip
         if min(values) < 0 or min(self.interlevel_blur, default=0.0) < 0:
             raise ConfigError(f"The weights of losses and interlevel_blur must be 0 or more, but are {self}.")
@@ -54,7 +59,7 @@ def loss_terms(
     weights: LossWeights,
     ops: RayOps = TORCH,
 ) -> dict[str, Tensor]:
-    """Weighted terms by name; their sum is what is minimised.
+    """Weighted terms by name; their sum is what is minimised.  `edges` needs rays from `draw_pairs`.
 
     A ray's importance counts for all that shapes the field: weighing only the colour would leave the
     distortion loss five times too strong on wires, where rays are drawn five times as often.  The
@@ -70,6 +75,8 @@ def loss_terms(
         terms["distortion"] = (importance * ops.distortion_loss(final.s, final.w)).mean()
     if weights.entropy:
         terms["entropy"] = (importance * ops.ray_entropy(final.w)).mean()
+    if weights.edges:
+        terms["edges"] = edge_loss(out.colour - colour, importance)
     if out.normal_samples is not None:
         samples = out.normal_samples
         if not weights.normals_shape_density:
