@@ -137,6 +137,27 @@ def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) 
 
 
 @app.command
+def score(
+    survey: tyro.conf.Positional[Path],
+    *,
+    truth: Path | None = None,
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    classes: tuple[int, ...] | None = None,
+) -> None:
+    """Score points or curves of wires against the true ones: found, whole, where they are.
+
+    Args:
+        survey: PLY, LAS, GeoJSON, text or NumPy file (world frame), or a run folder with survey/wires.ply.
+        truth: The truth.json of a scene, or its folder; that of the run's scene when left out.
+        out: JSON to write; beside the survey's file when left out.
+        classes: Classes of LAS to take; wires (13 and 14) if there are any, else all, when left out.
+    """
+    from plnerf.wires.score_report import score_survey
+
+    score_survey(survey, truth=truth, out=out, classes=classes, console=Console())
+
+
+@app.command
 def bench(  # noqa: PLR0913 (an argument is an option)
     *,
     suite: tuple[str, ...] = ("ops", "train", "render"),
