@@ -11,6 +11,7 @@ from torch import Tensor
 
 import numpy_reference
 from plnerf.rays.contraction import (
+    ball_sizes,
     clamp_frustums,
     contract,
     contract_frustums,
@@ -123,6 +124,20 @@ def test_variance_is_the_diagonal_of_the_full_product(
     mean, variance = contract_frustums(frustums, factors)
     torch.testing.assert_close(mean, contract(frustums.mean @ A))
     torch.testing.assert_close(variance, full.diagonal(dim1=-2, dim2=-1), rtol=1e-9, atol=1e-15)
+
+
+@FACTORS
+@REGIONS
+def test_balls_have_the_volume_of_the_full_product(where: str, factors: tuple[float, float, float]) -> None:
+    """sigma^6 = det(J A Sigma A J^T), formed with matrices."""
+    frustums = gaussians(points(where), 0.05)
+    A = torch.diag(torch.tensor(factors, dtype=torch.float64))
+    for contraction in (True, False):
+        J = jacobian(frustums.mean @ A) if contraction else torch.eye(3, dtype=torch.float64)
+        truth = torch.linalg.det(J @ A @ frustums.covariance() @ A @ J.mT)
+        bounded = (contract_frustums if contraction else clamp_frustums)(frustums, factors)[0]
+        found = ball_sizes(frustums.var_t, frustums.var_r, bounded, factors, contraction)
+        torch.testing.assert_close(found**6, truth, rtol=1e-8, atol=0)
 
 
 @FACTORS

@@ -126,25 +126,33 @@ def test_only_the_interlevel_loss_trains_the_proposals() -> None:
 
 @pytest.mark.parametrize("backend", ["torch", "numba"])
 @pytest.mark.parametrize("contraction", [True, False], ids=["contracted", "clamped"])
-def test_density_normals_are_finite_differences_in_the_scene(contraction: bool, backend: Backend) -> None:
-    """n = -grad sigma/|grad sigma| by moving the frustums' means in scene space.
+@pytest.mark.parametrize("damping", [False, True], ids=["points", "damped"])
+def test_density_normals_are_finite_differences_in_the_scene(
+    contraction: bool, backend: Backend, damping: bool
+) -> None:
+    """n = -grad sigma/|grad sigma| by moving the frustums' means in scene space, their sizes the same.
 
     Through stretch, contraction and the cubic grid, inside the cube and far outside of it.
     """
-    config = dataclasses.replace(CONFIG, contraction=contraction)
+    config = dataclasses.replace(
+        CONFIG, contraction=contraction, field=dataclasses.replace(CONFIG.field, damping=damping)
+    )
     if backend == "torch":  # linear weights too, whose slope does not vanish at the cube's faces
         grid = dataclasses.replace(CONFIG.field.grid, interpolation="linear")
-        config = dataclasses.replace(config, field=dataclasses.replace(CONFIG.field, grid=grid))
+        config = dataclasses.replace(config, field=dataclasses.replace(config.field, grid=grid))
     model, rays = make_model(config, backend, torch.float64), make_rays(12, torch.float64)
     out = render(model, rays, normal_rays=12)
     samples = out.normal_samples
     assert samples is not None
-    frustums = ray_frustums(rays, to_distance(out.histograms[-1].s, CONFIG.sampler))
+    t = to_distance(out.histograms[-1].s, CONFIG.sampler)
+    frustums = ray_frustums(rays, t)
     bound = contract_frustums if contraction else clamp_frustums
+    size = model.frustum_sizes(rays, t, (bound(frustums, CONFIG.stretch)[0] + 2) / 4)
+    assert (size is not None) == damping
 
     def density(move: Tensor) -> Tensor:
         moved = Frustums(frustums.mean + move, frustums.direction, frustums.var_t, frustums.var_r)
-        return model.field.density((bound(moved, CONFIG.stretch)[0] + 2) / 4)[0]
+        return model.field.density((bound(moved, CONFIG.stretch)[0] + 2) / 4, size)[0]
 
     steps = 1e-6 * torch.eye(3, dtype=torch.float64)
     gradient = torch.stack([(density(step).log() - density(-step).log()) / 2e-6 for step in steps], -1)
@@ -215,6 +223,29 @@ def test_what_the_ray_does_not_hit_has_the_colour_of_its_last_sample() -> None:
     _, feature = model.field.density(unit)
     colours = model.field.colour(feature, ipe, rays.directions, model.appearance[rays.camera])
     torch.testing.assert_close(out.colour, colours[:, -1])
+
+
+@pytest.mark.parametrize("backend", ["torch", "numba"])
+def test_damping_changes_nothing_of_cones_without_width(backend: Backend) -> None:
+    """And of others what a level's factor says: the wider, the less of the finest levels is left."""
+    config = dataclasses.replace(CONFIG, field=dataclasses.replace(CONFIG.field, damping=True))
+    damped, plain = (make_model(which, backend) for which in (config, CONFIG))
+    rays = make_rays(7)
+    colours = []
+    for radius in (0.0, 1e-2, 5e-2):
+        rays = dataclasses.replace(rays, radius=torch.full((7,), radius))
+        a, b = (render(model, rays).colour.detach() for model in (damped, plain))
+        assert torch.equal(a, b) == (radius == 0)
+        colours.append(float((a - b).abs().mean()))
+    assert colours[0] == 0 < colours[1] < colours[2]
+    t = torch.linspace(0.1, 9, 9).expand(7, -1)
+    unit, _ = frustum_features(rays, t, CONFIG.stretch, True, 0)
+    narrow, wide = (
+        damped.frustum_sizes(dataclasses.replace(rays, radius=rays.radius * factor), t, unit)
+        for factor in (1, 8)
+    )
+    assert narrow is not None and wide is not None
+    torch.testing.assert_close(wide, 4 * narrow, rtol=1e-4, atol=0)  # two axes of three
 
 
 @pytest.mark.parametrize("encoding", ["ipe", "sh", "both"])

@@ -45,6 +45,7 @@ ODD = ModelConfig(
     contraction=False,
 )  # fmt: skip
 FOUR = replace(BASE, field=replace(BASE.field, grid=GridShape(4, 4, 48, 4, 10)))
+DAMPED = replace(BASE, field=replace(BASE.field, damping=True))
 BARE = replace(
     ODD, field=replace(ODD.field, colour_layers=1, direction_encoding="sh", feature=1, normals=False)
 )
@@ -150,7 +151,9 @@ def test_all_intervals_of_a_group_have_the_colour_of_its_heaviest(backend: Backe
     assert torch.equal(whole.density, pruned.density)
 
 
-@pytest.mark.parametrize("config", [BASE, ODD, BARE, FOUR], ids=["base", "odd", "bare", "four"])
+@pytest.mark.parametrize(
+    "config", [BASE, ODD, BARE, FOUR, DAMPED], ids=["base", "odd", "bare", "four", "damped"]
+)
 @pytest.mark.parametrize("backend", ["torch", "numba"])
 def test_leaving_nothing_out_is_the_exact_view(config: ModelConfig, backend: Backend) -> None:
     model = make_model(config, backend)
@@ -226,4 +229,5 @@ def test_what_cannot_be_is_refused() -> None:
 def test_fused_chunks_are_larger() -> None:
     model = make_model()
     assert default_chunk(model, Pruning()) > default_chunk(model) == default_chunk(model, None)
-    assert default_chunk(make_model(backend="torch"), Pruning()) == default_chunk(model)
+    for other in (make_model(backend="torch"), make_model(DAMPED)):
+        assert default_chunk(other, Pruning()) == default_chunk(model)

@@ -1,6 +1,6 @@
 """The PL-NeRF field (seed 4.2.2, fig. 18): position by hash encoding, direction by IPE, two networks.
 
-    density network:  hash(x)                                    -> density, feature
+    density network:  hash(x), damped by the frustum's size      -> density, feature
     colour network:   feature, direction encoding, appearance    -> colour
     normal network:   feature                                    -> unit normal    (Ref-NeRF, section 4)
 
@@ -47,6 +47,8 @@ class RadianceConfig:
     """Length of the appearance vector of an image; 0 turns it off."""
     normals: bool = True
     """Whether the field predicts normals."""
+    damping: bool = False
+    """Whether levels of the grid that are finer than a frustum fade out (zip-NeRF)."""
 
     def __post_init__(self) -> None:
         if self.direction_encoding not in {"ipe", "sh", "both"}:
@@ -79,12 +81,19 @@ class RadianceField(nn.Module):
         self.colour_network = mlp([inputs, *[config.hidden] * config.colour_layers, 3], generator)
         self.normal_network = mlp([config.feature, 32, 3], generator) if config.normals else None
 
-    def density(self, unit: Float[Tensor, "r S 3"]) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
-        """Density in 1/length of the scene frame, and the feature vector."""
-        out = self._run(self.density_network, self.grid(unit), unit[..., :0], unit[:, 0, :0])
+    def density(
+        self, unit: Float[Tensor, "r S 3"], size: Float[Tensor, "r S"] | None = None
+    ) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
+        """Density in 1/length of the scene frame, and the feature vector.
+
+        size: of what is looked at, see `HashGrid.damping`; None for points.
+        """
+        out = self._run(self.density_network, self.grid(unit, size), unit[..., :0], unit[:, 0, :0])
         return density_activation(out[..., 0]), out[..., 1:]
 
-    def log_density_gradient(self, unit: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
+    def log_density_gradient(
+        self, unit: Float[Tensor, "*n 3"], size: Float[Tensor, "*n"] | None = None
+    ) -> Float[Tensor, "*n 3"]:
         """Gradient of the log density by position in the unit cube: through the network, then the hash grid.
 
         Where gradients are recorded, differentiable by all weights, so that the losses on normals can shape
@@ -96,7 +105,8 @@ class RadianceField(nn.Module):
             encoded = self.grid(unit)
         with torch.enable_grad():
             encoded.requires_grad_()
-            raw = self.density_network(encoded)[..., 0]
+            damped = encoded if size is None else self.grid.damped(encoded, size)
+            raw = self.density_network(damped)[..., 0]
             (g_encoded,) = torch.autograd.grad(raw.sum(), encoded, create_graph=graph)
         return self.grid.position_gradient(unit, g_encoded)
 

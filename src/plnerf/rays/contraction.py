@@ -6,6 +6,7 @@ Letters: m = max_k |x_k|, reached at axis k (the first one where several tie: a 
     J = (2m - 1)/m^2 I  +  (2 - 2m)/m^3 sign(x_k) x e_k^T      beyond, I inside
 """
 
+import math
 from functools import cache
 
 import torch
@@ -88,6 +89,27 @@ def contract_frustums(
     scale = a[..., None]
     variance = scale**2 * diagonal + 2 * scale * b * column_k + b**2 * corner
     return contract(mean), variance.clamp_min(0)  # rounding may leave -1e-12 where the true value is 0
+
+
+def ball_sizes(
+    var_t: Float[Tensor, "*n"],
+    var_r: Float[Tensor, "*n"],
+    bounded: Float[Tensor, "*n 3"],
+    factors: tuple[float, float, float],
+    contraction: bool,
+) -> Float[Tensor, "*n"]:
+    """Standard deviations of balls of the same volume as stretched and contracted frustums.
+
+        sigma^6 = det(J A Sigma A J^T) = det(J)^2 det(A)^2 var_t var_r^2,     det J = m'^2 (2 - m')^4
+    where m' = max |f_k| of the contracted mean `bounded`, 1 inside: det J = a^2 (a + b_k) with a = m'/m,
+    a + b_k = 1/m^2 and 1/m = 2 - m'.  Zip-NeRF, section 2 (a Gaussian's size is that of its Jacobian's
+    determinant).  Without contraction J = I.
+    """
+    size = math.prod(factors) ** (1 / 3) * var_t ** (1 / 6) * var_r ** (1 / 3)
+    if not contraction:
+        return size
+    m = bounded.abs().amax(-1).clamp_min(1)
+    return size * (m * (2 - m) ** 2) ** (2 / 3)
 
 
 def clamp_frustums(

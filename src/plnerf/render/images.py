@@ -14,7 +14,7 @@ from torch import Tensor
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.model import PLNeRF
-from plnerf.render.pruning import Pruning, render_pruned
+from plnerf.render.pruning import Pruning, is_fused, render_pruned
 from plnerf.scene.cameras import Cameras
 
 CPU_CHUNK_RAYS, GPU_CHUNK_RAYS = 1024, 32768
@@ -94,7 +94,7 @@ def default_chunk(model: PLNeRF, pruning: Pruning | None = None) -> int:
     """How many rays to render at once on the model's device."""
     if model.appearance.device.type != "cpu":
         return GPU_CHUNK_RAYS
-    return CPU_CHUNK_RAYS if pruning is None or model.backend != "numba" else FUSED_CHUNK_RAYS
+    return FUSED_CHUNK_RAYS if pruning is not None and is_fused(model) else CPU_CHUNK_RAYS
 
 
 def _render_pixels(

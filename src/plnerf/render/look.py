@@ -65,7 +65,7 @@ def look(
     """Densities by the radiance field, colours and normals of groups of so much light."""
     config, field, ops = model.config, model.field, ray_ops(model.backend)
     unit, _ = ops.frustum_features(rays, t, config.stretch, config.contraction, 0)
-    density, feature = field.density(unit)
+    density, feature = field.density(unit, model.frustum_sizes(rays, t, unit))
     chosen = heaviest(ops.weights_from_density(density, t), light)
     itself = chosen == torch.arange(chosen.shape[1], device=chosen.device)
     ray, place = itself.nonzero(as_tuple=True)
