@@ -49,8 +49,9 @@ class HashGrid(nn.Module):
     def damped(self, encoded: Float[Tensor, "*n LF"], size: Float[Tensor, "*n"]) -> Float[Tensor, "*n LF"]:
         """Encodings, each level times its `damping`."""
         with torch.no_grad():
-            factor = self.damping(size).repeat_interleave(self.shape.features, -1)
-        return encoded * factor
+            factor = self.damping(size)[..., None]
+        by_level = encoded.unflatten(-1, (self.shape.levels, self.shape.features))
+        return (by_level * factor).flatten(-2)
 
     def position_gradient(
         self, unit: Float[Tensor, "*n 3"], g_encoded: Float[Tensor, "*n LF"]

@@ -1,6 +1,6 @@
 """Colours and normals of the intervals along rays, the networks asked once for a share of a ray's light.
 
-Twin of `render/pruning.py`.  Letters: r rays, S intervals, E = S + 1 edges t, w their weights; B points of a
+Twin of `render/look.py`.  Letters: r rays, S intervals, E = S + 1 edges t, w their weights; B points of a
 block, see `cpu_blocks.py`; K octaves, H units.  A ray's intervals form groups, whose heaviest one is looked
 at.  These, of one ray after the other, fill the blocks that go through the networks; a point's numbers do not
 depend on the block it is in.
@@ -53,7 +53,7 @@ class Colours(NamedTuple):
 def _group(w, light, at, end):
     """The groups of a ray's intervals: their heaviest and one past their last; returns their number.
 
-    The twin of `pruning.looked_at`.
+    The twin of `look.heaviest`.
     """
     S, real = w.size, w.dtype.type
     total, before, half, zero = real(0), real(0), real(0.5), real(0)
