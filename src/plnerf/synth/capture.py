@@ -59,7 +59,7 @@ def written_views(views: Sequence[View], capture: CaptureConfig, seed: int) -> t
     """
     if capture.pose_noise_m == 0 and capture.pose_noise_deg == 0:
         return tuple(views)
-    rng = np.random.default_rng([seed, 5])
+    rng = np.random.default_rng([seed, 8])
     off_m = capture.pose_noise_m * rng.standard_normal((len(views), 3))
     off_rad = math.radians(capture.pose_noise_deg) * rng.standard_normal((len(views), 3))
     return tuple(

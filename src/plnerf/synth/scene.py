@@ -14,13 +14,15 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.errors import SceneError
+from plnerf.synth.build import build_span
 from plnerf.synth.capture import View, plan_flight, written_views
+from plnerf.synth.check import check_cameras
 from plnerf.synth.config import CaptureConfig, SceneConfig
 from plnerf.synth.film import HOLD_OUT_EVERY, film
 from plnerf.synth.parts import span_parts
 from plnerf.synth.render import open_studio, require_mitsuba
-from plnerf.synth.seen import seen_stretches
-from plnerf.synth.span import Span, build_span, ground_height
+from plnerf.synth.seen import MIN_IMAGES, seen_stretches
+from plnerf.synth.span import Span
 from plnerf.synth.truth import truth_of
 
 
@@ -42,6 +44,7 @@ def synthesize(
         meshes.mkdir()
         span = build_span(config.span)
         views = plan_flight(span, config.capture)
+        check_cameras(span, views)
         studio = open_studio(list(span_parts(span)), config.capture, config.image, meshes)
         masks = film(studio, span, views, config, folder, progress)
         seen = seen_stretches([wire.curve for wire in span.conductors], views, masks, config.capture)
@@ -112,10 +115,24 @@ def span_box(span: Span, capture: CaptureConfig) -> tuple[Float[np.ndarray, "3"]
             points.append(np.array([[x - 1.2, y - 1.2, z], [x + 1.2, y + 1.2, z + tower.height_m]]))
     if capture.filmed_m is not None:
         x_m, y_m = np.concatenate(points)[:, :2].T
-        points.append(np.stack([x_m, y_m, ground_height(x_m, y_m)], axis=1))
+        points.append(np.stack([x_m, y_m, span.ground.heights(x_m, y_m)], axis=1))
     cloud = np.concatenate(points)
     margin = np.array([1.0, 1.0, 0.0])
     return cloud.min(axis=0) - margin - [0, 0, 0.5], cloud.max(axis=0) + margin + [0, 0, 0.5]
+
+
+def summary(folder: Path) -> str:
+    """What a rendered scene folder holds, in a line."""
+    truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+    content = json.loads((folder / "transforms.json").read_text(encoding="utf-8"))
+    wires = truth["conductors"]
+    whole = sum(wire["span_m"] for wire in wires)
+    shown = sum(end - start for wire in wires for start, end in wire["seen_m"])
+    held_out = sum("depth_path" in frame for frame in content["frames"])
+    return (
+        f"{truth['scene']}: {truth['images']} images of {content['w']} x {content['h']} px, {held_out} "
+        f"of them held out; {len(wires)} conductors, {shown:.0f} m of {whole:.0f} m seen {MIN_IMAGES} times or more"
+    )
 
 
 def _write_json(path: Path, content: dict[str, object]) -> None:

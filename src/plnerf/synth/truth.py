@@ -10,13 +10,14 @@ from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.seen import SEEN_RULE
-from plnerf.synth.span import Conductor, Plant, Span, ground_height
+from plnerf.synth.span import Conductor, Plant, Span
 
 FORMAT_VERSION = 1
 GENERATOR = "plnerf synth 1"
 POLYLINE_STEP_M = 0.25
 MASK_COVERAGE = 0.1  # of a pixel's area, seen
-CLEARANCE_RANGE_M = 40.0
+CLEARANCE_RANGE_M = 40.0  # around mid-span; further off, along the span and so far across:
+CLEARANCE_ACROSS_M = 18.0
 
 Stretches = Sequence[tuple[float, float]]
 
@@ -60,12 +61,14 @@ def truth_of(
         "towers": [
             {
                 "name": tower.name,
+                "kind": span.config.support.kind,
                 "foot": tower.foot,
                 "height_m": tower.height_m,
                 "attachments": tower.attachments,
             }
             for tower in span.towers
         ],
+        "houses": [{k: v for k, v in asdict(house).items() if k != "seed"} for house in span.houses],
         "ground": _ground(span),
         "vegetation": _vegetation(span),
     }
@@ -99,9 +102,14 @@ def _ground(span: Span) -> dict[str, object]:
     rows = []
     for across in (-10.0, -5.0, 0.0, 5.0, 10.0):
         x, y = np.array([span.at(float(distance), across) for distance in along]).T
-        points = np.stack([x, y, ground_height(x, y)], axis=1)
+        points = np.stack([x, y, span.ground.heights(x, y)], axis=1)
         rows.append({"across_m": across, "points": np.round(points, 4).tolist()})
     return {"rule": "1 m steps along the line, 0 at mid-span; across_m to the left positive", "rows": rows}
+
+
+def _beside(span: Span, plant: Plant) -> bool:
+    (ux, uy), (x, y, _) = span.along, plant.foot
+    return abs(ux * x + uy * y) < span.config.span_length_m / 2 and abs(ux * y - uy * x) < CLEARANCE_ACROSS_M
 
 
 def _vegetation(span: Span) -> list[dict[str, object]]:
@@ -117,7 +125,7 @@ def _vegetation(span: Span) -> list[dict[str, object]]:
             "radius_m": plant.radius_m,
             "height_m": plant.height_m,
         }
-        if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M:
+        if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M or _beside(span, plant):
             distance, nearest = tree.query(plant_meshes(plant)[1].vertices)
             best = int(np.argmin(distance))
             owners = np.cumsum([len(axis) for axis in axes])
