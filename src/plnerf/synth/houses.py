@@ -78,7 +78,7 @@ def roof(house: House) -> Mesh:
         across = np.linspace(0, y, round(y / 0.33) + 1)[:: 1 if sign > 0 else -1] * sign
         heights = house.ridge_m + 0.12 - slope * np.abs(np.meshgrid(along, across)[1])
         tiles = grid(along, across, heights)
-        spread = rng.uniform(0.75, 1.25, (len(tiles.faces) // 2, 1)).repeat(3, axis=0)
+        spread = rng.uniform(0.86, 1.12, (len(tiles.faces) // 2, 1)).repeat(3, axis=0)
         spread = np.concatenate([spread, spread])  # a tile is the same cell's two triangles
         corners = tiles.vertices[tiles.faces].reshape(-1, 3)
         slopes.append(Mesh(corners, np.arange(len(corners)).reshape(-1, 3), colour=base * spread))

@@ -116,6 +116,10 @@ def _ground(span: Span) -> Iterator[Part]:
             mesh = without(mesh, _around(middle[0], hole[0]), _around(middle[1], hole[1]))
         sides = _around(middle[0], half_x), _around(middle[1], half_y)
         texture = ground_texture(span.ground, *sides, texel, span.config.seed)
+        if span.config.terrain.track != "dirt":
+            # Row 0 belongs to v = 0, the lowest y.  The dirt track is drawn mirrored, left of the line:
+            # so are the images that come with the package.
+            texture = texture[::-1]
         yield Part(f"ground {level}", mesh, Surface("matt", texture))
         hole = (half_x, half_y)
 
