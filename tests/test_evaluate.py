@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from scipy.ndimage import distance_transform_edt
 
 from oracle import Seen, oracle_run, tiny_world, z_depth_mm
 from plnerf.errors import SceneError
 from plnerf.rays.rays import Rays
+from plnerf.render.images import RenderedView
 from plnerf.scene.scene import Scene, load_scene
-from plnerf.train.evaluate import evaluate_run, panel_names
+from plnerf.train.evaluate import evaluate_run, measure, panel_names
+from plnerf.train.metrics import Lpips
 from plnerf.train.protocol import plain
 
 
@@ -56,10 +59,31 @@ def test_the_oracle_is_right_to_the_rounding_of_the_photos(scene_with_truth: Sce
         assert score["psnr_db"] > 58 and score["wire_psnr_db"] > 58
         assert score["elsewhere_psnr_db"] == "inf", "the floor's and the sky's colours need no rounding"
         assert score["ssim"] > 0.999 and score["lpips"] is None
+        assert score["near_wire_psnr_db"] > score["wire_psnr_db"] and score["near_wire_ssim"] > 0.999
         for part in ("wire_depth", "elsewhere_depth"):
             assert score[part]["median_m"] < 6e-4, "half a millimetre of rounding"
             assert score[part]["close_share"] == 1 and score[part]["no_surface_share"] == 0
     assert told == [(1, 2), (2, 2)]
+
+
+def test_near_wires_are_what_lies_within_three_pixels(scene_with_truth: Scene, tmp_path: Path) -> None:
+    """Grey beyond that changes neither measure of the pixels near wires; grey within it changes both."""
+    scene, i = scene_with_truth, 0
+    photo = scene.images.image(i).astype(np.float32) / 255
+    wire = np.asarray(Image.open(scene.wire_masks[i])) > 0
+    distance = distance_transform_edt(~wire)
+    flat = np.ones(photo.shape[:2], np.float32)
+    plain_view = RenderedView(photo, flat, flat, flat, flat, None)
+    right = measure(plain_view, scene, i, Lpips())
+    assert right.near_wire_psnr_db == math.inf and right.near_wire_ssim == pytest.approx(1)
+    far = np.where((distance > 12)[..., None], np.float32(0.5), photo)  # farther than a window reaches
+    beyond = measure(replace(plain_view, rgb=far), scene, i, Lpips())
+    assert beyond.near_wire_psnr_db == math.inf and beyond.near_wire_ssim == pytest.approx(1)
+    assert beyond.psnr_db is not None and beyond.psnr_db < 30
+    rim = np.where(((distance > 2) & (distance <= 3))[..., None], np.float32(0.5), photo)
+    at_rim = measure(replace(plain_view, rgb=rim), scene, i, Lpips())
+    assert at_rim.wire_psnr_db == math.inf and at_rim.near_wire_psnr_db is not None
+    assert at_rim.near_wire_psnr_db < 25 and (at_rim.near_wire_ssim or 1) < 0.95
 
 
 def test_errors_are_found_where_they_are(scene_with_truth: Scene, tmp_path: Path) -> None:
@@ -74,7 +98,8 @@ def test_errors_are_found_where_they_are(scene_with_truth: Scene, tmp_path: Path
 
     mean = read_strictly(evaluate_run(oracle_run(scene_with_truth, tmp_path / "run", see)))["mean"]
     assert mean["wire_psnr_db"] < 15 and mean["elsewhere_psnr_db"] == "inf"
-    assert mean["wire_psnr_db"] < mean["psnr_db"] < 30
+    assert mean["wire_psnr_db"] < mean["near_wire_psnr_db"] < mean["psnr_db"] < 30
+    assert mean["near_wire_ssim"] < mean["ssim"] < 0.99
     assert 0.4 < mean["wire_depth"]["median_m"] <= 0.5 and mean["wire_depth"]["close_share"] == 0
     assert mean["elsewhere_depth"]["median_m"] < 6e-4 and mean["elsewhere_depth"]["close_share"] == 1
 
@@ -85,6 +110,7 @@ def test_a_scene_without_truth_is_measured_by_its_colours(tiny_scene: Path, tmp_
     mean = read_strictly(path)["mean"]
     assert mean["psnr_db"] > 58
     assert mean["wire_psnr_db"] is mean["wire_depth"] is mean["elsewhere_depth"] is None
+    assert mean["near_wire_psnr_db"] is mean["near_wire_ssim"] is None
     assert "wires" not in (path.parent / "summary.md").read_text()
 
 

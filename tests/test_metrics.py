@@ -13,7 +13,16 @@ from skimage.metrics import structural_similarity
 
 from oracle import Oracle, Seen, tiny_world
 from plnerf.scene.scene import load_scene
-from plnerf.train.metrics import LPIPS_ABSENT, Lpips, psnr, psnr_of_mse, ssim, validation_psnr
+from plnerf.train.metrics import (
+    LPIPS_ABSENT,
+    Lpips,
+    mean_inside,
+    psnr,
+    psnr_of_mse,
+    ssim,
+    ssim_map,
+    validation_psnr,
+)
 
 ROUNDING_DB = 10 * math.log10(12 * 255**2)
 """PSNR of colours against their 8-bit rounding, an error even in +-1/510; some colours need none."""
@@ -63,6 +72,21 @@ def test_ssim_agrees_with_scikit_image() -> None:
     )
     assert ssim(render, photo, everywhere(photo)) == pytest.approx(theirs, abs=2e-5)
     assert ssim(photo, photo, everywhere(photo)) == pytest.approx(1, abs=1e-6)
+
+
+def test_ssim_over_parts_adds_up_and_says_nothing_of_borders() -> None:
+    render, photo = pair(3, (40, 33))
+    similarity = ssim_map(render, photo, everywhere(photo))
+    part = np.random.default_rng(1).random((40, 33)) < 0.2
+    inner = (slice(5, -5), slice(5, -5))
+    shares = part[inner].mean(), 1 - part[inner].mean()
+    parts = [mean_inside(similarity, use) or 0.0 for use in (part, ~part)]
+    assert shares[0] * parts[0] + shares[1] * parts[1] == pytest.approx(
+        ssim(render, photo, everywhere(photo))
+    )
+    border = everywhere(photo)
+    border[inner] = False
+    assert mean_inside(similarity, border) is None
 
 
 def test_ignored_pixels_have_no_say() -> None:

@@ -22,7 +22,7 @@ from plnerf.render.panels import evaluation_panel
 from plnerf.render.pictures import world_depth
 from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene
-from plnerf.train.metrics import Lpips, psnr, ssim
+from plnerf.train.metrics import NEAR_WIRE_PX, Lpips, mean_inside, psnr, ssim_map
 from plnerf.train.protocol import plain, protocol, summary
 from plnerf.train.run import TrainedRun
 from plnerf.train.truth import (
@@ -49,6 +49,10 @@ class ImageScores:
     """Over the wires' pixels alone."""
     elsewhere_psnr_db: float | None
     """Over all other pixels."""
+    near_wire_psnr_db: float | None
+    """Over the wires' pixels and those within `NEAR_WIRE_PX` of them."""
+    near_wire_ssim: float | None
+    """Over the same pixels."""
     wire_depth: DepthError | None
     elsewhere_depth: DepthError | None
     """Where the image has no wire mask: over all pixels."""
@@ -85,7 +89,10 @@ def measure(view: RenderedView, scene: Scene, i: int, lpips: Lpips) -> ImageScor
     photo = scene.images.image(i).astype(np.float32) / 255
     valid = scene.images.valid(i)
     wire = read_wire_mask(scene.wire_masks[i]) if i in scene.wire_masks else None
-    small = reduced_wire_mask(wire, (valid.shape[1], valid.shape[0])) if wire is not None else None
+    size_px = (valid.shape[1], valid.shape[0])
+    small = reduced_wire_mask(wire, size_px) if wire is not None else None
+    near = reduced_wire_mask(wire, size_px, NEAR_WIRE_PX) if wire is not None else None
+    similarity = ssim_map(view.rgb, photo, valid)
     wire_depth, elsewhere_depth = None, None
     if i in scene.depths and scene.frames.unit == "m":
         truth_mm, rendered_m = read_depth_mm(scene.depths[i]), world_depth(view, scene.frames)
@@ -96,10 +103,12 @@ def measure(view: RenderedView, scene: Scene, i: int, lpips: Lpips) -> ImageScor
     return ImageScores(
         name=scene.names[i],
         psnr_db=psnr(view.rgb, photo, valid),
-        ssim=ssim(view.rgb, photo, valid),
+        ssim=mean_inside(similarity, valid),
         lpips=lpips(view.rgb, photo, valid),
         wire_psnr_db=psnr(view.rgb, photo, valid & small) if small is not None else None,
         elsewhere_psnr_db=psnr(view.rgb, photo, valid & ~small) if small is not None else None,
+        near_wire_psnr_db=psnr(view.rgb, photo, valid & near) if near is not None else None,
+        near_wire_ssim=mean_inside(similarity, valid & near) if near is not None else None,
         wire_depth=wire_depth,
         elsewhere_depth=elsewhere_depth,
     )
@@ -115,7 +124,9 @@ def mean_appearance(run: TrainedRun) -> Float[Tensor, " A"]:
 def means(scores: Sequence[ImageScores]) -> dict[str, Any]:
     """Means over the images that have a value; of depth errors, of the images' medians and shares."""
     mean: dict[str, Any] = {}
-    for key in ("psnr_db", "ssim", "lpips", "wire_psnr_db", "elsewhere_psnr_db"):
+    over_all = ("psnr_db", "ssim", "lpips")
+    over_wires = ("wire_psnr_db", "elsewhere_psnr_db", "near_wire_psnr_db", "near_wire_ssim")
+    for key in (*over_all, *over_wires):
         mean[key] = _mean([getattr(score, key) for score in scores])
     for key in ("wire_depth", "elsewhere_depth"):
         errors = [error for score in scores if (error := getattr(score, key)) is not None]

@@ -19,6 +19,8 @@ from plnerf.scene.scene import Scene
 SSIM_WINDOW = (
     "Gaussian of 1.5 px in a window of 11x11 px, data range 1, mean over the pixels at least 5 px inside"
 )
+NEAR_WIRE_PX = 3
+"""What lies this near to a wire's pixels shows whether it is a line on its background."""
 LPIPS_ABSENT = "not computed: needs the extra plnerf[lpips]"
 
 
@@ -39,7 +41,14 @@ def psnr(
 def ssim(
     render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], valid: Bool[np.ndarray, "h w"]
 ) -> float | None:
-    """Structural similarity (Wang et al. 2004; window in `SSIM_WINDOW`), mean over the valid pixels.
+    """Structural similarity (Wang et al. 2004; window in `SSIM_WINDOW`), mean over the valid pixels."""
+    return mean_inside(ssim_map(render, photo, valid), valid)
+
+
+def ssim_map(
+    render: Float[np.ndarray, "h w 3"], photo: Float[np.ndarray, "h w 3"], valid: Bool[np.ndarray, "h w"]
+) -> Float[np.ndarray, "h w"]:
+    """Structural similarity at every pixel, the mean of the colours'.
 
     Ignored pixels take the photo's colours first, so that they say nothing about their neighbours either.
     """
@@ -49,10 +58,16 @@ def ssim(
     _, per_pixel = structural_similarity_index_measure(
         _batch(filled), _batch(photo), data_range=1.0, sigma=1.5, return_full_image=True
     )
+    similarity: Float[np.ndarray, "h w"] = per_pixel[0].double().mean(0).numpy()
+    return similarity
+
+
+def mean_inside(similarity: Float[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]) -> float | None:
+    """Mean of `ssim_map` over the pixels in use whose window lies inside the image; None without any."""
     inner = (slice(5, -5), slice(5, -5))
-    if not valid[inner].any():
+    if not use[inner].any():
         return None
-    return float(per_pixel[0].double().mean(0).numpy()[inner][valid[inner]].mean())
+    return float(similarity[inner][use[inner]].mean())
 
 
 class Lpips:

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 import plnerf
-from plnerf.train.metrics import SSIM_WINDOW
+from plnerf.train.metrics import NEAR_WIRE_PX, SSIM_WINDOW
 from plnerf.train.run import TrainedRun
 from plnerf.train.truth import CLOSE_M, WIRE_RULE
 
@@ -40,6 +40,10 @@ def protocol(run: TrainedRun, render_seconds: float, lpips_absent: str | None) -
         "ssim": SSIM_WINDOW,
         "lpips": lpips_absent or "AlexNet, by torchmetrics",
         "wire_mask": f"{WIRE_RULE}; not dilated",
+        "near_wire": (
+            f"the wire mask at the render's size, dilated by a disc of {NEAR_WIRE_PX} px; PSNR and SSIM over "
+            "these pixels"
+        ),
         "depth": (
             "where the density lets half of the light through, along the camera's z axis, against the truth "
             "at full size where it is nearer than 65.5 m; no surface where the accumulation is below 0.5; "
@@ -90,6 +94,8 @@ def summary(images: Sequence[Mapping[str, Any]], mean: Mapping[str, Any], rules:
         "SSIM": ("ssim", None, "{:.3f}"),
         "LPIPS": ("lpips", None, "{:.3f}"),
         "PSNR on wires dB": ("wire_psnr_db", None, "{:.2f}"),
+        "near wires dB": ("near_wire_psnr_db", None, "{:.2f}"),
+        "SSIM near wires": ("near_wire_ssim", None, "{:.3f}"),
         "elsewhere dB": ("elsewhere_psnr_db", None, "{:.2f}"),
         "depth error on wires m": ("wire_depth", "median_m", "{:.2f}"),
         f"wires within {CLOSE_M} m": ("wire_depth", "close_share", "{:.0%}"),
