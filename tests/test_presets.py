@@ -29,5 +29,5 @@ def test_a_preset_builds_and_trains(name: str, tiny_scene: Path, tmp_path: Path)
 
 def test_an_unknown_preset_names_the_known_ones() -> None:
     with pytest.raises(ConfigError) as caught:
-        find_preset("nerfacto")
-    assert str(caught.value) == f"There is no preset 'nerfacto'. Presets: {', '.join(PRESETS)}."
+        find_preset("gaussians")
+    assert str(caught.value) == f"There is no preset 'gaussians'. Presets: {', '.join(PRESETS)}."

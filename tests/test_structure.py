@@ -17,7 +17,7 @@ FLOORS = {
     "field": 3,
     "render": 4,
     "train": 5,
-    "survey": 5,
+    "survey": 5.5,  # of what train/ left in a run folder
     "presets": 6,
     "synth": 6,
     "view": 6,

@@ -54,7 +54,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
-        preset: Named settings to start from: pl-nerf.
+        preset: Named settings to start from: pl-nerf, pl-nerf-wire (keeps thin wires whole), nerfacto.
         seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
@@ -123,17 +123,70 @@ def render(
 
 
 @app.command
-def synth(out: tyro.conf.Positional[Path], *, seed: int = 7, samples: int = 64) -> None:
-    """Render a synthetic span with its exact truth (needs the extra plnerf[synth]).
+def synth(  # noqa: PLR0913 (an argument is an option)
+    out: tyro.conf.Positional[Path],
+    *,
+    scene: str = "span",
+    seed: int | None = None,
+    samples: int | None = None,
+    width: int | None = None,
+    height: int | None = None,
+    views: int | None = None,
+    motion_blur: float | None = None,
+    noise: float | None = None,
+    jpeg_quality: int | None = None,
+    auto_exposure: bool | None = None,
+    exposure_drift: float | None = None,
+    white_balance_drift: float | None = None,
+    pose_noise_m: float | None = None,
+    pose_noise_deg: float | None = None,
+) -> None:
+    """Render a synthetic power line with its exact truth (needs the extra plnerf[synth]).
+
+    What is left out stays as the scene has it.
 
     Args:
         out: Scene folder to write; must not exist.
-        seed: Decides terrain, vegetation and the flight.
-        samples: Samples per pixel of the path tracer.
+        scene: Which scene: span, double-circuit, bundle, distribution, hills, forest, far, parallel,
+            parallel-two-passes, exposure, noisy-poses.
+        seed: Decides terrain, vegetation, the flight and all noise (span: 7).
+        samples: Samples per pixel of the path tracer (span: 64).
+        width: Image width in pixels, with the same field of view (span: 480).
+        height: Image height in pixels (span: 320).
+        views: Images in each pass of the flight (span: 24).
+        motion_blur: Longest smear of a wire while the shutter is open, in pixels (span: 0).
+        noise: Standard deviation of the sensor's noise at mid grey, as a part of white (span: 0).
+        jpeg_quality: Quality of the images, 1 to 100 (span: 95).
+        auto_exposure: Whether the camera's automatic sets the exposure of every image (span: no).
+        exposure_drift: Slow drift of the exposure, standard deviation in stops (span: 0).
+        white_balance_drift: Slow drift of red against blue, relative standard deviation (span: 0).
+        pose_noise_m: Standard deviation of the written camera centres along each axis, metres (span: 0).
+        pose_noise_deg: Standard deviation of the written directions about each axis, degrees (span: 0).
     """
-    from plnerf.pipeline import synthesize_span
+    from plnerf.pipeline import synthesize_scene
+    from plnerf.synth.options import SceneOptions
 
-    synthesize_span(out, seed=seed, samples=samples, console=Console())
+    options = SceneOptions(
+        seed=seed, samples=samples, width=width, height=height, views=views, motion_blur=motion_blur,
+        noise=noise, jpeg_quality=jpeg_quality, auto_exposure=auto_exposure, exposure_drift=exposure_drift,
+        white_balance_drift=white_balance_drift, pose_noise_m=pose_noise_m, pose_noise_deg=pose_noise_deg,
+    )  # fmt: skip
+    synthesize_scene(out, scene, options, console=Console())
+
+
+@app.command
+def survey(
+    run: tyro.conf.Positional[Path], *, out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+) -> None:
+    """Points on the wires that a run's field shows, in the scene's world frame.
+
+    Args:
+        run: Run folder.
+        out: Folder for wires.ply and survey.json; survey in the run folder when left out.
+    """
+    from plnerf.pipeline import survey as survey_wires
+
+    survey_wires(run, out, console=Console())
 
 
 @app.command

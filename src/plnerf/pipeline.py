@@ -18,8 +18,9 @@ from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import BackendChoice, resolve_backend
 from plnerf.presets import find_preset
 from plnerf.scene.scene import load_scene
-from plnerf.synth.config import SceneConfig
-from plnerf.synth.scene import synthesize
+from plnerf.survey.survey import survey_run
+from plnerf.synth.options import SceneOptions, find_scene
+from plnerf.synth.scene import summary, synthesize
 from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import RunConfig, fit_to_scene
 from plnerf.train.evaluate import evaluate_run
@@ -160,14 +161,18 @@ def render(
     return folder
 
 
-def synthesize_span(out: Path, *, seed: int, samples: int, console: Console | None = None) -> Path:
-    """Renders the synthetic span into a new scene folder."""
+def synthesize_scene(
+    out: Path, scene: str = "span", options: SceneOptions | None = None, *, console: Console | None = None
+) -> Path:
+    """Renders a named synthetic scene, changed by `options`, into a new scene folder."""
     console = console or Console()
-    config = SceneConfig().with_seed(seed)
-    config = replace(config, image=replace(config.image, samples_per_pixel=samples))
+    options = options or SceneOptions()
+    if scene == "span" and options.samples is None:
+        options = replace(options, samples=64)
+    config = options.apply(find_scene(scene))
     with bar(console, "synth") as progress:
         folder = synthesize(out, config, progress=progress)
-    _say(console, f"scene folder: {folder}")
+    _say(console, f"scene folder: {folder} ({summary(folder)})")
     return folder
 
 
@@ -190,6 +195,16 @@ def run_demo(
     render(out, views="path", outputs=("rgb", "depth"), frames=frames, fps=12.0, scale=scale, console=console)
     _say(console, f"Look at {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves.")
     return out
+
+
+def survey(run: Path, out: Path | None = None, *, console: Console | None = None) -> Path:
+    """Points on the wires of a run, written to its survey folder or to `out`; returns the folder."""
+    console = console or Console()
+    with bar(console, "survey") as progress:
+        summary = survey_run(open_run(run), out or run / "survey", progress=progress)
+    content = json.loads(summary.read_text())
+    _say(console, f"{content['points']} points on wires: {summary.parent}")
+    return summary.parent
 
 
 @contextmanager

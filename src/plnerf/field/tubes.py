@@ -1,10 +1,10 @@
 """The field close to known curves, in the curves' own coordinates.
 
-A hash table of a scene is shared by everything in it: the few cells of a wire collide with the many of ground
-and trees, whose gradients win, and a wire of some centimetres never becomes dense.  Around each curve that was
-found in the images lies a tube; points inside of it are encoded along and across the curve in a table of
-their own.  It holds density and feature vector like the field around it, free of any shape: whether anything
-is there, and where, stays the colours' decision.
+A hash table of a scene is shared by everything in it: the few cells of a wire collide with the many of
+ground and trees, whose gradients win, and a wire of some centimetres never becomes dense.  Around each curve
+that was found in the images lies a tube; points inside of it are encoded along and across the curve in a
+table of their own.  It holds density and feature vector like the field around it, free of any shape: whether
+anything is there, and where, stays the colours' decision.
 
 Letters: c curves of `reach` R; a point's offsets u (along y) and v (along z) from the curve at the same x; n
 points.

@@ -1,4 +1,4 @@
-"""Samples where a ray passes near a curve found in the images: DESIGN of thin things, not of their shape.
+"""Samples where a ray passes near a curve that was found in the images.
 
 A wire of some centimetres is hit by few of the samples that a histogram of metres spreads.  Where a curve is
 known, some of a ray's edges are laid within its reach instead; whether anything is there stays the colours'
@@ -28,10 +28,10 @@ def guide_edges(
     even = torch.arange(each, device=s.device, dtype=s.dtype) / each
     # Of a window that stands twice, the second one's edges lie between the first one's.
     offset = torch.arange(found.low.shape[1], device=s.device, dtype=s.dtype)[:, None] / count
-    jitter = 0.5 / count
+    jitter = torch.full((1, 1, 1), 0.5, device=s.device, dtype=s.dtype)
     if generator is not None:
-        jitter = torch.rand(len(s), 1, 1, generator=generator, device=s.device, dtype=s.dtype) / count
-    share = even + offset + jitter
+        jitter = torch.rand(len(s), 1, 1, generator=generator, device=s.device, dtype=s.dtype)
+    share = even + offset + jitter / count
     low, high = found.low[..., None], found.high[..., None]
     laid = to_warped(low + share * (high - low), *warp).flatten(1)
     edges = s.shape[1]

@@ -32,8 +32,8 @@ class SamplerConfig:
     """Where rays end."""
     knee: float = 0.25
     """Where even samples in t give way to even samples in 1/t."""
-    guided: int = 16
-    """Of the final edges, those that are laid where a ray passes near a known curve."""
+    guided: float = 0.4
+    """Share of the final intervals' edges that is laid where a ray passes near a known curve."""
     padding: float = 0.03
     """Weight given to every interval before resampling: with 32 intervals half of the samples go on
     looking where nothing was found yet, which is how thin things are found (nerfacto: 0.01 of many more
@@ -48,14 +48,15 @@ class SamplerConfig:
             or self.knee <= 0
             or self.padding <= 0
             or self.dilation < 0
+            or not 0 <= self.guided < 1
             or self.final < 1
             or any(n < 1 for n in self.proposals)
         ):
             raise ConfigError(
-                "A sampler needs 0 < near < far, knee > 0, padding > 0, dilation >= 0 and at least one "
-                f"interval a round, but got near={self.near}, far={self.far}, knee={self.knee}, "
+                "A sampler needs 0 < near < far, knee > 0, padding > 0, dilation >= 0, 0 <= guided < 1 and "
+                f"at least one interval a round, but got near={self.near}, far={self.far}, knee={self.knee}, "
                 f"proposals={self.proposals}, final={self.final}, padding={self.padding}, "
-                f"dilation={self.dilation}."
+                f"dilation={self.dilation}, guided={self.guided}."
             )
 
 
@@ -97,6 +98,6 @@ def sample_along_rays(
         u = stratified_levels(len(rays), intervals + 1, generator, s)
         found = ops.dilate(s, w.detach(), config.dilation) if config.dilation else w.detach()
         s = ops.resample_edges(s, found, u, config.padding, anneal)
-    if windows is not None and config.guided:
-        s = guide_edges(s, windows, config.guided, (config.near, config.far, config.knee), generator)
+    if windows is not None and (count := int(config.guided * config.final)):
+        s = guide_edges(s, windows, count, (config.near, config.far, config.knee), generator)
     return s, tuple(history)

@@ -22,7 +22,7 @@ WIDEST_PX = 24
 
 
 def run_curves(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Curve, ...], float]:
-    """The curves that guide a run, and the seconds it took to find them; read where they are there already."""
+    """The curves that guide a run, and the seconds it took to find them; read where they are there."""
     if not config.train.find_wires:
         return (), 0.0
     if (path := folder / CURVES).exists():
@@ -42,7 +42,7 @@ def guides_for(curves: Sequence[Curve], config: RunConfig) -> Guides | None:
 def favoured_pixels(config: RunConfig, scene: Scene, curves: Sequence[Curve]) -> tuple[Pool, ...]:
     """The pools of pixels that a run draws more often: details, and those along the curves."""
     cfg = config.train
-    pools = detail_pools(scene.images, scene.train, cfg.detail_share, cfg.detail_part)
+    pools = detail_pools(scene.images, scene.train, cfg.detail_share, cfg.detail_part, cfg.detail_map)
     if curves and cfg.curve_share and len(pixels := curve_pixels(scene, curves)):
         return (*pools, Pool(pixels, cfg.curve_share))
     return pools
@@ -54,8 +54,8 @@ def curve_pixels(scene: Scene, curves: Sequence[Curve]) -> Int[np.ndarray, " d"]
     points = [torch.from_numpy(curve.points(np.linspace(*curve.ends, 200))).float() for curve in curves]
     seen = [project(scene.cameras, p) for p in points]
     for i in sorted(scene.train):
-        near = np.zeros(scene.images.image(i).shape[:2], np.uint8)
-        h, w = near.shape
+        w, h = (int(side) for side in scene.cameras.size_px[i])
+        near = np.zeros((h, w), np.uint8)
         for curve, (pixels, depths) in zip(curves, seen, strict=True):
             at, depth = pixels[i].numpy(), depths[i].numpy()
             inside = (depth > 1e-3) & (np.abs(at - [w / 2, h / 2]) < [2 * w, 2 * h]).all(1)

@@ -1,14 +1,15 @@
 """Which pixels a step looks at.
 
-A wire is a thousandth of an image, so a share of the pixels is drawn from the *detail pixels*: those with
-the strongest ridges (thin bright or dark lines) of each training image.  Importance weights keep the loss
+A wire is a thousandth of an image, so a share of the pixels is drawn from the *detail pixels*: those of each
+training image that a map of ridges (thin bright or dark lines) puts first.  Importance weights keep the loss
 unbiased: with N pixels in all and D detail pixels, a pixel is drawn with probability
     q = (1 - share)/N + share/D [is detail]        and counts for        (1/N) / q.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,7 +19,10 @@ from torch import Generator, Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
+from plnerf.wires.ridges import gaussian_derivatives, ridge_map
 
+DetailMap = Literal["hessian", "ridge"]
+"""By what detail pixels are chosen: curvature alone, or the long thin lines of `wires/ridges.py`."""
 MOST_DETAIL_PIXELS = 1 << 24
 """128 MB of indices: the detail pixels of some hundred photos at full size."""
 
@@ -41,7 +45,7 @@ def ridge_strength(image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"
     grey = image.astype(np.float32).mean(-1) / 255
     strength = np.zeros_like(grey)
     for sigma in (1.0, 2.0):
-        smooth, slope, bend = _gaussian_derivatives(sigma)
+        smooth, slope, bend = gaussian_derivatives(sigma)
         xx, xy, yy = (
             cv2.sepFilter2D(grey, cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
             for along_x, along_y in ((bend, smooth), (slope, slope), (smooth, bend))
@@ -51,23 +55,20 @@ def ridge_strength(image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"
     return strength
 
 
-def _gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A Gaussian and its first and second derivative as filters, exact for constants, lines and parabolas.
-
-    Differences of neighbours would do for an edge, but flatten a line one pixel wide to less than an edge.
-    """
-    x = np.arange(-math.ceil(4 * sigma), math.ceil(4 * sigma) + 1, dtype=np.float64)
-    smooth = np.exp(-(x**2) / (2 * sigma**2))
-    smooth /= smooth.sum()
-    variance = (x**2 * smooth).sum()  # sigma^2, but for the sampling
-    bend = (x**2 - variance) * smooth
-    return smooth, x * smooth / variance, 2 * bend / (x**2 * bend).sum()
+DETAIL_MAPS: Mapping[str, Callable[[UInt8[np.ndarray, "h w 3"]], Float[np.ndarray, "h w"]]] = {
+    "hessian": ridge_strength,
+    "ridge": ridge_map,
+}
 
 
 def detail_pixels(
-    store: ImageStore, images: tuple[int, ...], part: float, most: int = MOST_DETAIL_PIXELS
+    store: ImageStore,
+    images: tuple[int, ...],
+    part: float,
+    most: int = MOST_DETAIL_PIXELS,
+    detail_map: DetailMap = "hessian",
 ) -> Int[np.ndarray, " d"]:
-    """Flat indices of the `part` of each image's pixels with the strongest ridges, in increasing order.
+    """Flat indices of the `part` of each image's pixels that the map puts first, in increasing order.
 
     Where these are more than `most` in all, every k-th of them: memory stays bounded, and the loss unbiased,
     since each of these fewer pixels is drawn more often and counts for less.
@@ -76,7 +77,7 @@ def detail_pixels(
     stride = max(1, math.ceil(total / most))
     chosen = []
     for image in sorted(images):
-        strength = ridge_strength(store.image(image)).ravel()
+        strength = DETAIL_MAPS[detail_map](store.image(image)).ravel()
         count = max(1, round(part * strength.size))
         strongest = np.sort(np.argpartition(strength, -count)[-count:])
         chosen.append(store.starts[image] + strongest[image % stride % count :: stride])
@@ -91,9 +92,15 @@ class Pool:
     share: float
 
 
-def detail_pools(store: ImageStore, images: tuple[int, ...], share: float, part: float) -> tuple[Pool, ...]:
+def detail_pools(
+    store: ImageStore,
+    images: tuple[int, ...],
+    share: float,
+    part: float,
+    detail_map: DetailMap = "hessian",
+) -> tuple[Pool, ...]:
     """The detail pixels, a `part` of all pixels, as a pool with a share; none where the share is 0."""
-    return (Pool(detail_pixels(store, images, part), share),) if share else ()
+    return (Pool(detail_pixels(store, images, part, detail_map=detail_map), share),) if share else ()
 
 
 class PixelSampler:
@@ -116,7 +123,7 @@ class PixelSampler:
         self._uniform = 1 - sum(self._shares)
         if self._uniform <= 0:
             raise ConfigError(
-                f"The pools' shares of the drawn pixels must leave some to all pixels, but are {self._shares}. "
+                f"The pools' shares of the draws must leave some to all pixels, but are {self._shares}. "
                 "Lower train.detail_share or train.curve_share."
             )
 

@@ -14,7 +14,7 @@ from plnerf.rays.rays import Rays
 from plnerf.wires.curves import Curve
 
 ITERATIONS = 3
-"""Newton steps to the closest approach; sag turns a tangent by some degrees, so that each gains two digits."""
+"""Newton steps to the closest approach; sag turns tangents by some degrees: each step gains two digits."""
 MOST_OBLIQUE = 0.2
 """Sine of the angle to the curve below which a window grows no longer."""
 WINDOWS = 2
@@ -40,7 +40,7 @@ class Guides:
 
 @dataclass(frozen=True)
 class Windows:
-    """Where along the rays conductors may be: up to `WINDOWS` stretches, the same one twice where it is one."""
+    """Where along the rays conductors may be: `WINDOWS` stretches, the same one twice where it is one."""
 
     low: Float[Tensor, "r k"]
     high: Float[Tensor, "r k"]
@@ -77,7 +77,7 @@ def windows(rays: Rays, guides: Guides, near: float) -> Windows:
 def closest_approach(
     rays: Rays, guides: Guides
 ) -> tuple[Float[Tensor, "r c"], Float[Tensor, "r c"], Float[Tensor, "r c"]]:
-    """Distance t along each ray where it comes closest to each curve, how close, and the sine of their angle."""
+    """Distance t along each ray where it comes closest to each curve, how close, and their angle's sine."""
     o, d = rays.origins[:, None], rays.directions[:, None]
     low, high = guides.ends.unbind(1)
     x = ((low + high) / 2).expand(len(rays), -1)

@@ -51,7 +51,7 @@ def pool(values: Float[np.ndarray, " p"], views: Views, levels: int) -> Float[np
 
 def candidates(views: Views, pooled: Float[np.ndarray, "l p"], box: Box) -> Float[np.ndarray, "c 5"]:
     """The curves with most evidence, best first, at most one for each place of the first plane."""
-    volume = cell_evidence(views, pooled, box.x, *box.low, box.cell, *box.shape, FEWEST_VIEWS)
+    volume = cell_evidence(views, pooled, box.x, box.low, box.cell, box.shape, FEWEST_VIEWS)
     middle = COARSE // 2
     coarse = maximum_filter(volume, (1, COARSE, COARSE))[:, middle::COARSE, middle::COARSE].copy()
     cell = COARSE * box.cell
@@ -68,14 +68,15 @@ def candidates(views: Views, pooled: Float[np.ndarray, "l p"], box: Box) -> Floa
 
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
-def cell_evidence(views, pooled, x, low_y, low_z, cell, ny, nz, fewest):
+def cell_evidence(views, pooled, x, low, cell, shape, fewest):
     """Mean response of each cell over the views that see it; 0 where fewer than `fewest` do."""
+    ny, nz = shape
     out = np.zeros((len(x), ny, nz), np.float32)
     for ij in prange(len(x) * ny):
         i, j = ij // ny, ij % ny
-        y = low_y + j * cell
+        y = low[0] + j * cell
         for k in range(nz):
-            z = low_z + k * cell
+            z = low[1] + k * cell
             total, seen = 0.0, 0
             for n in range(len(views.R)):
                 u, v, depth = look_at(views, n, x[i], y, z)

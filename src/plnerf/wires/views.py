@@ -26,11 +26,18 @@ class Views(NamedTuple):
 
 def views_of(cameras: Cameras) -> Views:
     """The kernels' form of some cameras."""
-    double = (t.double().numpy() for t in (cameras.focal_px, cameras.principal_px, cameras.distortion))
     R_camera_scene = np.ascontiguousarray(cameras.R_scene_camera.double().numpy().transpose(0, 2, 1))
     sizes = cameras.size_px.numpy()
     starts = np.concatenate([[0], np.cumsum(sizes.prod(1))[:-1]]).astype(np.int64)
-    return Views(R_camera_scene, cameras.centre.double().numpy(), *double, sizes, starts)
+    return Views(
+        R_camera_scene,
+        cameras.centre.double().numpy(),
+        cameras.focal_px.double().numpy(),
+        cameras.principal_px.double().numpy(),
+        cameras.distortion.double().numpy(),
+        sizes,
+        starts,
+    )
 
 
 @njit(cache=True, error_model="numpy")

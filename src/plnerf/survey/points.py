@@ -1,0 +1,123 @@
+"""Points on wires, from a trained field: the depth it shows at the images' wire pixels, where it makes lines.
+
+The same for every preset and free of any curve: pixels come from ridges of the training images, depths from
+the field alone.  A wire pixel whose depth is wrong (the field has no wire there and shows what is behind)
+ends up on a surface or alone, and is dropped by asking for a line of points seen from several views.
+
+Letters: n points; lengths in the scene frame but for what is handed out, which is in the world frame.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from plnerf.rays.rays import pixel_rays
+from plnerf.render.images import default_chunk
+from plnerf.render.proposals import to_distance
+from plnerf.scene.scene import Scene
+from plnerf.train.run import TrainedRun
+from plnerf.wires.evidence import line_response, track_slope, vanishing_directions
+
+MOST_PER_VIEW = 4000
+WEAKEST = 0.2
+"""Response of a pixel that may be a wire's."""
+SOLID = 0.5
+"""Share of a ray's light that must come from within `THICK_PX` of its median depth."""
+THICK_PX = 8.0
+"""In widths of the pixel there."""
+AROUND_PX = 40.0
+"""Radius of a neighbourhood, in widths of a pixel at the typical distance."""
+FEWEST_VIEWS, FEWEST_POINTS = 3, 8
+STRAIGHT = 0.33
+"""Spread across the line, as a share of the spread along it, that still makes a line."""
+AXIS_DEG = 30.0
+"""Angle to the span's axis within which a line may be a conductor."""
+
+
+@dataclass(frozen=True)
+class WirePoints:
+    """n points on wires, world frame."""
+
+    points: Float[np.ndarray, "n 3"]
+    view: Int[np.ndarray, " n"]
+    """Index of the image that saw each."""
+    solid: Float[np.ndarray, " n"]
+    """Share of the ray's light that comes from the point."""
+    tried: int
+    """Wire pixels that were looked at."""
+
+
+def wire_points(run: TrainedRun, progress: Callable[[int, int], None] | None = None) -> WirePoints:
+    """Points on wires that the run's field shows at wire pixels of its training images."""
+    scene, model = run.scene, run.model
+    slope = track_slope(scene.cameras.centre[list(scene.train)].double().numpy())
+    places, views, shares, footprints = [], [], [], []
+    with torch.inference_mode():
+        train = torch.tensor(scene.train, device=model.appearance.device)
+        for done, i in enumerate(scene.train):
+            rays = pixel_rays(scene.cameras, *wire_pixels(scene, i, slope), model.backend)
+            for first in range(0, len(rays), default_chunk(model)):
+                some = rays[first : first + default_chunk(model)].to(train.device)
+                out = model(some, appearance=model.mean_appearance(len(some), train))
+                width = some.radius * out.depth_median
+                t = to_distance(out.histograms[-1].s, model.config.sampler)
+                shares.append(light_near(t, out.histograms[-1].w, out.depth_median, THICK_PX * width).cpu())
+                places.append((some.origins + out.depth_median[:, None] * some.directions).cpu())
+                views.append(np.full(len(some), i))
+                footprints.append(width.cpu())
+            if progress is not None:
+                progress(done + 1, len(scene.train))
+    points, view = torch.cat(places).double().numpy(), np.concatenate(views)
+    share, footprint = torch.cat(shares).numpy(), torch.cat(footprints).numpy()
+    low, high = scene.box
+    inside = ((points > low - 0.1) & (points < high + 0.1)).all(1)
+    use = (share > SOLID) & inside
+    if use.any():
+        radius = AROUND_PX * float(np.median(footprint[use]))
+        use[use] = on_lines(points[use], view[use], radius)
+    return WirePoints(scene.frames.to_world(points[use]), view[use], share[use], len(points))
+
+
+def wire_pixels(scene: Scene, i: int, slope: float) -> tuple[Int[Tensor, " r"], Float[Tensor, "r 2"]]:
+    """Camera and place of the strongest ridges of an image that run as the span does."""
+    picture = scene.images.image(i)
+    response = line_response(picture, vanishing_directions(scene.cameras, i, picture.shape[:2], slope))
+    response = np.where(scene.images.valid(i), response, 0)
+    flat = np.flatnonzero(response > WEAKEST)
+    flat = flat[np.argsort(-response.flat[flat], kind="stable")][:MOST_PER_VIEW]
+    row, column = np.divmod(flat, picture.shape[1])
+    place = torch.from_numpy(np.stack([column + 0.5, row + 0.5], 1)).float()
+    return torch.full((len(flat),), i), place
+
+
+def light_near(
+    t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"], depth: Float[Tensor, " r"], half: Float[Tensor, " r"]
+) -> Float[Tensor, " r"]:
+    """Share of each ray's light from intervals whose middles lie within `half` of a depth."""
+    middle = (t[:, 1:] + t[:, :-1]) / 2
+    return (w * ((middle - depth[:, None]).abs() <= half[:, None])).sum(1)
+
+
+def on_lines(
+    points: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Which points have neighbours of several views on a line along the span, and few beside it."""
+    tree = cKDTree(points)
+    keep = np.zeros(len(points), dtype=bool)
+    least = np.cos(np.deg2rad(AXIS_DEG))
+    for first in range(0, len(points), 4096):
+        part = slice(first, min(first + 4096, len(points)))
+        for n, near in zip(
+            range(part.start, part.stop), tree.query_ball_point(points[part], radius), strict=True
+        ):
+            if len(near) < FEWEST_POINTS or len(np.unique(view[near])) < FEWEST_VIEWS:
+                continue
+            apart = points[near] - points[near].mean(0)
+            spread, axes = np.linalg.eigh(apart.T @ apart)
+            keep[n] = spread[1] < STRAIGHT**2 * spread[2] and abs(axes[0, 2]) > least
+    return keep
