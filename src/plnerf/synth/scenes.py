@@ -43,7 +43,7 @@ DOUBLE_CIRCUIT = SceneConfig(
             WireConfig("right earth", "shield", -3.0, 41.35, 7.3, 0.022, insulator="none"),
         ),
         support=SupportConfig(height_m=43.2, foot_m=5.4, waist_m=2.1, shoulder_m=1.3, string_length_m=2.65),
-        terrain=TerrainConfig(waves=0.35, hills=0.12, centre_m=-130.0),
+        terrain=TerrainConfig(waves=0.35, hills=0.12, track="none", centre_m=-130.0),
         plants=PlantsConfig(trees=22, bushes=26, background=230, trees_across_m=(14.0, 45.0)),
         spacer_step_m=45.0,
     ),

@@ -41,6 +41,9 @@ class Ground:
         zero = np.zeros(1)
         near = self.terrain.waves * (waves(x_m, y_m) - waves(zero, zero)[0])
         level = near + far * far * (3 - 2 * far) * hills * self.terrain.hills
+        if self.terrain.hills < 1:  # flat land rises far away, lest one look over the model's edge
+            rim = np.clip((np.hypot(x_m, y_m) - 600.0) / 400.0, 0.0, 1.0)
+            level = level + (1 - self.terrain.hills) * 80.0 * rim * rim * (3 - 2 * rim)
         if self.terrain.rise_m == 0:
             return level
         # A slope that ends in plains: the full rise between the supports, 3 times as much in all.
