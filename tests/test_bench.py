@@ -182,7 +182,7 @@ def test_figures_of_round_numbers() -> None:
     ("changed", "text"),
     [
         ({"suites": ("ops", "spam")}, "no suite 'spam'"),
-        ({"suites": ()}, "one or more of ops, train, render"),
+        ({"suites": ()}, "one or more of ops, train, render, span"),
         ({"suites": ("ops", "ops")}, "each once"),
         ({"seconds": 0.0}, "--seconds is 0.0"),
         ({"targets_db": (math.nan,)}, "nan"),

@@ -230,9 +230,9 @@ def bench(  # noqa: PLR0913 (an argument is an option)
     """Measure this machine with plnerf: ops against plain torch, training, rendering.
 
     Args:
-        suite: What to measure: ops, train, render.
+        suite: What to measure: ops, train, render, span (wires found by each preset).
         out: New folder for bench.json, bench.md and the runs that are made.
-        scene: Scene to train on; the bundled span, with the demo's settings, when left out.
+        scene: Scene to train on, for the suite span also a folder of scenes; the bundled span when left out.
         run: Finished run to render; one is trained when left out.
         preset: Named settings to start from.
         downscale: Integer factor by which images are made smaller.

@@ -8,7 +8,7 @@ from typing import Literal
 from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import BackendChoice
 
-SUITES = ("ops", "train", "render")
+SUITES = ("ops", "train", "render", "span")
 
 
 @dataclass(frozen=True)
@@ -17,9 +17,10 @@ class BenchConfig:
 
     out: Path
     """Folder for bench.json, bench.md and the runs that are made."""
-    suites: tuple[str, ...] = SUITES
+    suites: tuple[str, ...] = ("ops", "train", "render")
     scene: Path | None = None
-    """Scene of the suites train and render; None is the bundled span with the demo's settings."""
+    """Scene of the suites train and render, or scene or folder of scenes of the suite span; None is the
+    bundled span, with the demo's settings for train and render."""
     run: Path | None = None
     """Finished run for the suite render; None trains one."""
     preset: str = "pl-nerf"
@@ -27,7 +28,7 @@ class BenchConfig:
     """Settings changed, as path.to.key=value."""
     downscale: int = 1
     seconds: float = 60.0
-    """Training budget of the suite train."""
+    """Training budget of the suite train, and of every run of the suite span."""
     targets_db: tuple[float, ...] = (18.0, 20.0, 22.0)
     """Held-out PSNRs whose times are told."""
     seed: int = 0

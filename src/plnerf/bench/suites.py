@@ -25,6 +25,7 @@ from plnerf.bench.config import BenchConfig
 from plnerf.bench.machine import circumstances
 from plnerf.bench.ops_suite import measure_ops, ops_json, ops_tables
 from plnerf.bench.render_suite import measure_rendering, render_json, render_table, run_to_render
+from plnerf.bench.span_suite import measure_spans, span_table
 from plnerf.bench.tables import Table
 from plnerf.bench.train_suite import measure_training, train_json, train_tables
 from plnerf.errors import ConfigError, PlnerfError
@@ -112,10 +113,17 @@ def run_render(bench: BenchConfig) -> SuiteResult:
     return SuiteResult((render_table(run, figures),), render_json(run, figures))
 
 
+def run_span(bench: BenchConfig) -> SuiteResult:
+    """The suite `span`."""
+    results = measure_spans(bench, Console())
+    return SuiteResult((span_table(results, bench.seconds),), {"runs": results})
+
+
 _RUNNERS: dict[str, Callable[[BenchConfig], SuiteResult]] = {
     "ops": run_ops,
     "train": run_train,
     "render": run_render,
+    "span": run_span,
 }
 
 
