@@ -8,7 +8,14 @@ import torch
 from torch import Tensor
 
 from plnerf.scene.images import ImageStore
-from plnerf.train.pixels import PixelSampler, detail_pixels, detail_pools, ridge_strength
+from plnerf.train.pixels import (
+    DETAIL_MAPS,
+    DetailMap,
+    PixelSampler,
+    detail_pixels,
+    detail_pools,
+    ridge_strength,
+)
 
 SIZES = [(24, 16), (10, 30), (17, 13), (20, 20)]
 TRAIN = (2, 0, 3)  # in no order, and not all
@@ -37,12 +44,13 @@ def all_pixels(image: int) -> tuple[Tensor, Tensor]:
 
 @pytest.mark.parametrize("masked", [False, True], ids=["no masks", "masks"])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+@pytest.mark.parametrize("chosen_by", ["hessian", "ridge"])
 def test_the_weighted_mean_is_the_mean_over_all_training_pixels(
-    tmp_path: Path, share: float, masked: bool
+    tmp_path: Path, chosen_by: DetailMap, share: float, masked: bool
 ) -> None:
     """E[importance f] = 1/N sum f over valid pixels: within 5 standard errors of 200,000 draws."""
     store = make_store(tmp_path, masked)
-    batch = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, share, 0.1)).draw(
+    batch = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, share, 0.1, chosen_by)).draw(
         200_000, torch.Generator().manual_seed(0)
     )
     drawn = batch.importance * pattern(batch.camera, batch.pixel_px)
@@ -101,14 +109,17 @@ def test_detail_gets_its_share_of_the_draws(tmp_path: Path) -> None:
     ]
 
 
-def test_detail_pixels_are_sorted_and_the_strongest_of_each_image(tmp_path: Path) -> None:
+@pytest.mark.parametrize("chosen_by", ["hessian", "ridge"])
+def test_detail_pixels_are_sorted_and_the_strongest_of_each_image(
+    tmp_path: Path, chosen_by: DetailMap
+) -> None:
     store = make_store(tmp_path)
-    detail = detail_pixels(store, TRAIN, 0.2)
+    detail = detail_pixels(store, TRAIN, 0.2, detail_map=chosen_by)
     assert (np.diff(detail) > 0).all()
     for image in TRAIN:
         first, end = store.starts[image], store.starts[image + 1]
         mine = detail[(detail >= first) & (detail < end)] - first
-        strength = ridge_strength(store.image(image)).ravel()
+        strength = DETAIL_MAPS[chosen_by](store.image(image)).ravel()
         others = np.delete(strength, mine)
         assert len(mine) == round(0.2 * strength.size)
         assert strength[mine].min() >= others.max()

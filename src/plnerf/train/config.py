@@ -9,6 +9,7 @@ from plnerf.ops.dispatch import Backend
 from plnerf.render.model import ModelConfig
 from plnerf.scene.scene import Scene
 from plnerf.train.losses import LossWeights
+from plnerf.train.pixels import DetailMap
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class TrainConfig:
     """Share of the rays drawn from the detail pixels (thin lines)."""
     detail_part: float = 0.1
     """Part of an image's pixels that are detail pixels."""
+    detail_map: DetailMap = "hessian"
+    """What chooses the detail pixels: "hessian", curvature alone; "ridge", long thin lines."""
     find_wires: bool = False
     """Whether conductors are looked for in the images first, to guide pixels and samples."""
     curve_share: float = 0.3
