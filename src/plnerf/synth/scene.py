@@ -130,8 +130,8 @@ def summary(folder: Path) -> str:
     shown = sum(end - start for wire in wires for start, end in wire["seen_m"])
     held_out = sum("depth_path" in frame for frame in content["frames"])
     return (
-        f"{truth['scene']}: {truth['images']} images of {content['w']} x {content['h']} px, {held_out} "
-        f"of them held out; {len(wires)} conductors, {shown:.0f} m of {whole:.0f} m seen {MIN_IMAGES} times or more"
+        f"{truth['scene']}: {truth['images']} images of {content['w']} x {content['h']} px, {held_out} of "
+        f"them held out; {len(wires)} conductors, {shown:.0f} of {whole:.0f} m seen in {MIN_IMAGES} or more"
     )
 
 
