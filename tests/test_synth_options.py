@@ -61,5 +61,5 @@ def test_an_unknown_scene_is_answered_with_those_there_are() -> None:
 
 def test_the_help_names_every_scene() -> None:
     text = " ".join((synth.__doc__ or "").split())
-    listed = text.split("Which scene: ")[1].split(". seed:")[0].split(", ")
+    listed = text.split("is left out: ")[1].split(". seed:")[0].split(", ")
     assert sorted(listed) == sorted(SCENES)

@@ -143,12 +143,10 @@ def synth(  # noqa: PLR0913 (an argument is an option)
 ) -> None:
     """Render a synthetic power line with its exact truth (needs the extra plnerf[synth]).
 
-    What is left out stays as the scene has it.
-
     Args:
         out: Scene folder to write; must not exist.
-        scene: Which scene: span, double-circuit, bundle, distribution, hills, forest, far, parallel,
-            parallel-two-passes, exposure, noisy-poses.
+        scene: Which scene, whose own values stand for what is left out: span, double-circuit, bundle,
+            distribution, hills, forest, far, parallel, parallel-two-passes, exposure, noisy-poses.
         seed: Decides terrain, vegetation, the flight and all noise (span: 7).
         samples: Samples per pixel of the path tracer (span: 64).
         width: Image width in pixels, with the same field of view (span: 480).
