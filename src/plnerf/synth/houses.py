@@ -14,7 +14,7 @@ from plnerf.synth.span import House, Span
 WALLS = ((0.55, 0.50, 0.42), (0.30, 0.13, 0.085), (0.42, 0.40, 0.38), (0.60, 0.57, 0.50))  # plaster, brick
 ROOFS = ((0.20, 0.065, 0.04), (0.075, 0.072, 0.075), (0.16, 0.075, 0.05))
 EAVE_OUT_M = 0.45  # how far the roof reaches beyond the walls
-ACROSS_M = (15.0, 19.0)  # from the line to the house's middle
+ACROSS_M = (16.5, 20.0)  # from the line to the house's middle
 
 
 def place_houses(span: Span, rng: np.random.Generator) -> tuple[House, ...]:
