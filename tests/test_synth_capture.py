@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from plnerf.synth.build import build_span
 from plnerf.synth.capture import look, plan_flight
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.scene import HOLD_OUT_EVERY, transforms_of
-from plnerf.synth.span import build_span, ground_height
 
 SCENE = SceneConfig()
 CONFIG = SCENE.capture
@@ -82,7 +82,7 @@ def test_cameras_keep_clear_of_plants_towers_and_ground():
         for plant in SPAN.plants:
             away = view.centre - np.array(plant.foot)
             assert np.hypot(*away[:2]) > plant.radius_m + 0.5 or away[2] > plant.height_m + 0.5
-        assert view.centre[2] - ground_height(view.centre[:1], view.centre[1:2])[0] > 5.0
+        assert view.centre[2] - SPAN.ground.heights(view.centre[:1], view.centre[1:2])[0] > 5.0
 
 
 def test_transforms_json_holds_every_pose_and_a_box_around_the_span():

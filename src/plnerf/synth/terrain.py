@@ -57,7 +57,7 @@ class Ground:
 
     def point(self, x_m: float, y_m: float) -> Point:
         """The ground's point above x, y."""
-        return x_m, y_m, self.height(x_m, y_m)
+        return float(x_m), float(y_m), self.height(x_m, y_m)
 
     def track_offset(
         self, x_m: Float[np.ndarray, "*n"], y_m: Float[np.ndarray, "*n"]
