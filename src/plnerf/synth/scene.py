@@ -131,7 +131,7 @@ def summary(folder: Path) -> str:
     held_out = sum("depth_path" in frame for frame in content["frames"])
     return (
         f"{truth['scene']}: {truth['images']} images of {content['w']} x {content['h']} px, {held_out} of "
-        f"them held out; {len(wires)} conductors, {shown:.0f} of {whole:.0f} m seen in {MIN_IMAGES} or more"
+        f"them held out; {len(wires)} conductors, {shown:.0f} of {whole:.0f} m in {MIN_IMAGES} images or more"
     )
 
 
