@@ -1,20 +1,27 @@
 """Laws that every scene of the benchmark keeps, by its geometry alone: nothing is rendered here."""
 
+import json
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+import plnerf
 from plnerf.synth.build import build_span, sub_conductors
 from plnerf.synth.capture import plan_flight
-from plnerf.synth.check import check_cameras
+from plnerf.synth.check import check_cameras, support_meshes
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.houses import roof, walls, windows
 from plnerf.synth.insulators import insulators, spacers
+from plnerf.synth.meshes import Mesh
 from plnerf.synth.planting import clearance_m
 from plnerf.synth.scenes import SCENES, WHY
+from plnerf.synth.tower import footings
+from plnerf.synth.truth import truth_of
 
 NAMES = list(SCENES)
 OWN_GEOMETRY = ["span", "double-circuit", "distribution", "forest", "hills", "bundle", "far"]
@@ -211,3 +218,44 @@ def test_the_double_circuit_has_the_measured_figures():
     assert {round(wire.curve.span_m) for wire in span.conductors} == {335}
     for wire in phases:  # measured parameters p of the twelve: 1711 to 1766 m
         assert 1690 < wire.curve.p_m < 1780
+
+
+def test_the_truth_in_the_package_is_that_of_the_default_scene():
+    """All but the stretches seen, which are read from the rendered masks."""
+    kept = json.loads((Path(plnerf.__file__).parent / "data" / "span" / "truth.json").read_text())
+    span, views = built("span")
+    seen = [wire.pop("seen_m") for wire in kept["conductors"]]
+    assert len(seen) == len(span.conductors)
+    assert json.loads(json.dumps(truth_of(span, SCENES["span"], views))) == kept
+
+
+@pytest.mark.parametrize("name", OWN_GEOMETRY)
+def test_supports_reach_their_height_and_into_the_ground(name):
+    span, _ = built(name)
+    for tower in span.towers:
+        bodies = support_meshes(span, tower)
+        if span.config.support.kind == "lattice":
+            bodies.append(footings(span, tower))
+        points = np.concatenate([body.vertices for body in bodies])
+        assert points[:, 2].max() - tower.foot[2] == pytest.approx(tower.height_m, abs=0.1)
+        x, y, _ = tower.foot
+        nearby = points[np.hypot(points[:, 0] - x, points[:, 1] - y) < 4.5]
+        assert (nearby[:, 2] - span.ground.heights(nearby[:, 0], nearby[:, 1])).min() < -0.3
+
+
+def test_openings_of_houses_show_outside_their_walls_and_roofs_cover_them():
+    span, _ = built("distribution")
+    for house in span.houses:
+        panes, _ = windows(house)
+        wall = Mesh(walls(house).vertices[:10], walls(house).faces[:10])
+        for pane in np.array_split(panes.vertices, len(panes.vertices) // 8):
+            assert closest_m(wall, pane).max() > 0.02  # the glass stands before the wall it is set in
+        assert roof(house).vertices[:, 2].max() > wall.vertices[:, 2].max()
+
+
+def closest_m(wall: Mesh, points: np.ndarray) -> np.ndarray:
+    """Signed distance of points in front of the wall's nearest face's plane."""
+    a, b, c = (wall.vertices[wall.faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return ((points[:, None] - a[None]) * normal[None]).sum(axis=2).max(axis=1)
