@@ -56,5 +56,9 @@ def _curves(run: TrainedRun) -> list[dict[str, Any]]:
     rows = []
     for curve in read_curves(path):
         ends = frames.to_world(curve.points(np.array(curve.ends)))
-        rows.append({"ends": ends.round(3).tolist(), "sigma": round(curve.sigma / frames.scale, 4)})
+        rows.append({
+            "ends": ends.round(3).tolist(),
+            "sigma": round(curve.sigma / frames.scale, 4),
+            "certain": curve.certain,
+        })
     return rows

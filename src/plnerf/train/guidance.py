@@ -22,16 +22,21 @@ WIDEST_PX = 24
 
 
 def run_curves(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Curve, ...], float]:
-    """The curves that guide a run, and the seconds it took to find them; read where they are there."""
+    """The certain curves, and the seconds it took to find them: 0 where they are there already."""
     if not config.train.find_wires:
         return (), 0.0
     if (path := folder / CURVES).exists():
-        return read_curves(path), 0.0
+        return certain(read_curves(path)), 0.0
     start = time.perf_counter()
     curves = find_curves(scene)
     folder.mkdir(parents=True, exist_ok=True)
     write_curves(path, curves)
-    return curves, time.perf_counter() - start
+    return certain(curves), time.perf_counter() - start
+
+
+def certain(curves: Sequence[Curve]) -> tuple[Curve, ...]:
+    """Those whose place the views fix: the others would lead samples astray."""
+    return tuple(curve for curve in curves if curve.certain)
 
 
 def guides_for(curves: Sequence[Curve], config: RunConfig) -> Guides | None:

@@ -16,6 +16,8 @@ from jaxtyping import Float
 from plnerf.errors import SceneError
 
 REACH_SIGMAS, REACH_PX = 4.0, 6.0
+CERTAIN_PX = 3.0
+"""Curves less certain than so many pixels wide are what views do not fix, or no conductors at all."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Curve:
     """Standard deviation of its place across, in the worst direction, at its least certain point."""
     reach: float
     """How far from the curve its conductor is looked for."""
+    certain: bool
+    """Whether the views fix its place."""
 
     @classmethod
     def of_fit(
@@ -58,6 +62,7 @@ class Curve:
             (float(ends[0]), float(ends[1])),
             sigma,
             max(REACH_SIGMAS * sigma, REACH_PX * footprint),
+            sigma <= CERTAIN_PX * footprint,
         )
 
     def points(self, x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
@@ -75,10 +80,11 @@ class Curve:
             y, z, ends = (tuple(float(v) for v in data[key]) for key in ("y", "z", "ends"))
             if (len(y), len(z), len(ends)) != (2, 3, 2):
                 raise ValueError(f"y, z and ends hold {len(y)}, {len(z)} and {len(ends)} numbers")
-            return cls(y, z, ends, float(data["sigma"]), float(data["reach"]))  # type: ignore[arg-type]  # lengths are checked
+            return cls(y, z, ends, float(data["sigma"]), float(data["reach"]), bool(data["certain"]))  # type: ignore[arg-type]  # lengths are checked
         except (KeyError, TypeError, ValueError) as error:
             raise SceneError(
-                f"A curve in {where} needs y (2 numbers), z (3), ends (2), sigma and reach, but {error!r}. "
+                f"A curve in {where} needs y (2 numbers), z (3), ends (2), sigma, reach and certain: "
+                f"{error!r}. "
                 "Remove the file: the curves are found again."
             ) from error
 

@@ -26,6 +26,7 @@ TRIED = 60
 """Climbed curves that are fitted."""
 NEAR_PX, BESIDE_PX, WEAKEST = 2, 12, 0.15
 ERASED_PX = 4
+SETTLING = 2
 LEAST_SUPPORT = 0.25
 """Share of the views, beyond chance, that show a ridge on a conductor."""
 LONGEST_GAP = 0.15
@@ -62,28 +63,50 @@ def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, 
     order = np.argsort(-scores, kind="stable")[:TRIED]
     fits = [fit for c in order if (fit := refit(views, values, climbed[c], x)) is not None]
     fits.sort(key=lambda fit: -mean_support(views, values, fit.q, x))
-    return tuple(_choose(views, values, fits, x, config.most))
+    chosen = _choose(views, values, fits, x, config.most)
+    for _ in range(SETTLING):
+        chosen = _settle(views, values, chosen, x)
+    return tuple(curve for fit in chosen if (curve := _curve(views, values, fit, x)) is not None)
+
+
+def _curve(
+    views: Views, values: Float[np.ndarray, " p"], fit: Fit, x: Float[np.ndarray, " i"]
+) -> Curve | None:
+    ends = extent(per_plane(views, values, fit.q, x), x)
+    if ends is None:
+        return None
+    return Curve.of_fit(fit.q, fit.covariance, (x[0], x[-1]), ends, typical_footprint(views, fit.q, x))
 
 
 def _choose(
     views: Views, values: Float[np.ndarray, " p"], fits: list[Fit], x: Float[np.ndarray, " i"], most: int
-) -> list[Curve]:
+) -> list[Fit]:
     """Takes the best supported curve, its ridges away from the others, and so on."""
-    chosen: list[Curve] = []
-    fine = np.linspace(x[0], x[-1], 40 * len(x))
+    left, fine = values.copy(), np.linspace(x[0], x[-1], 40 * len(x))
+    chosen: list[Fit] = []
     for first in fits:
-        if len(chosen) == most or mean_support(views, values, first.q, x) < LEAST_SUPPORT:
+        if len(chosen) == most or mean_support(views, left, first.q, x) < LEAST_SUPPORT:
             continue
-        fit = refit(views, values, first.q, x)
-        if fit is None or mean_support(views, values, fit.q, x) < LEAST_SUPPORT:
+        fit = refit(views, left, first.q, x)
+        if fit is None or mean_support(views, left, fit.q, x) < LEAST_SUPPORT:
             continue
-        ends = extent(per_plane(views, values, fit.q, x), x)
-        footprint = typical_footprint(views, fit.q, x)
-        if ends is None:
-            continue
-        chosen.append(Curve.of_fit(fit.q, fit.covariance, (x[0], x[-1]), ends, footprint))
-        erase(views, values, fit.q, fine, ERASED_PX)
+        chosen.append(fit)
+        erase(views, left, fit.q, fine, ERASED_PX)
     return chosen
+
+
+def _settle(
+    views: Views, values: Float[np.ndarray, " p"], chosen: list[Fit], x: Float[np.ndarray, " i"]
+) -> list[Fit]:
+    """Each curve again where the others are: what was taken first had others' ridges before it."""
+    fine = np.linspace(x[0], x[-1], 40 * len(x))
+    settled: list[Fit] = []
+    for k, fit in enumerate(chosen):
+        mine = values.copy()
+        for other in (*settled, *chosen[k + 1 :]):
+            erase(views, mine, other.q, fine, ERASED_PX)
+        settled.append(refit(views, mine, fit.q, x) or fit)
+    return settled
 
 
 def per_plane(

@@ -21,6 +21,10 @@ END_ON = 0.15
 """Sine of the angle between curve and line of sight below which a view says nothing."""
 SIGMA_PX = 0.5
 """Standard deviation of a ridge's place."""
+FEWEST_ROWS = 20
+PRIOR = 0.05
+"""Standard deviation of a curve's numbers before any view: where views fix nothing, as from a track that
+runs along the conductor, the fit stays where it began and says so."""
 PLANES_ALIKE = 4.0
 """Observations of one view in neighbouring planes share their error: so many count as one."""
 
@@ -36,7 +40,7 @@ class Fit(NamedTuple):
 def refit(
     views: Views, values: Float[np.ndarray, " p"], q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]
 ) -> Fit | None:
-    """The curve where the ridges near it are; None where too few are seen to fix it."""
+    """The curve where the ridges near it are; None where hardly any are seen."""
     s = np.linspace(0, 1, len(x))
     for window in WINDOWS_PX:
         rows = observe(views, values, q, x, window, WEAKEST, END_ON)
@@ -47,12 +51,13 @@ def refit(
             1,
         )
         weight = rows[:, 2] / (1 + (e / max(1.0, window / 3)) ** 2)  # Cauchy: the far ones are others' ridges
-        information = (J * weight[:, None]).T @ J
-        if len(rows) < 20 or np.linalg.cond(information) > 1e9:
+        if len(rows) < FEWEST_ROWS:
             return None
+        rms = float(np.sqrt((weight * e**2).sum() / weight.sum()))
+        weight /= max(SIGMA_PX, rms) ** 2 * PLANES_ALIKE
+        information = (J * weight[:, None]).T @ J + np.eye(5) / PRIOR**2
         q = q + np.linalg.solve(information, (J * weight[:, None]).T @ e)
-    rms = float(np.sqrt((weight * e**2).sum() / weight.sum()))
-    return Fit(q, max(SIGMA_PX, rms) ** 2 * PLANES_ALIKE * np.linalg.inv(information), rms)
+    return Fit(q, np.linalg.inv(information), rms)
 
 
 @njit(cache=True, error_model="numpy")
