@@ -13,7 +13,7 @@ import pytest
 from conftest import ROOT
 from plnerf.presets import PRESETS
 
-COMMANDS = ("", "demo", "train", "eval", "render", "synth", "score", "bench")
+COMMANDS = ("", "demo", "train", "eval", "render", "synth", "score", "doctor", "bench")
 HEAVY = (
     "torch",
     "numba",

@@ -1,7 +1,7 @@
 """The command line.  Each subcommand is one call; whatever is heavy is imported where it is used.
 
-Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 130 on
-Ctrl-C.
+Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 3 where the
+doctor finds a scene not usable for wires, 130 on Ctrl-C.
 """
 
 import os
@@ -206,6 +206,32 @@ def score(
     from plnerf.wires.score_report import score_survey
 
     score_survey(survey, truth=truth, out=out, classes=classes, console=Console())
+
+
+@app.command
+def doctor(
+    scene: tyro.conf.Positional[Path],
+    *,
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    distance: float | None = None,
+    wire_diameter: float = 0.03,
+    sigma_px: float = 0.5,
+) -> None:
+    """Say before training whether a scene's camera poses can show where wires are; status 3 if not.
+
+    Args:
+        scene: Folder with transforms.json or a COLMAP model, or the file itself.
+        out: JSON to write.
+        distance: From cameras to wires, where the scene names no span box; 10 m when left out.
+        wire_diameter: Of a conductor in metres.
+        sigma_px: How well a wire is found in an image, in pixels.
+    """
+    from plnerf.wires.doctor_report import examine
+
+    found = examine(
+        scene, out=out, distance=distance, wire_diameter_m=wire_diameter, sigma_px=sigma_px, console=Console()
+    )
+    sys.exit(0 if found.usable else 3)
 
 
 @app.command
