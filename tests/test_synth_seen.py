@@ -1,5 +1,7 @@
 """Which stretches of a wire are said to be seen, against masks drawn by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,13 @@ def test_it_takes_three_images() -> None:
     few = [*WHOLE[: MIN_IMAGES - 1], NONE, NONE]
     assert seen_stretches([CURVE], VIEWS, few, CAPTURE) == [[]]
     assert seen_stretches([CURVE], VIEWS, [*WHOLE[:MIN_IMAGES], NONE], CAPTURE) == [[(0.0, 40.012)]]
+
+
+def test_what_shows_beyond_the_filmed_stretch_is_left_out() -> None:
+    """s runs from x = -20 m on, along (1, 0.025): a filmed stretch of -5 to 8 m is s from 15 to 28 m."""
+    filmed = replace(CAPTURE, filmed_m=(-5.0, 8.0))
+    (((low, high),),) = seen_stretches([CURVE], VIEWS, WHOLE, filmed)
+    assert 15 <= low <= 15 + 2 * STEP_M and 28 - STEP_M <= high <= 28 + STEP_M
 
 
 def test_what_is_hidden_is_left_out_to_within_the_tolerance() -> None:

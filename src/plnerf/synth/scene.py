@@ -47,7 +47,8 @@ def synthesize(
         check_cameras(span, views)
         studio = open_studio(list(span_parts(span)), config.capture, config.image, meshes)
         masks = film(studio, span, views, config, folder, progress)
-        seen = seen_stretches([wire.curve for wire in span.conductors], views, masks, config.capture)
+        curves = [wire.curve for wire in span.conductors]
+        seen = seen_stretches(curves, views, masks, config.capture, span.along)
         _write_json(folder / "truth.json", truth_of(span, config, views, seen))
         written = written_views(views, config.capture, config.seed)
         _write_json(folder / "transforms.json", transforms_of(span, config.capture, written))

@@ -18,8 +18,8 @@ STEP_M = 0.05
 WITHIN_PX = 1.5
 MIN_IMAGES = 3
 SEEN_RULE = (
-    f"seen_m: stretches (s from a along direction) whose axis projects within {WITHIN_PX} px of a "
-    f"wire mask's pixel in at least {MIN_IMAGES} images, looked at every {STEP_M} m"
+    f"seen_m: stretches (s from a along direction) whose axis projects within {WITHIN_PX} px of a wire "
+    f"mask's pixel in at least {MIN_IMAGES} images, looked at every {STEP_M} m, within the filmed stretch"
 )
 
 
@@ -28,9 +28,12 @@ def seen_stretches(
     views: Sequence[View],
     masks: Sequence[Bool[np.ndarray, "h w"]],
     capture: CaptureConfig,
+    along: tuple[float, float] = (1.0, 0.0),
 ) -> list[list[tuple[float, float]]]:
     """For each curve its stretches (s from, s to) that show in at least MIN_IMAGES of the masks.
 
+    Where only a stretch of the line is filmed (capture.filmed_m, along the unit vector `along`) what shows in
+    the distance is left out.
     A projected point shows where a mask pixel's centre lies within WITHIN_PX of it.  Whose wire the pixel is,
     a mask does not say: where wires cross in an image the one behind counts as seen.
     """
@@ -40,6 +43,9 @@ def seen_stretches(
     count = np.zeros(len(points), dtype=np.int64)
     for view, mask in zip(views, masks, strict=True):
         count += shown(points, view, mask, capture)
+    if capture.filmed_m is not None:
+        place = points[:, :2] @ np.array(along)
+        count[(place < capture.filmed_m[0]) | (place > capture.filmed_m[1])] = 0
     return [
         stretches(s, part >= MIN_IMAGES) for s, part in zip(grids, np.split(count, ends[:-1]), strict=True)
     ]
