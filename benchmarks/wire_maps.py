@@ -57,7 +57,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Score:
-    """Pooled over photos, but for the last two."""
+    """Over the pixels of all photos."""
 
     average_precision: float
     threshold: float
@@ -251,7 +251,7 @@ def main(arguments: Arguments) -> None:
         milliseconds = 1000 * (time.perf_counter() - start) / len(maps)
         entry: dict[str, Any] = {"ms": milliseconds}
         report["maps"][name] = entry
-        for masts in (True, False):
+        for masts in (True, False)[: 1 + any(photo.mast.any() for photo in sides["both"])]:
 
             def all_of(photos: list[Photo], maps: dict = maps, masts: bool = masts) -> list[Judged]:
                 return [judge(maps[photo.name], photo, arguments.tolerance_px, masts) for photo in photos]
