@@ -49,6 +49,8 @@ class Studio:
         """
         integrator = self.mi.load_dict({"type": "path", "max_depth": BOUNCES})
         samples = max(1, round(self.image.samples_per_pixel / len(instants)))
+        rows = math.isqrt(samples)  # the sampler fills a grid of cells, and would round with a warning
+        samples = rows * -(-samples // rows)
         total = np.zeros((self.capture.height_px, self.capture.width_px, 3))
         for k, view in enumerate(instants):
             sampler = {"type": "multijitter", "sample_count": samples, "seed": seed + (k << 16)}
