@@ -20,7 +20,7 @@ class BenchConfig:
     suites: tuple[str, ...] = ("ops", "train", "render")
     scene: Path | None = None
     """Scene of the suites train and render, or scene or folder of scenes of the suite span; None is the
-    bundled span, with the demo's settings for train and render."""
+    bundled span, with SPAN_SETTINGS for train and render."""
     run: Path | None = None
     """Finished run for the suite render; None trains one."""
     preset: str = "pl-nerf"

@@ -44,6 +44,11 @@ def _whole(run: TrainedRun, camera: Cameras, appearance: Tensor) -> RenderedView
     return render_view(run.model, camera, appearance, normals=False)
 
 
+def renderers_of(run: TrainedRun) -> tuple[Renderer, ...]:
+    """Those that can render this run: what has a field around conductors cannot be pruned."""
+    return RENDERERS if run.model.tubes is None else RENDERERS[:1]
+
+
 def _pruned(run: TrainedRun, camera: Cameras, appearance: Tensor) -> RenderedView:
     return render_view(run.model, camera, appearance, normals=False, pruning=FLIGHT)
 

@@ -24,7 +24,13 @@ from plnerf.bench.cases import op_cases
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.machine import circumstances
 from plnerf.bench.ops_suite import measure_ops, ops_json, ops_tables
-from plnerf.bench.render_suite import measure_rendering, render_json, render_table, run_to_render
+from plnerf.bench.render_suite import (
+    measure_rendering,
+    render_json,
+    render_table,
+    renderers_of,
+    run_to_render,
+)
 from plnerf.bench.span_suite import measure_spans, span_table
 from plnerf.bench.tables import Table
 from plnerf.bench.train_suite import measure_training, train_json, train_tables
@@ -109,7 +115,7 @@ def run_render(bench: BenchConfig) -> SuiteResult:
     run = run_to_render(bench, Console())
     repeats, views = (1, 1) if bench.quick else (3, 3)
     with bar(Console(), "render") as progress:
-        figures = measure_rendering(run, views=views, repeats=repeats, progress=progress)
+        figures = measure_rendering(run, renderers_of(run), views=views, repeats=repeats, progress=progress)
     return SuiteResult((render_table(run, figures),), render_json(run, figures))
 
 

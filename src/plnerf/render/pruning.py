@@ -74,6 +74,11 @@ def render_pruned(
         raise ConfigError(
             "This model predicts no normals: it was trained with model.field.normals=false. Ask for none."
         )
+    if model.tubes is not None:
+        raise ConfigError(
+            "This model has a field around found conductors, which pruned rendering leaves out. Render it "
+            "exactly: without pruning."
+        )
     ops, twin, sampler = ray_ops(model.backend), _twin(model), model.config.sampler
     with torch.no_grad():
         densities = [partial(twin.densities, model, field) for field in model.proposals]

@@ -80,7 +80,9 @@ def render_run(
     if video:
         require_ffmpeg()
     shots = shots_of(run, views, frames, scale)
-    pruning = FLIGHT if views == "path" and run.model.backend == "numba" else None
+    # The pruned renderer knows nothing of the field around curves yet.
+    prunes = views == "path" and run.model.backend == "numba" and run.model.tubes is None
+    pruning = FLIGHT if prunes else None
     folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
     shown = _shared_range(run.model, shots, run.scene, pruning) if "depth" in outputs else None
     _clear(folder, outputs)
