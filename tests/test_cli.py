@@ -94,7 +94,7 @@ def scene_is_not_there(place: Place) -> list[str | Path]:
 
 @case
 def unknown_preset(place: Place) -> list[str | Path]:
-    return place.train("--preset", "nerfacto")
+    return place.train("--preset", "gaussians")
 
 
 @case
@@ -230,6 +230,17 @@ def render_without_frames(place: Place) -> list[str | Path]:
 @case
 def render_at_no_size(place: Place) -> list[str | Path]:
     return ["render", place.run, "--scale", "0"]
+
+
+@case
+def survey_of_no_run(place: Place) -> list[str | Path]:
+    return ["survey", place.free]
+
+
+@case
+def survey_into_a_file(place: Place) -> list[str | Path]:
+    (place.free / "file").touch()
+    return ["survey", place.run, "-o", place.free / "file"]
 
 
 @case

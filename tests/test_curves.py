@@ -1,6 +1,7 @@
-"""Curves are what the fit says, with its uncertainty; files give them back to the bit, or say what is wrong."""
+"""Curves are what the fit says, with its uncertainty; files give them back to the bit, or say why not."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +71,7 @@ def test_a_longer_curve_is_no_more_certain(seed: int) -> None:
     sigmas = [
         Curve.of_fit(q, covariance, (-1.0, 1.0), (-end, end), 1e-3).sigma for end in (0.01, 0.5, 1.0, 1.5)
     ]
-    assert all(a <= 1.01 * b for a, b in zip(sigmas, sigmas[1:], strict=False))
+    assert all(a <= 1.01 * b for a, b in pairwise(sigmas))
 
 
 @given(st.integers(0, 1000), st.floats(1e-5, 0.1))

@@ -1,4 +1,4 @@
-"""A line along the span responds where it is, whatever its polarity and the light; a line across it does not."""
+"""A line along the span responds where it is, whatever the light; a line across does not."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Where rays pass near curves: against looking everywhere along both; nothing is missed, nothing is made up."""
+"""Where rays pass near curves: against looking everywhere; nothing is missed, nothing made up."""
 
 import numpy as np
 import pytest

@@ -7,11 +7,13 @@ import pytest
 import torch
 from torch import Tensor
 
+from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
 from plnerf.train.pixels import (
     DETAIL_MAPS,
     DetailMap,
     PixelSampler,
+    Pool,
     detail_pixels,
     detail_pools,
     ridge_strength,
@@ -186,3 +188,80 @@ def test_detail_pixels_are_bounded_and_some_of_the_strongest(tmp_path: Path, mos
     assert set(store.locate(torch.from_numpy(some))[0].tolist()) == set(TRAIN)
     if most >= len(whole):
         assert np.array_equal(some, whole)
+
+
+POOLS = ((0.3, slice(3, 60)), (0.25, slice(40, 200)), (0.1, slice(0, 7)))
+"""Shares, and which of the detail pixels: the second overlaps the first, the third is small."""
+
+
+def some_pools(store: ImageStore) -> tuple[Pool, ...]:
+    detail = detail_pixels(store, TRAIN, 0.25)
+    return tuple(Pool(detail[part], share) for share, part in POOLS)
+
+
+def flat_of(store: ImageStore, camera: Tensor, pixel_px: Tensor) -> Tensor:
+    corner = (pixel_px - 0.5).long()
+    width = torch.tensor([w for w, _ in SIZES])[camera]
+    return torch.from_numpy(store.starts)[camera] + corner[:, 1] * width + corner[:, 0]
+
+
+def test_each_pool_is_drawn_as_often_as_it_was_told(tmp_path: Path) -> None:
+    """From its share, from the others' that overlap it, and from the uniform rest; and weighed by it."""
+    store = make_store(tmp_path)
+    pools = some_pools(store)
+    batch = PixelSampler(store, TRAIN, pools).draw(100_000, torch.Generator().manual_seed(0))
+    flat = flat_of(store, batch.camera, batch.pixel_px).numpy()
+    total = sum(SIZES[i][0] * SIZES[i][1] for i in TRAIN)
+    uniform = 1 - sum(pool.share for pool in pools)
+    for pool in pools:
+        others = sum(
+            other.share * len(np.intersect1d(other.pixels, pool.pixels)) / len(other.pixels)
+            for other in pools
+        )
+        often = uniform * len(pool.pixels) / total + others
+        assert np.isin(flat, pool.pixels).mean() == pytest.approx(often, abs=0.01)
+    for value in np.unique(flat)[::40]:
+        often = uniform + sum(pool.share * total / len(pool.pixels) for pool in pools if value in pool.pixels)
+        mine = batch.importance[torch.from_numpy(flat == value)]
+        torch.testing.assert_close(mine, torch.full_like(mine, 1 / often))
+
+
+@pytest.mark.parametrize("masked", [False, True], ids=["no masks", "masks"])
+def test_several_pools_leave_the_weighted_mean_that_of_all_pixels(tmp_path: Path, masked: bool) -> None:
+    store = make_store(tmp_path, masked)
+    batch = PixelSampler(store, TRAIN, some_pools(store)).draw(200_000, torch.Generator().manual_seed(0))
+    drawn = batch.importance * pattern(batch.camera, batch.pixel_px)
+    truth = torch.cat([
+        pattern(*all_pixels(i)) * torch.from_numpy(store.valid(i).ravel()) for i in TRAIN
+    ])  # fmt: skip
+    assert abs(float(drawn.mean() - truth.mean())) < 5 * float(drawn.std()) / len(drawn) ** 0.5
+
+
+@pytest.mark.parametrize("unbias", [0.0, 0.4, 1.0])
+def test_unbias_is_the_power_of_the_weights(tmp_path: Path, unbias: float) -> None:
+    """And changes no draw: 0 leaves every pixel a weight of 1, masked ones none."""
+    store = make_store(tmp_path, masked=True)
+    whole, powered = (
+        PixelSampler(store, TRAIN, some_pools(store), power).draw(5_000, torch.Generator().manual_seed(0))
+        for power in (1.0, unbias)
+    )
+    assert torch.equal(whole.pixel_px, powered.pixel_px) and torch.equal(whole.camera, powered.camera)
+    seen = whole.importance > 0
+    assert (~seen).any() and (powered.importance[~seen] == 0).all()
+    torch.testing.assert_close(powered.importance[seen], whole.importance[seen] ** unbias)
+
+
+@pytest.mark.parametrize("shares", [(1.0,), (0.5, 0.5), (0.9, 0.3)])
+def test_pools_must_leave_some_draws_to_all_pixels(tmp_path: Path, shares: tuple[float, ...]) -> None:
+    store = make_store(tmp_path)
+    pixels = detail_pixels(store, TRAIN, 0.1)
+    with pytest.raises(ConfigError, match=r"train\.detail_share or train\.curve_share") as caught:
+        PixelSampler(store, TRAIN, [Pool(pixels, share) for share in shares])
+    assert all(str(share) in str(caught.value) for share in shares)
+
+
+def test_without_a_share_there_is_no_pool(tmp_path: Path) -> None:
+    store = make_store(tmp_path)
+    assert detail_pools(store, TRAIN, 0.0, 0.1) == ()
+    (pool,) = detail_pools(store, TRAIN, 0.2, 0.1)
+    assert pool.share == 0.2 and np.array_equal(pool.pixels, detail_pixels(store, TRAIN, 0.1))

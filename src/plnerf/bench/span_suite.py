@@ -82,7 +82,8 @@ def span_table(results: Sequence[dict[str, Any]], seconds: float) -> Table:
         rows.append((
             one["scene"], one["preset"],
             *(figure(overall[f"recall_{key}"]) for key in ("5cm", "10cm", "25cm")),
-            figure(overall["precision_10cm"]), figure(max(wire["longest_gap_m"] for wire in wires)),
+            figure(overall["precision_10cm"]),
+            figure(max((wire["longest_gap_m"] for wire in wires), default=None)),
             figure(images["near_wire_psnr_db"], 4), figure(images["psnr_db"], 4), f"{one['steps']:,}",
         ))  # fmt: skip
     columns = (
