@@ -54,7 +54,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
-        preset: Named settings to start from: pl-nerf, pl-nerf-wire (keeps thin wires whole), nerfacto.
+        preset: Named settings to start from: pl-nerf, pl-nerf-wire, nerfacto.
         seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
