@@ -6,7 +6,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -112,6 +112,7 @@ def test_lines_are_lines_in_every_format(tmp_path: Path) -> None:
     assert (read_cloud(tmp_path / "c.ply").points == sample_lines([LINE[:2], LINE[1:]])).all()
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=1, max_size=6),
     st.floats(0.05, 20),

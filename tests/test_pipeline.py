@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -135,8 +136,11 @@ def test_demo_goes_from_photos_to_pictures(
     tiny_scene: Path, tmp_path: Path, console: Console, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All of `plnerf demo`, on a smaller scene."""
+    shutil.copy(pipeline.bundled_span() / "truth.json", tiny_scene)  # of other wires: none is found
     monkeypatch.setattr(pipeline, "bundled_span", lambda: tiny_scene)
     out = pipeline.run_demo(tmp_path / "demo", seconds=0.5, console=console)
+    score = json.loads((out / "survey" / "wires.score.json").read_text())
+    assert score["overall"]["recall_25cm"] == 0
     assert open_run(out).seconds >= 0.5
     assert len(list((out / "eval" / "panels").glob("*.png"))) == 2
     assert (out / "renders" / "path-rgb.mp4").stat().st_size > 1000

@@ -6,6 +6,7 @@ is a function of the run's seed and the step, so that a resumed run repeats an u
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from functools import partial
@@ -50,7 +51,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     curves, searched = run_curves(config, scene, folder)
     model = build_model(config, scene, guides_for(curves, config))
     optimizer = build_optimizer(model, cfg)
-    step, seconds = 0, searched
+    step, seconds = 0, charged(searched, config)
     if saved := list_checkpoints(checkpoints):
         start = load_checkpoint(saved[-1], model, optimizer)
         step, seconds = start.step, start.seconds
@@ -96,6 +97,18 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
                 drop_old_checkpoints(checkpoints, keep=2)
         report.end(step, seconds)
     return folder
+
+
+def charged(searched: float, config: RunConfig) -> float:
+    """The seconds of finding conductors that count as training: all, but a tenth of the budget is left."""
+    if config.seconds is None or searched <= (most := 0.9 * config.seconds):
+        return searched
+    warnings.warn(
+        f"Finding conductors took {searched:.1f} s of a budget of {config.seconds:g} s, of which "
+        f"{config.seconds - most:.1f} s are left to train. Give a larger budget.",
+        stacklevel=2,
+    )
+    return most
 
 
 def step_taker(
