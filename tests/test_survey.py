@@ -1,21 +1,25 @@
 """The survey of a run: points where its pictures say, in the world's frame, as files that can be scored."""
 
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from drawn import hanging
 from plnerf.errors import ConfigError
+from plnerf.scene.cameras import project
 from plnerf.survey import points as survey_points
-from plnerf.survey.points import MOST_PER_VIEW, WirePoints, wire_pixels, wire_points
+from plnerf.survey.points import MOST_PER_VIEW, WirePoints, ridge_pixels, wire_points
 from plnerf.survey.survey import survey_run
 from plnerf.train.guidance import CURVES
 from plnerf.train.loop import train
 from plnerf.train.run import TrainedRun, open_run
 from plnerf.wires.clouds import read_cloud
 from plnerf.wires.curves import Curve, write_curves
+from plnerf.wires.evidence import track_slope
 from tiny_run import Recorder, tiny_config
 
 
@@ -77,18 +81,18 @@ def test_a_file_is_not_written_over(run: TrainedRun, tmp_path: Path) -> None:
     assert (tmp_path / "out").read_text() == "mine"
 
 
-def test_wire_pixels_are_centres_of_the_image_the_strongest_ones(
+def test_ridge_pixels_are_centres_of_the_image_the_strongest_ones(
     run: TrainedRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = run.scene
-    camera, place = wire_pixels(scene, 1, 0.0)
+    camera, place = ridge_pixels(scene, 1, 0.0)
     assert 0 < len(place) <= MOST_PER_VIEW and (camera == 1).all() and len(camera) == len(place)
     corner = place - 0.5
     assert (corner == corner.round()).all() and (corner >= 0).all()
     assert (corner[:, 0] < 48).all() and (corner[:, 1] < 32).all()
     assert len(corner.unique(dim=0)) == len(corner)
     monkeypatch.setattr(survey_points, "MOST_PER_VIEW", 5)
-    assert (wire_pixels(scene, 1, 0.0)[1] == place[:5]).all()
+    assert (ridge_pixels(scene, 1, 0.0)[1] == place[:5]).all()
 
 
 def test_points_that_are_handed_out_are_solid_and_in_the_box(run: TrainedRun) -> None:
@@ -98,3 +102,20 @@ def test_points_that_are_handed_out_are_solid_and_in_the_box(run: TrainedRun) ->
     low, high = run.scene.box
     assert ((inside > low - 0.11) & (inside < high + 0.11)).all() and (found.solid > 0.5).all()
     assert set(found.view) <= set(run.scene.train)
+
+
+def test_points_lie_in_front_of_their_cameras_on_the_rays_of_ridge_pixels(
+    run: TrainedRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All that were tried: seen from their views, they are the ridge pixels again."""
+    monkeypatch.setattr(survey_points, "SOLID", -1.0)
+    monkeypatch.setattr(survey_points, "on_lines", lambda points, view, radius: np.full(len(points), True))
+    whole = dataclasses.replace(run.scene, box=np.array([[-1e6] * 3, [1e6] * 3]))
+    found = wire_points(dataclasses.replace(run, scene=whole))
+    assert len(found.points) == found.tried > 100
+    slope = track_slope(run.scene.cameras.centre[list(run.scene.train)].double().numpy())
+    for i in run.scene.train:
+        mine = torch.from_numpy(run.scene.frames.to_scene(found.points[found.view == i])).float()
+        pixel, depth = project(run.scene.cameras, mine)
+        assert (depth[i] > 0).all()
+        torch.testing.assert_close(pixel[i], ridge_pixels(run.scene, i, slope)[1], atol=0.02, rtol=0)

@@ -79,7 +79,7 @@ def vertex_row(i, j, k, n, dense, mask):
 
 @njit(inline="always")
 @no_type_check
-def _fill(x, first, count, n, dense, mask, cubic, rows, shares):  # noqa: PLR0913 (a kernel has no structs)
+def _fill(x, first, count, n, dense, mask, cubic, rows, shares):  # noqa: PLR0913 (a kernel's arrays, one by one)
     real = x.dtype.type
     one = real(1)
     for p in range(count):

@@ -141,7 +141,7 @@ def _normalise(y):
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _look(  # noqa: PLR0913 (a kernel has no structs)
+def _look(  # noqa: PLR0913 (a kernel's arrays, one by one)
     origins, directions, radius, t, w, light, stretch, contraction, octaves, grid, density, colour,
     normal, base, colours, normals, computed, parts,
 ):  # fmt: skip

@@ -69,7 +69,7 @@ def _kernels(features: int) -> _Kernels:
                         g_x[3 * p + 2] += value * pu * pv * (dw if d else -dw)
 
     @njit(parallel=True, cache=True, fastmath=FAST)
-    def position_gradient_backward(  # noqa: PLR0913 (a kernel has no structs)
+    def position_gradient_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
         x, g_out, table, layout, cubic, q, slabs_x, g_g_out, g_table, parts
     ):
         # slabs_x (L, 3 n) has one slab a level, added up by the caller.

@@ -24,7 +24,7 @@ FLOOR = 1e-5
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _blurred(  # noqa: PLR0913 (a kernel has no structs)
+def _blurred(  # noqa: PLR0913 (a kernel's arrays, one by one)
     s, w, s_proposal, w_proposal, h, loss, gradient, start, stop
 ):
     # All sums in double: the integral of the distribution function is needed to much less than h.
@@ -68,7 +68,7 @@ def _blurred(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _blurred_parallel(  # noqa: PLR0913 (a kernel has no structs)
+def _blurred_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
     s, w, s_proposal, w_proposal, h, loss, gradient, rays, parts
 ):
     for part in prange(parts):

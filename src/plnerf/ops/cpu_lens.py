@@ -62,7 +62,7 @@ def _undistort(d, distortion):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _cast(  # noqa: PLR0913 (a kernel has no structs)
+def _cast(  # noqa: PLR0913 (a kernel's arrays, one by one)
     R, centre, focal, principal, distortion, camera, pixel, origins, directions, radius, start, stop
 ):
     width = 2 / math.sqrt(12.0)
@@ -82,7 +82,7 @@ def _cast(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, error_model="numpy")
 @no_type_check
-def _cast_parallel(  # noqa: PLR0913 (a kernel has no structs)
+def _cast_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
     R, centre, focal, principal, distortion, camera, pixel, origins, directions, radius, rays, parts
 ):
     for part in prange(parts):

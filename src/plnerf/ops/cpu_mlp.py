@@ -30,7 +30,7 @@ _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
 
 @njit(**_FLAGS)
 @no_type_check
-def _multiply(out, out_first, rows, width, s, s_first, s_stride, s_step, v, v_first, terms):  # noqa: PLR0913 (a kernel has no structs)
+def _multiply(out, out_first, rows, width, s, s_first, s_stride, s_step, v, v_first, terms):  # noqa: PLR0913 (a kernel's arrays, one by one)
     """out (rows, width) += s (rows, terms) v (terms, width); rows a multiple of 8, width of 16."""
     for c in range(0, width - 31, 32):
         for a in range(0, rows, 8):
@@ -90,7 +90,7 @@ def _stop(g, h):
 
 @njit(parallel=True, **_FLAGS)
 @no_type_check
-def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firsts, out):  # noqa: PLR0913 (a kernel has no structs)
+def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firsts, out):  # noqa: PLR0913 (a kernel's arrays, one by one)
     """hidden (blocks, B sum(H)): what the layers put out, kept for the backward; `firsts` each slab's first
     block, -1 where a slab shall use block number `slab` again and again (nothing is kept)."""
     depth = len(sizes) - 2
@@ -130,7 +130,7 @@ def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firs
 
 @njit(parallel=True, **_FLAGS)
 @no_type_check
-def _backward(  # noqa: PLR0913 (a kernel has no structs)
+def _backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
     x, const, samples, sizes, wide, weights, hidden, firsts, g_out, g_x, g_base, g_weights, g_biases
 ):
     """weights are those of the layers, (O, wide I); g_weights, (wide O, wide I), and g_biases have a slab

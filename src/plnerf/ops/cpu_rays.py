@@ -81,7 +81,7 @@ def _contract(x, y, z, real):
 
 @njit(inline="always")
 @no_type_check
-def gaussian(  # noqa: PLR0913 (a kernel has no structs)
+def gaussian(  # noqa: PLR0913 (a kernel's arrays, one by one)
     o0, o1, o2, d0, d1, d2, radius, t0, t1, A0, A1, A2, contraction, tiny, real
 ):
     """Mean and variances (x, y, z, v0, v1, v2) of an interval's frustum in [-2, 2]^3.
@@ -115,7 +115,7 @@ def gaussian(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def fill_features(  # noqa: PLR0913 (a kernel has no structs)
+def fill_features(  # noqa: PLR0913 (a kernel's arrays, one by one)
     origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, start, stop
 ):
     S, real = t.shape[1] - 1, t.dtype.type
@@ -158,7 +158,7 @@ def fill_features(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _features_parallel(  # noqa: PLR0913 (a kernel has no structs)
+def _features_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
     origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, rays, parts
 ):
     for part in prange(parts):

@@ -32,7 +32,7 @@ _DENSEST = math.exp(_BOUND)
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _densities(  # noqa: PLR0913 (a kernel has no structs)
+def _densities(  # noqa: PLR0913 (a kernel's arrays, one by one)
     origins, directions, radius, t, stretch, contraction, grid, network, sigma, parts
 ):
     rays, S, real = t.shape[0], t.shape[1] - 1, t.dtype.type

@@ -117,7 +117,7 @@ def _composite(t, w, colours, colour, rest, start, stop):
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _render_parallel(  # noqa: PLR0913 (a kernel has no structs)
+def _render_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
     sigma, t, colours, w, behind, colour, rest, rays, parts
 ):
     for part in prange(parts):
@@ -127,7 +127,7 @@ def _render_parallel(  # noqa: PLR0913 (a kernel has no structs)
 
 
 @no_type_check
-def _render(  # noqa: PLR0913 (a kernel has no structs)
+def _render(  # noqa: PLR0913 (a kernel's arrays, one by one)
     sigma, t, colours, w, behind, colour, rest, start, stop
 ):
     _weights(sigma, t, w, behind, start, stop)
@@ -136,7 +136,7 @@ def _render(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _render_backward(  # noqa: PLR0913 (a kernel has no structs)
+def _render_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
     t, colours, w, behind, g_w, g_colour, g_total, g_sigma, g_colours, start, stop
 ):
     S, real = w.shape[1], w.dtype.type
@@ -165,7 +165,7 @@ def _render_backward(  # noqa: PLR0913 (a kernel has no structs)
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _render_backward_parallel(  # noqa: PLR0913 (a kernel has no structs)
+def _render_backward_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
     t, colours, w, behind, g_w, g_colour, g_total, g_sigma, g_colours, rays, parts
 ):
     for part in prange(parts):

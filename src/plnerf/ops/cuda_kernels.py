@@ -76,7 +76,7 @@ def _row(cx, cy, cz, start, dense, mask):
 
 @triton.jit
 @no_type_check
-def encode(  # noqa: PLR0913 (a kernel has no structs)
+def encode(  # noqa: PLR0913 (a kernel's arrays, one by one)
     layout, x, table, out, points,
     L: tl.constexpr, F: tl.constexpr, F_UP: tl.constexpr, CUBIC: tl.constexpr, BLOCK: tl.constexpr,
 ):  # fmt: skip
@@ -104,7 +104,7 @@ def encode(  # noqa: PLR0913 (a kernel has no structs)
 
 @triton.jit
 @no_type_check
-def table_gradient(  # noqa: PLR0913 (a kernel has no structs)
+def table_gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
     layout, x, g_out, g_table, points,
     L: tl.constexpr, F: tl.constexpr, F_UP: tl.constexpr, CUBIC: tl.constexpr, BLOCK: tl.constexpr,
 ):  # fmt: skip
@@ -132,7 +132,7 @@ def table_gradient(  # noqa: PLR0913 (a kernel has no structs)
 
 @triton.jit
 @no_type_check
-def position_gradient(  # noqa: PLR0913 (a kernel has no structs)
+def position_gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
     layout, x, g_out, table, parts_x, points,
     L: tl.constexpr, F: tl.constexpr, F_UP: tl.constexpr, CUBIC: tl.constexpr, BLOCK: tl.constexpr,
 ):  # fmt: skip
@@ -169,7 +169,7 @@ def position_gradient(  # noqa: PLR0913 (a kernel has no structs)
 
 @triton.jit
 @no_type_check
-def position_gradient_backward(  # noqa: PLR0913 (a kernel has no structs)
+def position_gradient_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
     layout, x, g_out, table, q, parts_x, g_g_out, g_table, points,
     L: tl.constexpr, F: tl.constexpr, F_UP: tl.constexpr, CUBIC: tl.constexpr, BLOCK: tl.constexpr,
 ):  # fmt: skip

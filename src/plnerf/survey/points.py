@@ -60,7 +60,7 @@ def wire_points(run: TrainedRun, progress: Callable[[int, int], None] | None = N
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
         for done, i in enumerate(scene.train):
-            rays = pixel_rays(scene.cameras, *wire_pixels(scene, i, slope), model.backend)
+            rays = pixel_rays(scene.cameras, *ridge_pixels(scene, i, slope), model.backend)
             for first in range(0, len(rays), default_chunk(model)):
                 some = rays[first : first + default_chunk(model)].to(train.device)
                 out = model(some, appearance=model.mean_appearance(len(some), train))
@@ -83,7 +83,7 @@ def wire_points(run: TrainedRun, progress: Callable[[int, int], None] | None = N
     return WirePoints(scene.frames.to_world(points[use]), view[use], share[use], len(points))
 
 
-def wire_pixels(scene: Scene, i: int, slope: float) -> tuple[Int[Tensor, " r"], Float[Tensor, "r 2"]]:
+def ridge_pixels(scene: Scene, i: int, slope: float) -> tuple[Int[Tensor, " r"], Float[Tensor, "r 2"]]:
     """Camera and place of the strongest ridges of an image that run as the span does."""
     picture = scene.images.image(i)
     response = line_response(picture, vanishing_directions(scene.cameras, i, picture.shape[:2], slope))

@@ -124,7 +124,8 @@ def step_taker(
         generator = drawn if device == CPU else step_generator(config.seed, step, device)
         return training.step(to_device(batch, device), anneal(step, anneal_steps), generator, refine)
 
-    if device.type != "cuda" or config.backend != "triton":
+    # Which samples lie near curves changes from step to step, and with it the shapes: no graph can hold it.
+    if device.type != "cuda" or config.backend != "triton" or training.model.guides is not None:
         return plain
     generator = torch.Generator(device)
     graphs = {

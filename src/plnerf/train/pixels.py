@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 import torch
 from jaxtyping import Float, Int, UInt8
@@ -19,7 +18,7 @@ from torch import Generator, Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
-from plnerf.wires.ridges import gaussian_derivatives, ridge_map
+from plnerf.wires.ridges import hessian, ridge_map
 
 DetailMap = Literal["hessian", "ridge"]
 """By what detail pixels are chosen: curvature alone, or the long thin lines of `wires/ridges.py`."""
@@ -45,13 +44,9 @@ def ridge_strength(image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"
     grey = image.astype(np.float32).mean(-1) / 255
     strength = np.zeros_like(grey)
     for sigma in (1.0, 2.0):
-        smooth, slope, bend = gaussian_derivatives(sigma)
-        xx, xy, yy = (
-            cv2.sepFilter2D(grey, cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
-            for along_x, along_y in ((bend, smooth), (slope, slope), (smooth, bend))
-        )
+        xx, xy, yy = hessian(grey, sigma)
         largest = np.abs(xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
-        strength = np.maximum(strength, largest * sigma**2)
+        strength = np.maximum(strength, largest)
     return strength
 
 

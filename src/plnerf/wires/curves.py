@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.errors import SceneError
+from plnerf.scene.files import write_text
 
 REACH_SIGMAS, REACH_PX = 4.0, 6.0
 CERTAIN_PX = 3.0
@@ -80,21 +81,21 @@ class Curve:
             y, z, ends = (tuple(float(v) for v in data[key]) for key in ("y", "z", "ends"))
             if (len(y), len(z), len(ends)) != (2, 3, 2):
                 raise ValueError(f"y, z and ends hold {len(y)}, {len(z)} and {len(ends)} numbers")
-            return cls(y, z, ends, float(data["sigma"]), float(data["reach"]), bool(data["certain"]))  # type: ignore[arg-type]  # lengths are checked
+            sigma, reach, known = float(data["sigma"]), float(data["reach"]), data["certain"]
+            if not isinstance(known, bool) or not np.isfinite((*y, *z, *ends, sigma, reach)).all():
+                raise ValueError(f"certain is {known!r}, and all numbers must be finite")
+            return cls(y, z, ends, sigma, reach, known)  # type: ignore[arg-type]  # lengths are checked
         except (KeyError, TypeError, ValueError) as error:
             raise SceneError(
                 f"A curve in {where} needs y (2 numbers), z (3), ends (2), sigma, reach and certain: "
-                f"{error!r}. "
-                "Remove the file: the curves are found again."
+                f"{error!r}. Remove the file: the curves are found again."
             ) from error
 
 
 def write_curves(path: Path, curves: Sequence[Curve]) -> None:
-    """Writes curves as JSON, beside and then renamed."""
-    beside = path.with_suffix(".part")
+    """Writes curves as JSON: complete or not at all."""
     content = {"format_version": 1, "frame": "scene", "curves": [curve.to_json() for curve in curves]}
-    beside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    beside.replace(path)
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def read_curves(path: Path) -> tuple[Curve, ...]:

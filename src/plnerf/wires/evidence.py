@@ -7,8 +7,6 @@ direction: the brightness bends (second derivative) across it and not along it.
 Letters: n images of h x w pixels; the span's axis is +x of the scene frame.
 """
 
-import math
-
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -16,6 +14,7 @@ from torch import Tensor
 
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.images import ImageStore
+from plnerf.wires.ridges import hessian
 
 SCALES_PX = (1.0, 2.0, 3.5)
 """Standard deviations of the Gaussians: wires 1 to 8 px wide."""
@@ -43,7 +42,7 @@ def line_response(
     c, s = towards[..., 0], towards[..., 1]
     best = np.zeros_like(grey)
     for sigma in SCALES_PX:
-        xx, xy, yy = (sigma**2 * part for part in _hessian(grey, sigma))
+        xx, xy, yy = hessian(grey, sigma)
         across = s * s * xx - 2 * c * s * xy + c * c * yy
         along = c * c * xx + 2 * c * s * xy + s * s * yy
         bend = np.maximum(np.abs(across) - 2 * np.abs(along), 0) * np.sign(across)
@@ -90,21 +89,6 @@ def vanishing_directions(
     dx, dy = fx * (ax - u * az), fy * (ay - v * az)
     length = np.maximum(np.hypot(dx, dy), 1e-9)
     return np.stack([dx / length, dy / length], -1).astype(np.float32)
-
-
-def _hessian(grey: Float[np.ndarray, "h w"], sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    x = np.arange(-math.ceil(4 * sigma), math.ceil(4 * sigma) + 1, dtype=np.float64)
-    smooth = np.exp(-(x**2) / (2 * sigma**2))
-    smooth /= smooth.sum()
-    variance = (x**2 * smooth).sum()
-    bend = (x**2 - variance) * smooth
-    bend = 2 * bend / (x**2 * bend).sum()
-    slope = x * smooth / variance
-    xx, xy, yy = (
-        cv2.sepFilter2D(grey, cv2.CV_32F, kx, ky, borderType=cv2.BORDER_REPLICATE)
-        for kx, ky in ((bend, smooth), (slope, slope), (smooth, bend))
-    )
-    return xx, xy, yy
 
 
 def _shifted(picture: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:

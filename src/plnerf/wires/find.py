@@ -5,13 +5,12 @@ from some views only lowers its support.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from plnerf.scene.scene import Scene
-from plnerf.wires.climb import climb
+from plnerf.wires.climb import climb, curve_point
 from plnerf.wires.curves import Curve
 from plnerf.wires.evidence import line_evidence
 from plnerf.wires.refit import Fit, erase, refit, support
@@ -41,11 +40,6 @@ class FindConfig:
     """Width of a cell across the line: 9 cm where the span's longest side is 44 m."""
     most: int = 40
     """Conductors at most."""
-
-
-class Found(NamedTuple):
-    curve: Curve
-    support: float
 
 
 def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, ...]:
@@ -128,7 +122,7 @@ def mean_support(
 def typical_footprint(views: Views, q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]) -> float:
     """Median width of a pixel on the curve, over planes, of the nearest views: those that resolve it."""
     s = np.linspace(0, 1, len(x))
-    y, z = q[0] + (q[1] - q[0]) * s, q[2] + (q[3] - q[2]) * s - 4 * q[4] * s * (1 - s)
+    y, z = curve_point(q, s)
     points = np.stack([x, y, z], 1)
     distance = np.linalg.norm(points[:, None] - views.centre[None], axis=2) / views.focal[:, 0]
     return float(np.median(np.sort(distance, 1)[:, : max(3, len(views.centre) // 4)]))

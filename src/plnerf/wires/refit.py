@@ -11,7 +11,7 @@ from jaxtyping import Float
 from numba import njit
 
 from plnerf.wires.climb import curve_point
-from plnerf.wires.views import Views, look_at
+from plnerf.wires.views import Views, look_across, look_at
 
 WINDOWS_PX = (12, 12, 8, 6, 4, 4, 3, 3, 3)
 """How far to both sides a ridge is looked for, from the first iteration to the last."""
@@ -72,14 +72,9 @@ def observe(views, values, q, x, window_px, weakest, end_on):
         y, z = curve_point(q, s)
         y_on, z_on = curve_point(q, s + 1e-4)
         for n in range(len(views.R)):
-            u, v, depth = look_at(views, n, x[i], y, z)
-            u_on, v_on, depth_on = look_at(views, n, x[i] + tiny, y_on, z_on)
-            if depth < 0 or depth_on < 0:
+            u, v, depth, nx, ny, length = look_across(views, n, (x[i], y, z), (x[i] + tiny, y_on, z_on))
+            if depth < 0 or length * depth < end_on * tiny * views.focal[n, 0]:
                 continue
-            length = np.hypot(u_on - u, v_on - v)
-            if length * depth < end_on * tiny * views.focal[n, 0]:
-                continue
-            nx, ny = -(v_on - v) / length, (u_on - u) / length
             u_y, v_y, depth_y = look_at(views, n, x[i], y + tiny, z)
             u_z, v_z, depth_z = look_at(views, n, x[i], y, z + tiny)
             if depth_y < 0 or depth_z < 0:
@@ -117,12 +112,9 @@ def support(views, values, q, x, near_px, beside_px, weakest):
         y, z = curve_point(q, s)
         y_on, z_on = curve_point(q, s + 1e-4)
         for n in range(len(views.R)):
-            u, v, depth = look_at(views, n, x[i], y, z)
-            u_on, v_on, depth_on = look_at(views, n, x[i] + tiny, y_on, z_on)
-            if depth < 0 or depth_on < 0:
+            u, v, depth, nx, ny, _ = look_across(views, n, (x[i], y, z), (x[i] + tiny, y_on, z_on))
+            if depth < 0:
                 continue
-            length = max(np.hypot(u_on - u, v_on - v), 1e-12)
-            nx, ny = -(v_on - v) / length, (u_on - u) / length
             w, h = views.sizes[n]
             for side in range(-1, 2):
                 hit = 0.0

@@ -118,6 +118,18 @@ def gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return smooth, x * smooth / variance, 2 * bend / (x**2 * bend).sum()
 
 
+def hessian(
+    grey: Float32[np.ndarray, "h w"], sigma: float
+) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+    """Second derivatives xx, xy, yy of the picture smoothed by a Gaussian, times sigma^2 (Lindeberg)."""
+    smooth, slope, bend = gaussian_derivatives(sigma)
+    xx, xy, yy = (
+        sigma**2 * cv2.sepFilter2D(grey, cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
+        for along_x, along_y in ((bend, smooth), (slope, slope), (smooth, bend))
+    )
+    return xx, xy, yy
+
+
 def _derivatives(grey: Float32[np.ndarray, "h w"], settings: RidgeSettings) -> Float32[np.ndarray, "s 5 h w"]:
     """Derivatives x, y, xx, xy, yy at each scale (times its powers), in units of the contrast nearby."""
     parts = np.empty((len(settings.scales_px), 5, *grey.shape), np.float32)

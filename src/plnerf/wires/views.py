@@ -65,3 +65,18 @@ def look_at(views, n, x, y, z):
     if x_px < 0 or y_px < 0 or x_px >= views.sizes[n, 0] or y_px >= views.sizes[n, 1]:
         return 0.0, 0.0, -1.0
     return x_px, y_px, depth
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def look_across(views, n, point, on):
+    """Pixel and depth of a point of a curve, the unit normal of its image, and how far `on` is along it.
+
+    `on` is a little further on the curve; depth -1 where one of the two is not in the image.
+    """
+    u, v, depth = look_at(views, n, point[0], point[1], point[2])
+    u_on, v_on, depth_on = look_at(views, n, on[0], on[1], on[2])
+    if depth < 0 or depth_on < 0:
+        return 0.0, 0.0, -1.0, 0.0, 0.0, 0.0
+    length = max(np.hypot(u_on - u, v_on - v), 1e-12)
+    return u, v, depth, -(v_on - v) / length, (u_on - u) / length, length
