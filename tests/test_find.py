@@ -10,8 +10,10 @@ from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
 from plnerf.wires.curves import Curve
 from plnerf.wires.evidence import line_evidence
-from plnerf.wires.find import PLANES, FindConfig, extent, find_curves, mean_support, search_box
-from plnerf.wires.refit import erase, refit
+from plnerf.wires.find import PLANES, FindConfig, find_curves, search_box
+from plnerf.wires.narrow import curve_odds
+from plnerf.wires.odds import odds_of, without
+from plnerf.wires.refit import claim, refit
 from plnerf.wires.views import look_at, views_of
 
 TRUE = (hanging(-0.08, 0.05), hanging(0.06, 0.02, 0.03), hanging(0.0, 0.1, 0.05, askew=0.01, climb=0.02))
@@ -141,7 +143,7 @@ def test_at_most_as_many_as_told(three: tuple[Scene, tuple[Curve, ...]]) -> None
 
 
 @pytest.mark.parametrize("curve", TRUE)
-def test_a_fit_finds_the_curve_from_beside_it_and_erased_ridges_are_gone(
+def test_a_fit_finds_the_curve_from_beside_it_and_claimed_ridges_count_no_more(
     tmp_path: Path, curve: Curve
 ) -> None:
     scene = drawn(tmp_path, two_passes(6), (curve,))
@@ -152,11 +154,15 @@ def test_a_fit_finds_the_curve_from_beside_it_and_erased_ridges_are_gone(
     fit = refit(views, values, q + 2 * PIXEL * np.array([1, -1, 1, 1, 0.5]), x)
     assert fit is not None and np.abs(fit.q - q).max() < 1.5 * PIXEL and fit.rms_px < 1
     assert (np.linalg.eigvalsh(fit.covariance) > 0).all()
-    assert mean_support(views, values, q, x) > 0.5
-    left = values.copy()
-    erase(views, left, q, fine, 4)
-    assert mean_support(views, left, q, x) < 0.02
-    assert (left[left != values] == 0).all()
+    odds = odds_of(values, views)
+    total, seen = curve_odds(views, odds, q[None], x, 0.0)[0].T
+    assert total.sum() > 0.5 * seen.sum()  # nats for each view and plane
+    claims = np.zeros(len(values), np.uint8)
+    claim(views, q, fine, 4, claims)
+    left = without(odds, values, claims > 0, views)
+    beside = q + 0.5 * PIXEL * np.array([1, 1, 1, 1, 0])
+    for one in (q, beside):  # neither for it nor against
+        assert np.abs(curve_odds(views, left, one[None], x, 0.0)[0, :, 0]).max() == 0
     on = [
         (n, look_at(views, n, *point))
         for point in polyline(Curve(curve.y, curve.z, (-HALF, HALF), 0.0, 0.0, True), 1000)
@@ -167,7 +173,7 @@ def test_a_fit_finds_the_curve_from_beside_it_and_erased_ridges_are_gone(
         if depth > 0:
             picture = near[views.starts[n] : views.starts[n] + 240 * 180].reshape(180, 240)
             picture[max(0, int(v) - 6) : int(v) + 7, max(0, int(u) - 6) : int(u) + 7] = True
-    assert np.array_equal(left[~near], values[~near])  # and nothing else
+    assert claims.max() == 1 and not claims[~near].any()  # nothing else
 
 
 def test_nothing_to_see_is_no_fit() -> None:
@@ -220,12 +226,14 @@ def test_the_search_box_covers_the_span(tmp_path: Path) -> None:
         assert (last >= BOX[1, 1:] - 1e-9).all() and (last < BOX[1, 1:] + cell).all()
 
 
-def test_extent_is_the_longest_supported_stretch() -> None:
-    x = np.linspace(-1, 1, 100)
-    there = np.zeros(100)
-    assert extent(there, x) is None
-    there[5:15] = there[40:90] = 0.8
-    there[60:65] = 0  # a hole that does not end it
-    found = extent(there, x)
-    assert found is not None
-    assert found[0] == pytest.approx(x[40], abs=0.03) and found[1] == pytest.approx(x[89], abs=0.03)
+def test_a_line_that_does_not_hang_is_no_conductor(tmp_path: Path) -> None:
+    """The edge of a road runs along the span, but straight."""
+    straight = Curve((0.05, 0.0), (-0.06, 0.0, 0.0), (-HALF, HALF), 0.0, 0.0, True)
+    scene = drawn(tmp_path, two_passes(6), (straight, TRUE[0]))
+    assert_each_once(find_curves(scene, COARSE), TRUE[:1])
+
+
+def test_twins_a_few_pixels_apart_are_two(tmp_path: Path) -> None:
+    pair = (hanging(0.0, 0.062), hanging(0.0, 0.038))
+    assert np.abs(pair[0].z[0] - pair[1].z[0]) < 8.1 * PIXEL  # above each other: the passes look across
+    assert_each_once(find_curves(drawn(tmp_path, two_passes(6), pair), COARSE), pair)

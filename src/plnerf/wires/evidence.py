@@ -14,16 +14,25 @@ from torch import Tensor
 
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.images import ImageStore
-from plnerf.wires.ridges import hessian
+from plnerf.wires.ridges import gradient, hessian
 
-SCALES_PX = (1.0, 2.0, 3.5)
+SCALES_PX = (0.7, 1.4, 2.8)
 """Standard deviations of the Gaussians: wires 1 to 8 px wide."""
-ALONG_PX = 9.0
+GAMMA = 1.0
+"""Power of the scale that a bend is multiplied by.  With 2 (scale invariance) the widest scale, which sees
+texture as lines, outvotes wires of a pixel or two; Lindeberg recommends 3/2 for ridges."""
+EDGE_WEIGHT = 0.75
+"""How much a slope across the line counts against a bend: the middle of a line is even, an edge is not."""
+MOST = 3.0
+"""Largest bend of one pixel, in units of the neighbourhood's: no single pixel makes a line."""
+ALONG_PX = 20.0
 """Half the length over which the bend is averaged along the line: texture is not straight."""
-SAG_DEG = (-7.0, 0.0, 7.0)
+STEPS_ALONG = 15
+SAG_DEG = (-7.0, -3.5, 0.0, 3.5, 7.0)
 """A conductor's directions beside that of the span's axis: sag, and supports at unequal heights."""
-BESIDE_PX = 5
-"""A ridge is the strongest pixel this far to both sides; a second derivative echoes beside a line."""
+BESIDE_PX, ECHO_PX = 2, 5
+"""A ridge is the strongest pixel this far to both sides, and no weaker than a line of the other sign farther
+off, because a second derivative echoes beside a line with the other sign.  Twin conductors have the same."""
 CONTRAST_PX = 12.0
 """Neighbourhood whose bends a pixel's is compared with."""
 LEAST_BEND = 0.004
@@ -35,8 +44,9 @@ def line_response(
 ) -> Float[np.ndarray, "h w"]:
     """How much a pixel looks like a line in the given direction (unit vectors x, y), 0 to 1.
 
-    The bend across the direction beyond the bend along it, of either sign, at the best of a few scales
-    (Lindeberg's normalisation), in units of the neighbourhood's; kept only on the ridge itself.
+    The bend across the direction beyond the bend along it and the slope across it, of either sign, at the
+    best of a few scales (Lindeberg's normalisation), in units of the neighbourhood's; kept only on the ridge
+    itself.
     """
     grey = image.astype(np.float32).mean(-1) / 255
     c, s = towards[..., 0], towards[..., 1]
@@ -45,13 +55,21 @@ def line_response(
         xx, xy, yy = hessian(grey, sigma)
         across = s * s * xx - 2 * c * s * xy + c * c * yy
         along = c * c * xx + 2 * c * s * xy + s * s * yy
-        bend = np.maximum(np.abs(across) - 2 * np.abs(along), 0) * np.sign(across)
+        x, y = gradient(grey, sigma)
+        size = np.abs(across) - np.abs(along) - EDGE_WEIGHT * np.abs(c * y - s * x)
+        bend = np.maximum(size, 0) * np.sign(across) * np.float32(sigma ** (GAMMA - 2))
         np.copyto(best, bend, where=np.abs(bend) > np.abs(best))
-    best = _average_along(best, c, s)
+    most = MOST * _around(best)
+    best = _average_along(np.clip(best, -most, most), c, s)
     strength = np.abs(best)
-    around = np.sqrt(cv2.GaussianBlur(best * best, (0, 0), CONTRAST_PX)) + LEAST_BEND
-    response = np.clip(strength / (3 * around), 0, 1)
-    return np.where(_is_ridge(strength, c, s), response, 0).astype(np.float32)
+    response = np.clip(strength / (3 * _around(best)), 0, 1)
+    return np.where(_is_ridge(best, c, s), response, 0).astype(np.float32)
+
+
+def _around(bend: np.ndarray) -> np.ndarray:
+    """Root mean square of the bends in the neighbourhood."""
+    square: np.ndarray = cv2.GaussianBlur(bend * bend, (0, 0), CONTRAST_PX)
+    return np.sqrt(square) + np.float32(LEAST_BEND)
 
 
 def line_evidence(store: ImageStore, cameras: Cameras, images: tuple[int, ...]) -> Float[np.ndarray, " p"]:
@@ -100,7 +118,7 @@ def _shifted(picture: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
 def _average_along(bend: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
     """The bend averaged along the best of the directions that sag allows."""
     best = np.zeros_like(bend)
-    steps = np.linspace(-ALONG_PX, ALONG_PX, 7, dtype=np.float32)
+    steps = np.linspace(-ALONG_PX, ALONG_PX, STEPS_ALONG, dtype=np.float32)
     for angle in np.deg2rad(SAG_DEG).astype(np.float32):
         ca, sa = np.cos(angle), np.sin(angle)
         dx, dy = ca * c - sa * s, sa * c + ca * s
@@ -109,10 +127,12 @@ def _average_along(bend: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray
     return best
 
 
-def _is_ridge(strength: np.ndarray, c: np.ndarray, s: np.ndarray) -> Bool[np.ndarray, "h w"]:
-    """Whether a pixel is at least as strong as those to both sides across the direction."""
-    ridge = np.ones(strength.shape, dtype=bool)
-    for k in range(1, BESIDE_PX + 1):
-        ridge &= strength >= _shifted(strength, -k * s, k * c)
-        ridge &= strength >= _shifted(strength, k * s, -k * c)
+def _is_ridge(bend: np.ndarray, c: np.ndarray, s: np.ndarray) -> Bool[np.ndarray, "h w"]:
+    """Whether a pixel is the strongest of those to both sides across the direction."""
+    strength, sign = np.abs(bend), np.sign(bend)
+    ridge = np.ones(bend.shape, dtype=bool)
+    for k in range(1, ECHO_PX + 1):
+        for side in (-k, k):
+            beside = _shifted(bend, -side * s, side * c)
+            ridge &= strength >= (np.abs(beside) if k <= BESIDE_PX else -sign * beside)
     return ridge

@@ -1,35 +1,43 @@
-"""All conductors of a scene, found in its training images: sweep, climb, fit, and one curve for each ridge.
+"""All conductors of a scene, found in its training images: sweep, narrow, fit, and one curve for each ridge.
 
-The axis of the line must be known (it is the scene frame's x).  Occlusion is ignored: what hides a conductor
-from some views only lowers its support.
+The axis of the line must be known (it is the scene frame's x).  What speaks for the best curve is taken out
+of the maps before the next is looked for, so that no ridge speaks for two.  Lines that do not hang are found
+too, and left out at the end: edges of roads and tracks would otherwise lend their ridges to conductors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from plnerf.scene.scene import Scene
-from plnerf.wires.climb import climb, curve_point
 from plnerf.wires.curves import Curve
 from plnerf.wires.evidence import line_evidence
-from plnerf.wires.refit import Fit, erase, refit, support
-from plnerf.wires.sweep import FEWEST_VIEWS, Box, candidates, pool
+from plnerf.wires.narrow import curve_point
+from plnerf.wires.refit import Fit
+from plnerf.wires.search import BATCH, Line, Search
+from plnerf.wires.sweep import Box, alike, candidates, sweep
 from plnerf.wires.views import Views, views_of
 
-LEVELS = 6
-PLANES = 48
-STEPS = (2.0, 1.0, 0.5, 0.25, 0.125)
-"""Of a cell: the steps of the climb."""
-TRIED = 60
-"""Climbed curves that are fitted."""
-NEAR_PX, BESIDE_PX, WEAKEST = 2, 12, 0.15
-ERASED_PX = 4
+PLANES, ROWS = 48, 96
+"""Planes of the sweep, and of the fit."""
+FRUITLESS = 4
+"""Batches without a line after which a sweep has given what it has."""
+SWEEPS = 5
 SETTLING = 2
-LEAST_SUPPORT = 0.25
-"""Share of the views, beyond chance, that show a ridge on a conductor."""
-LONGEST_GAP = 0.15
-"""Of the span: a curve ends where it has no support for so long."""
+LEAST_ODDS = 250.0
+"""Nats for a line.  Neighbouring planes and views share their evidence: this is less than it looks."""
+LEAST_ODDS_ALIKE = 200.0
+"""The same for one that hangs like the best."""
+LEAST_SHARE, LEAST_SHARE_ALIKE = 0.7, 0.4
+"""Of the planes: stretch that a conductor needs which hangs unlike the best, or like it but with less than
+`LEAST_ODDS`."""
+LEAST_SAG = 0.001
+"""Of the length.  A conductor hangs; edges of roads do not."""
+SLOPES_ALIKE = 0.03
+SAGS_ALIKE = 1.6
+"""Conductors that hang alike: differences of their chords' slopes, ratio of their sags at most."""
 
 
 @dataclass(frozen=True)
@@ -45,78 +53,139 @@ class FindConfig:
 def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, ...]:
     """The conductors that the training images show, best supported first."""
     config = config or FindConfig()
-    cameras = scene.cameras[list(scene.train)]
-    views = views_of(cameras)
-    values = line_evidence(scene.images, scene.cameras, scene.train)
+    views = views_of(scene.cameras[list(scene.train)])
     box = search_box(scene, config.cell)
-    pooled = pool(values, views, LEVELS)
-    rough = candidates(views, pooled, box)
-    maps = np.cumsum(pooled, 0) / np.arange(1, LEVELS + 1, dtype=np.float32)[:, None]
-    x = np.linspace(box.x[0], box.x[-1], 2 * PLANES)
-    climbed, scores = climb(views, maps, config.cell * np.array(STEPS), rough, x, FEWEST_VIEWS)
-    order = np.argsort(-scores, kind="stable")[:TRIED]
-    fits = [fit for c in order if (fit := refit(views, values, climbed[c], x)) is not None]
-    fits.sort(key=lambda fit: -mean_support(views, values, fit.q, x))
-    chosen = _choose(views, values, fits, x, config.most)
+    x = np.linspace(box.x[0], box.x[-1], ROWS)
+    search = Search(views, line_evidence(scene.images, scene.cameras, scene.train), x, config.cell)
+    lines = settled(search, _lines(search, box, config.most))
+    return tuple(_curve(views, line, x) for line in conductors(lines, x[-1] - x[0]))
+
+
+def compile_search() -> None:
+    """Has the kernels of the search compiled, on next to nothing; once, then they are on disk."""
+    one = np.ones((1, 2))
+    views = Views(np.eye(3)[None], np.zeros((1, 3)), 8 * one, 4 * one, np.zeros((1, 5)),
+                  np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
+    x = np.linspace(-1, 1, 4)
+    box = Box(x, (-0.5, -0.5), 0.25, (4, 4))
+    search = Search(views, np.zeros(64, np.float32), x, box.cell)
+    volume = sweep(views, search.odds, box)
+    candidates(volume, box)
+    alike(volume, box, np.zeros(5))
+    search.promise(np.zeros((1, 5)), x)
+    search.best(np.zeros((1, 5)), -np.inf)
+    search.claim(Line(Fit(np.zeros(5), np.eye(5), 1.0), 0.0, 0, 1))
+
+
+def _lines(search: Search, box: Box, most: int) -> list[Line]:
+    """Lines along the span of any shape, the best first; then of the best one's shape, until none is new."""
+    lines: list[Line] = []
+    length = box.x[-1] - box.x[0]
+    kin = False
+    for _ in range(SWEEPS):
+        volume = sweep(search.views, search.odds, box)
+        new = [] if kin else _taken(search, candidates(volume, box), box, LEAST_ODDS, most - len(lines))
+        lines += new
+        best = best_hanging(lines, length)
+        if not new and best is not None:
+            kin = True
+            new = _taken(
+                search, alike(volume, box, best.fit.q), box, LEAST_ODDS_ALIKE, most - len(lines), best
+            )
+            lines += new
+        if not new or len(lines) == most:
+            break
+    return lines
+
+
+def _taken(
+    search: Search,
+    pending: Float[np.ndarray, "c 5"],
+    box: Box,
+    least: float,
+    most: int,
+    like: Line | None = None,
+) -> list[Line]:
+    """The lines near some curves, best first, each without the ridges of those before it."""
+    lines: list[Line] = []
+    fruitless = 0
+    while len(pending) and fruitless < FRUITLESS and len(lines) < most:
+        pending = pending[np.argsort(-search.promise(pending, box.x), kind="stable")]
+        line = search.best(pending[:BATCH], least)
+        if line is None or (like is not None and not hang_alike(like, line, box.x[-1] - box.x[0])):
+            pending, fruitless = pending[BATCH:], fruitless + 1
+            continue
+        fruitless = 0
+        lines.append(line)
+        search.claim(line)
+    return lines
+
+
+def settled(search: Search, lines: Sequence[Line]) -> list[Line]:
+    """Each line again where the others are: what was taken first had others' ridges before it."""
+    lines = list(lines)
     for _ in range(SETTLING):
-        chosen = _settle(views, values, chosen, x)
-    return tuple(curve for fit in chosen if (curve := _curve(views, values, fit, x)) is not None)
+        before, lines = lines, []
+        for line in before:
+            again = search.again(line, variants(line, before), LEAST_ODDS_ALIKE)
+            if again is not None:
+                lines.append(again)
+    return lines
 
 
-def _curve(
-    views: Views, values: Float[np.ndarray, " p"], fit: Fit, x: Float[np.ndarray, " i"]
-) -> Curve | None:
-    ends = extent(per_plane(views, values, fit.q, x), x)
-    if ends is None:
-        return None
-    return Curve.of_fit(fit.q, fit.covariance, (x[0], x[-1]), ends, typical_footprint(views, fit.q, x))
+def variants(line: Line, lines: Sequence[Line]) -> Float[np.ndarray, "c 5"]:
+    """The line, and those that hang as the others do and meet it at one of three places.
+
+    Where two hang side by side, one may have been found as half of the one and half of the other.
+    """
+    own, out = line.fit.q, [line.fit.q]
+    for other in lines:
+        if other is not line:
+            for s in (1 / 6, 1 / 2, 5 / 6):
+                y, z = np.subtract(curve_point(own, s), curve_point(other.fit.q, s))
+                out.append(other.fit.q + np.array([y, y, z, z, 0]))
+    return np.array(out)
 
 
-def _choose(
-    views: Views, values: Float[np.ndarray, " p"], fits: list[Fit], x: Float[np.ndarray, " i"], most: int
-) -> list[Fit]:
-    """Takes the best supported curve, its ridges away from the others, and so on."""
-    left, fine = values.copy(), np.linspace(x[0], x[-1], 40 * len(x))
-    chosen: list[Fit] = []
-    for first in fits:
-        if len(chosen) == most or mean_support(views, left, first.q, x) < LEAST_SUPPORT:
-            continue
-        fit = refit(views, left, first.q, x)
-        if fit is None or mean_support(views, left, fit.q, x) < LEAST_SUPPORT:
-            continue
-        chosen.append(fit)
-        erase(views, left, fit.q, fine, ERASED_PX)
-    return chosen
+def conductors(lines: Sequence[Line], length: float) -> list[Line]:
+    """Those of the lines that hang: like the best of them, or with much evidence over most of the span."""
+    best = best_hanging(lines, length)
+    if best is None:
+        return []
+    return [line for line in lines if _is_conductor(line, best, length)]
 
 
-def _settle(
-    views: Views, values: Float[np.ndarray, " p"], chosen: list[Fit], x: Float[np.ndarray, " i"]
-) -> list[Fit]:
-    """Each curve again where the others are: what was taken first had others' ridges before it."""
-    fine = np.linspace(x[0], x[-1], 40 * len(x))
-    settled: list[Fit] = []
-    for k, fit in enumerate(chosen):
-        mine = values.copy()
-        for other in (*settled, *chosen[k + 1 :]):
-            erase(views, mine, other.q, fine, ERASED_PX)
-        settled.append(refit(views, mine, fit.q, x) or fit)
-    return settled
+def _is_conductor(line: Line, best: Line, length: float) -> bool:
+    share, clear = (line.last - line.first) / ROWS, line.odds >= LEAST_ODDS
+    if hang_alike(best, line, length):
+        return clear or share >= LEAST_SHARE_ALIKE
+    return hangs(line, length) and clear and share >= LEAST_SHARE
 
 
-def per_plane(
-    views: Views, values: Float[np.ndarray, " p"], q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]
-) -> Float[np.ndarray, " i"]:
-    """Support in each plane: share of the views with a ridge there, beyond the share that has one beside."""
-    on, beside, weight = support(views, values, q, x, NEAR_PX, BESIDE_PX, WEAKEST).T
-    return (on - beside) / np.maximum(weight, 1e-12)
+def best_hanging(lines: Sequence[Line], length: float) -> Line | None:
+    """The line with the highest odds of those that hang."""
+    hanging = [line for line in lines if hangs(line, length)]
+    return max(hanging, key=lambda line: line.odds) if hanging else None
 
 
-def mean_support(
-    views: Views, values: Float[np.ndarray, " p"], q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]
-) -> float:
-    """Support over all planes."""
-    on, beside, weight = support(views, values, q, x, NEAR_PX, BESIDE_PX, WEAKEST).T
-    return float((on - beside).sum() / max(weight.sum(), 1e-12))
+def hangs(line: Line, length: float) -> bool:
+    """Whether a line sags, beyond doubt."""
+    doubt = 3 * float(line.fit.covariance[4, 4]) ** 0.5
+    return bool(line.fit.q[4] >= max(LEAST_SAG * length, doubt))
+
+
+def hang_alike(a: Line, b: Line, length: float) -> bool:
+    """Whether two lines have about the same slope and sag."""
+    slopes = [(line.fit.q[[1, 3]] - line.fit.q[[0, 2]]) / length for line in (a, b)]
+    low, high = sorted((a.fit.q[4], b.fit.q[4]))
+    return bool(np.abs(slopes[0] - slopes[1]).max() < SLOPES_ALIKE and 0 < high <= SAGS_ALIKE * low)
+
+
+def _curve(views: Views, line: Line, x: Float[np.ndarray, " i"]) -> Curve:
+    """A line as a curve, from where to where there is more for it than against it."""
+    ends = float(x[line.first]), float(x[line.last])
+    footprint = typical_footprint(views, line.fit.q, x)
+    return Curve.of_fit(line.fit.q, line.fit.covariance, (x[0], x[-1]), ends, footprint)
 
 
 def typical_footprint(views: Views, q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]) -> float:
@@ -126,17 +195,6 @@ def typical_footprint(views: Views, q: Float[np.ndarray, "5"], x: Float[np.ndarr
     points = np.stack([x, y, z], 1)
     distance = np.linalg.norm(points[:, None] - views.centre[None], axis=2) / views.focal[:, 0]
     return float(np.median(np.sort(distance, 1)[:, : max(3, len(views.centre) // 4)]))
-
-
-def extent(supported: Float[np.ndarray, " i"], x: Float[np.ndarray, " i"]) -> tuple[float, float] | None:
-    """From the first to the last plane of the longest stretch that has support."""
-    there = np.flatnonzero(np.convolve(supported, np.ones(3) / 3, "same") > 0.5 * LEAST_SUPPORT)
-    if len(there) < 2:
-        return None
-    longest = LONGEST_GAP * len(x)
-    runs = np.split(there, np.flatnonzero(np.diff(there) > longest) + 1)
-    run = max(runs, key=lambda r: r[-1] - r[0])
-    return float(x[run[0]]), float(x[run[-1]])
 
 
 def search_box(scene: Scene, cell: float) -> Box:

@@ -8,15 +8,14 @@ from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
+from numba import njit, prange
 
-from plnerf.wires.climb import curve_point
+from plnerf.wires.narrow import curve_point
+from plnerf.wires.odds import WEAKEST
 from plnerf.wires.views import Views, look_across, look_at
 
-WINDOWS_PX = (12, 12, 8, 6, 4, 4, 3, 3, 3)
+WINDOWS_PX = (4, 3, 2, 2, 2)
 """How far to both sides a ridge is looked for, from the first iteration to the last."""
-WEAKEST = 0.15
-"""Response below which nothing counts as a ridge."""
 END_ON = 0.15
 """Sine of the angle between curve and line of sight below which a view says nothing."""
 SIGMA_PX = 0.5
@@ -98,52 +97,21 @@ def observe(views, values, q, x, window_px, weakest, end_on):
     return out[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, parallel=True)
 @no_type_check
-def support(views, values, q, x, near_px, beside_px, weakest):
-    """How often views show a ridge on the curve, and how often at the same distance beside it by chance.
-
-    Per plane: hits on it and hits beside it (the mean of both sides), weighed by 1/depth, and the weight.
-    """
-    out = np.zeros((len(x), 3))
-    tiny = 1e-4 * (x[-1] - x[0])
-    for i in range(len(x)):
-        s = i / (len(x) - 1)
-        y, z = curve_point(q, s)
-        y_on, z_on = curve_point(q, s + 1e-4)
-        for n in range(len(views.R)):
-            u, v, depth, nx, ny, _ = look_across(views, n, (x[i], y, z), (x[i] + tiny, y_on, z_on))
-            if depth < 0:
-                continue
-            w, h = views.sizes[n]
-            for side in range(-1, 2):
-                hit = 0.0
-                for k in range(-2 * near_px, 2 * near_px + 1):
-                    column = int(u + (side * beside_px + 0.5 * k) * nx)
-                    row = int(v + (side * beside_px + 0.5 * k) * ny)
-                    if column < 0 or row < 0 or column >= w or row >= h:
-                        continue
-                    if values[views.starts[n] + row * w + column] > weakest:
-                        hit = 1.0
-                if side == 0:
-                    out[i, 0] += hit / depth
-                else:
-                    out[i, 1] += 0.5 * hit / depth
-            out[i, 2] += 1 / depth
-    return out
-
-
-@njit(cache=True)
-@no_type_check
-def erase(views, values, q, x, radius_px):
-    """Takes the ridges along a curve out of the maps: a ridge speaks for one conductor only."""
-    for i in range(len(x)):
-        y, z = curve_point(q, i / (len(x) - 1))
-        for n in range(len(views.R)):
+def claim(views, q, x, radius_px, claims):
+    """Adds 1 to the pixels along a curve: their ridges are its own."""
+    for n in prange(len(views.R)):
+        w, h = views.sizes[n]
+        mine = np.zeros((h, w), np.uint8)
+        for i in range(len(x)):
+            y, z = curve_point(q, i / (len(x) - 1))
             u, v, depth = look_at(views, n, x[i], y, z)
             if depth < 0:
                 continue
-            w, h = views.sizes[n]
             for row in range(max(0, int(v) - radius_px), min(h, int(v) + radius_px + 1)):
                 for column in range(max(0, int(u) - radius_px), min(w, int(u) + radius_px + 1)):
-                    values[views.starts[n] + row * w + column] = 0.0
+                    mine[row, column] = 1
+        for row in range(h):
+            for column in range(w):
+                claims[views.starts[n] + row * w + column] += mine[row, column]

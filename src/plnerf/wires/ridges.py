@@ -130,6 +130,18 @@ def hessian(
     return xx, xy, yy
 
 
+def gradient(
+    grey: Float32[np.ndarray, "h w"], sigma: float
+) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+    """First derivatives x, y of the picture smoothed by a Gaussian, times sigma."""
+    smooth, slope, _ = gaussian_derivatives(sigma)
+    x, y = (
+        sigma * cv2.sepFilter2D(grey, cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
+        for along_x, along_y in ((slope, smooth), (smooth, slope))
+    )
+    return x, y
+
+
 def _derivatives(grey: Float32[np.ndarray, "h w"], settings: RidgeSettings) -> Float32[np.ndarray, "s 5 h w"]:
     """Derivatives x, y, xx, xy, yy at each scale (times its powers), in units of the contrast nearby."""
     parts = np.empty((len(settings.scales_px), 5, *grey.shape), np.float32)

@@ -11,6 +11,9 @@ from numba import njit
 
 from plnerf.scene.cameras import Cameras
 
+NEAREST = 1e-6
+"""Depth from which on points are seen."""
+
 
 class Views(NamedTuple):
     """n cameras, and where each one's pixels begin in a flat array over all of them."""
@@ -42,27 +45,32 @@ def views_of(cameras: Cameras) -> Views:
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def bent(lens, u, v):
+    """Where a lens puts what is at u, v of the plane at depth 1; not a number where it sees nothing."""
+    r2 = u * u + v * v
+    if r2 > 16:
+        return np.nan, np.nan  # 76 degrees off the axis: no lens of this model sees it
+    radial = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))
+    return (
+        u * radial + 2 * lens[2] * u * v + lens[3] * (r2 + 2 * u * u),
+        v * radial + 2 * lens[3] * u * v + lens[2] * (r2 + 2 * v * v),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def look_at(views, n, x, y, z):
     """Pixel (u, v) at which view n sees a point, and its depth; depth -1 where it is not in the image."""
     R, c = views.R[n], views.centre[n]
     dx, dy, dz = x - c[0], y - c[1], z - c[2]
     depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
-    if depth <= 1e-6:
+    if depth <= NEAREST:
         return 0.0, 0.0, -1.0
     u = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / depth
     v = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / depth
-    k = views.distortion[n]
-    r2 = u * u + v * v
-    if r2 > 16:
-        return 0.0, 0.0, -1.0  # 76 degrees off the axis: no lens of this model sees it
-    radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
-    x_px = (u * radial + 2 * k[2] * u * v + k[3] * (r2 + 2 * u * u)) * views.focal[n, 0] + views.principal[
-        n, 0
-    ]
-    y_px = (v * radial + 2 * k[3] * u * v + k[2] * (r2 + 2 * v * v)) * views.focal[n, 1] + views.principal[
-        n, 1
-    ]
-    if x_px < 0 or y_px < 0 or x_px >= views.sizes[n, 0] or y_px >= views.sizes[n, 1]:
+    u, v = bent(views.distortion[n], u, v)
+    x_px, y_px = u * views.focal[n, 0] + views.principal[n, 0], v * views.focal[n, 1] + views.principal[n, 1]
+    if not (0 <= x_px < views.sizes[n, 0] and 0 <= y_px < views.sizes[n, 1]):
         return 0.0, 0.0, -1.0
     return x_px, y_px, depth
 

@@ -1,0 +1,127 @@
+"""The search for lines among the ridges that are left: what speaks for one line speaks for no other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from plnerf.wires.narrow import curve_odds, narrow
+from plnerf.wires.odds import odds_of, without
+from plnerf.wires.refit import Fit, claim, refit
+from plnerf.wires.views import Views
+
+FINER = (0.5, 0.25, 0.125)
+"""Of a cell: the widths in which a candidate is narrowed down."""
+BATCH = 8
+"""Curves that are narrowed down; of more, the most promising."""
+CLAIMED_PX, CLAIMED_RMS = 2, 4.5
+"""To both sides of a curve: the ridges there are its own; also in units of how far the first line's lie off,
+because poses that are wrong scatter them."""
+SHARPNESS_PX = (0.75, 1.5, 3.0)
+LEAST_MEAN = 0.14
+"""Nats for each time that a view sees the line in a plane.  Beside others' ridges hardly a view speaks
+against a curve, and chance ridges add up there."""
+FAINT = 8.0
+"""Nats against a line beyond an end that do not end it."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve as fitted, the odds for it, and from which plane to which it has them."""
+
+    fit: Fit
+    odds: float
+    first: int
+    last: int
+
+
+class Search:
+    """The ridges that are left for a curve when those of others are taken out."""
+
+    def __init__(
+        self, views: Views, responses: Float[np.ndarray, " p"], x: Float[np.ndarray, " i"], cell: float
+    ) -> None:
+        self.views, self.responses, self.x = views, responses, x
+        self.cells = tuple(cell * part for part in FINER)
+        self.claims = np.zeros(len(responses), np.uint8)
+        self.radius_px = 0
+        self.all = self.odds = odds_of(responses, views)
+
+    def promise(
+        self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"]
+    ) -> Float[np.ndarray, " c"]:
+        """Odds of curves known to half a cell."""
+        return stretches(curve_odds(self.views, self.odds, curves, x, self.cells[0])[:, :, 0])[0]
+
+    def best(self, curves: Float[np.ndarray, "c 5"], least: float) -> Line | None:
+        """The best of the curves near the given ones, fitted to the ridges that are left; None for none."""
+        if len(curves) > BATCH:
+            curves = curves[np.argsort(-self.promise(curves, self.x), kind="stable")[:BATCH]]
+        near = narrow(self.views, self.odds, curves, self.x, self.cells)
+        total = stretches(curve_odds(self.views, self.odds, near, self.x, 0.0)[:, :, 0])[0]
+        best = int(np.argmax(total))
+        left = np.where(self.claims > 0, np.float32(0), self.responses)
+        fit = refit(self.views, left, near[best], self.x) if total[best] >= least else None
+        if fit is None:
+            return None
+        of_plane = curve_odds(self.views, self.odds, fit.q[None], self.x, 0.0)[0]
+        odds, first, last = stretches(of_plane[None, :, 0])[:, 0]
+        seen = of_plane[int(first) : int(last) + 1, 1].sum()
+        return (
+            Line(fit, float(odds), int(first), int(last)) if odds >= max(least, LEAST_MEAN * seen) else None
+        )
+
+    def claim(self, line: Line) -> None:
+        """Takes a line's ridges out."""
+        self._claim(line)
+        self._renew()
+
+    def again(self, line: Line, curves: Float[np.ndarray, "c 5"], least: float) -> Line | None:
+        """The best near the given curves with a line's own ridges put back; it then has the line's place."""
+        self.claims -= self._own(line)
+        self._renew()
+        best = self.best(curves, least)
+        if best is not None:
+            self._claim(best)
+        return best
+
+    def _claim(self, line: Line) -> None:
+        if not self.radius_px:
+            self._sharpen(line)
+        self.claims += self._own(line)
+
+    def _sharpen(self, line: Line) -> None:
+        """What the first line says of the poses: the radius at which it has the highest odds."""
+        self.radius_px = max(CLAIMED_PX, round(CLAIMED_RMS * line.fit.rms_px))
+        odds = [self.odds._replace(sharp_px=radius) for radius in SHARPNESS_PX]
+        total = [curve_odds(self.views, one, line.fit.q[None], self.x, 0.0)[0, :, 0].sum() for one in odds]
+        self.all = self.all._replace(sharp_px=SHARPNESS_PX[int(np.argmax(total))])
+
+    def _own(self, line: Line) -> UInt8[np.ndarray, " p"]:
+        own = np.zeros_like(self.claims)
+        fine = np.linspace(self.x[0], self.x[-1], 40 * len(self.x))
+        claim(self.views, line.fit.q, fine, self.radius_px, own)
+        return own
+
+    def _renew(self) -> None:
+        self.odds = without(self.all, self.responses, self.claims > 0, self.views)
+
+
+def stretches(odds: Float[np.ndarray, "c i"]) -> Float[np.ndarray, "3 c"]:
+    """The largest sum of each row over a stretch of it, and the stretch's first and last column (Kadane)."""
+    out = np.zeros((3, len(odds)))
+    run, begin = np.zeros(len(odds)), np.zeros(len(odds))
+    for i, column in enumerate(odds.T):
+        begin = np.where(run > 0, begin, i)
+        run = np.maximum(run, 0) + column
+        out = np.where(run > out[0], np.stack([run, begin, np.full(len(odds), i)]), out)
+    return out
+
+
+def drawn_out(odds: Float[np.ndarray, " i"], first: int, last: int) -> tuple[int, int]:
+    """A stretch with what lies beyond its ends, as far as hardly anything speaks against it."""
+    before, beyond = np.cumsum(odds[:first][::-1]), np.cumsum(odds[last + 1 :])
+    steps = [
+        int(np.argmax(np.append(np.minimum.accumulate(part) < -FAINT, True))) for part in (before, beyond)
+    ]
+    return first - steps[0], last + steps[1]
