@@ -74,7 +74,7 @@ def compile_search() -> None:
     alike(volume, box, np.zeros(5))
     search.promise(np.zeros((1, 5)), x)
     search.best(np.zeros((1, 5)), -np.inf)
-    search.claim(Line(Fit(np.zeros(5), np.eye(5), 1.0), 0.0, 0, 1))
+    search.claim(Line(Fit(np.zeros(5), np.eye(5), 1.0), 0.0, 1, (0, 1)))
 
 
 def _lines(search: Search, box: Box, most: int) -> list[Line]:
@@ -156,7 +156,7 @@ def conductors(lines: Sequence[Line], length: float) -> list[Line]:
 
 
 def _is_conductor(line: Line, best: Line, length: float) -> bool:
-    share, clear = (line.last - line.first) / ROWS, line.odds >= LEAST_ODDS
+    share, clear = line.planes / ROWS, line.odds >= LEAST_ODDS
     if hang_alike(best, line, length):
         return clear or share >= LEAST_SHARE_ALIKE
     return hangs(line, length) and clear and share >= LEAST_SHARE
@@ -183,7 +183,7 @@ def hang_alike(a: Line, b: Line, length: float) -> bool:
 
 def _curve(views: Views, line: Line, x: Float[np.ndarray, " i"]) -> Curve:
     """A line as a curve, from where to where there is more for it than against it."""
-    ends = float(x[line.first]), float(x[line.last])
+    ends = float(x[line.ends[0]]), float(x[line.ends[1]])
     footprint = typical_footprint(views, line.fit.q, x)
     return Curve.of_fit(line.fit.q, line.fit.covariance, (x[0], x[-1]), ends, footprint)
 

@@ -21,18 +21,19 @@ SHARPNESS_PX = (0.75, 1.5, 3.0)
 LEAST_MEAN = 0.14
 """Nats for each time that a view sees the line in a plane.  Beside others' ridges hardly a view speaks
 against a curve, and chance ridges add up there."""
-FAINT = 8.0
+FAINT = 5.0
 """Nats against a line beyond an end that do not end it."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A curve as fitted, the odds for it, and from which plane to which it has them."""
+    """A curve as fitted, the odds for it, and over how many planes it has them."""
 
     fit: Fit
     odds: float
-    first: int
-    last: int
+    planes: int
+    ends: tuple[int, int]
+    """From which plane to which hardly anything speaks against it."""
 
 
 class Search:
@@ -64,12 +65,18 @@ class Search:
         fit = refit(self.views, left, near[best], self.x) if total[best] >= least else None
         if fit is None:
             return None
-        of_plane = curve_odds(self.views, self.odds, fit.q[None], self.x, 0.0)[0]
-        odds, first, last = stretches(of_plane[None, :, 0])[:, 0]
-        seen = of_plane[int(first) : int(last) + 1, 1].sum()
-        return (
-            Line(fit, float(odds), int(first), int(last)) if odds >= max(least, LEAST_MEAN * seen) else None
-        )
+        of_plane, seen = self._of_plane(fit, self.odds.sharp_px)
+        odds, first, last = stretches(of_plane[None])[:, 0]
+        if odds < max(least, LEAST_MEAN * seen[int(first) : int(last) + 1].sum()):
+            return None
+        softer, _ = self._of_plane(fit, 2 * self.odds.sharp_px)
+        _, *ends = stretches(softer[None])[:, 0]
+        return Line(fit, float(odds), int(last - first), drawn_out(softer, *(int(end) for end in ends)))
+
+    def _of_plane(self, fit: Fit, sharp_px: float) -> tuple[Float[np.ndarray, " i"], Float[np.ndarray, " i"]]:
+        odds = self.odds._replace(sharp_px=sharp_px)
+        of_plane, seen = curve_odds(self.views, odds, fit.q[None], self.x, 0.0)[0].T
+        return of_plane, seen
 
     def claim(self, line: Line) -> None:
         """Takes a line's ridges out."""
