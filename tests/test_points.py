@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plnerf.survey.points import FEWEST_POINTS, FEWEST_VIEWS, light_near, on_lines
+from plnerf.survey.points import FEWEST_POINTS, FEWEST_VIEWS, LEAST_SHARE, first_thing, on_lines
 
 RADIUS = 0.05
 NOISE = 0.1 * RADIUS
@@ -89,28 +89,31 @@ def test_order_units_and_place_do_not_count(seed: int, scale: float) -> None:
     assert (on_lines(moved, view, scale * RADIUS) == keep).mean() > 0.99  # but for rounding
 
 
-def test_light_near_sums_by_hand() -> None:
+def test_the_first_thing_by_hand() -> None:
     t = torch.tensor([[0.0, 1.0, 2.0, 3.0, 5.0]])  # middles 0.5, 1.5, 2.5, 4
-    w = torch.tensor([[0.1, 0.2, 0.3, 0.25]])
-    for depth, half, light in (
-        (1.5, 0.4, 0.2),
-        (1.5, 1.0, 0.6),
-        (4.0, 0.0, 0.25),
-        (9.0, 1.0, 0.0),
-        (2.0, 9.0, 0.85),
+    for w, thick, depth, share in (
+        ((0.1, 0.2, 0.5, 0.2), 0.0, 2.5, 0.5),  # the first two are too faint
+        ((0.4, 0.0, 0.0, 0.6), 0.0, 0.5, 0.4),  # the wire, not the more solid ground behind it
+        ((0.0, 0.2, 0.2, 0.6), 0.7, 2.0, 0.4),  # two halves of one thing
+        ((0.1, 0.1, 0.1, 0.1), 0.0, 0.0, 0.0),  # nothing
     ):
-        found = light_near(t, w, torch.tensor([depth]), torch.tensor([half]))
-        torch.testing.assert_close(found, torch.tensor([light]))
+        found, light = first_thing(t, torch.tensor([w]), torch.tensor([thick]))
+        torch.testing.assert_close(found, torch.tensor([depth]))
+        torch.testing.assert_close(light, torch.tensor([share]))
 
 
 @given(st.integers(0, 1000))
 @settings(deadline=None)
-def test_light_near_is_a_share_that_grows_with_the_reach(seed: int) -> None:
+def test_the_first_thing_is_within_the_ray_and_gets_no_farther_with_more_light(seed: int) -> None:
     generator = torch.Generator().manual_seed(seed)
-    t = torch.rand(6, 20, generator=generator).sort(1).values
-    w = torch.rand(6, 19, generator=generator)
+    t = 1 + torch.rand(6, 20, generator=generator).sort(1).values
+    w = torch.rand(6, 19, generator=generator) ** 8
     w = w / w.sum(1, keepdim=True)
-    depth = torch.rand(6, generator=generator)
-    shares = torch.stack([light_near(t, w, depth, torch.full((6,), half)) for half in (0.0, 0.1, 0.3, 2.0)])
-    assert (shares.diff(dim=0) >= -1e-6).all()
-    torch.testing.assert_close(shares[-1], torch.ones(6))
+    depth, share = first_thing(t, w, torch.full((6,), 0.3))
+    there = share > 0
+    assert (share[there] >= LEAST_SHARE).all() and (share <= 1 + 1e-6).all()
+    assert (depth[there] >= t[there, 0]).all() and (depth[there] <= t[there, -1]).all()
+    assert (depth[~there] == 0).all()
+    wider, more = first_thing(t, w, torch.full((6,), 9.0))
+    assert (more > 0).all()  # all light is within reach of everything
+    torch.testing.assert_close(wider, (w * (t[:, 1:] + t[:, :-1]) / 2).sum(1))

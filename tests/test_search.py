@@ -1,5 +1,7 @@
 """What makes a line: its stretch, its shape beside the best one's, and what is left when others are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +15,7 @@ from plnerf.wires.find import (
     SLOPES_ALIKE,
     compile_search,
     conductors,
+    ends_of,
     hang_alike,
     hangs,
     variants,
@@ -75,6 +78,15 @@ def test_conductors_hang_like_the_best_or_have_much_evidence() -> None:
     lines = [road, best, twin, short, other, weak, part]
     assert [id(one) for one in conductors(lines, LENGTH)] == [id(one) for one in (best, twin, other)]
     assert conductors([road], LENGTH) == [] == conductors([], LENGTH)
+
+
+def test_conductors_that_hang_alike_end_where_the_longest_does() -> None:
+    a, b, other = (
+        replace(one, ends=ends)
+        for one, ends in ((line(), (5, 60)), (line(y=0.1), (10, 80)), (line(sag=0.1), (0, 90)))
+    )
+    assert ends_of(a, [a, b, other], LENGTH) == ends_of(b, [a, b, other], LENGTH) == (5, 80)
+    assert ends_of(other, [a, b, other], LENGTH) == (0, 90)
 
 
 def test_variants_meet_the_line_in_three_places() -> None:

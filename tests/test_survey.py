@@ -100,7 +100,9 @@ def test_points_that_are_handed_out_are_solid_and_in_the_box(run: TrainedRun) ->
     assert len(found.points) == len(found.view) == len(found.solid) <= found.tried
     inside = run.scene.frames.to_scene(found.points)
     low, high = run.scene.box
-    assert ((inside > low - 0.11) & (inside < high + 0.11)).all() and (found.solid > 0.5).all()
+    assert ((inside > low - 0.11) & (inside < high + 0.11)).all() and (
+        found.solid >= survey_points.LEAST_SHARE
+    ).all()
     assert set(found.view) <= set(run.scene.train)
 
 
@@ -108,7 +110,7 @@ def test_points_lie_in_front_of_their_cameras_on_the_rays_of_ridge_pixels(
     run: TrainedRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All that were tried: seen from their views, they are the ridge pixels again."""
-    monkeypatch.setattr(survey_points, "SOLID", -1.0)
+    monkeypatch.setattr(survey_points, "LEAST_SHARE", 1e-9)
     monkeypatch.setattr(survey_points, "on_lines", lambda points, view, radius: np.full(len(points), True))
     whole = dataclasses.replace(run.scene, box=np.array([[-1e6] * 3, [1e6] * 3]))
     found = wire_points(dataclasses.replace(run, scene=whole))

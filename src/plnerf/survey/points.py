@@ -26,10 +26,10 @@ from plnerf.wires.evidence import line_response, track_slope, vanishing_directio
 MOST_PER_VIEW = 4000
 WEAKEST = 0.2
 """Response of a pixel that may be a wire's."""
-SOLID = 0.5
-"""Share of a ray's light that must come from within `THICK_PX` of its median depth."""
+LEAST_SHARE = 0.33
+"""Of a ray's light, that a thing must give to be there: a wire thinner than a pixel gives that part of it."""
 THICK_PX = 8.0
-"""In widths of the pixel there."""
+"""Half the depth within which that light must come, in widths of the pixel there."""
 AROUND_PX = 40.0
 """Radius of a neighbourhood, in widths of a pixel at the typical distance."""
 FEWEST_VIEWS, FEWEST_POINTS = 3, 8
@@ -64,23 +64,23 @@ def wire_points(run: TrainedRun, progress: Callable[[int, int], None] | None = N
             for first in range(0, len(rays), default_chunk(model)):
                 some = rays[first : first + default_chunk(model)].to(train.device)
                 out = model(some, appearance=model.mean_appearance(len(some), train))
-                width = some.radius * out.depth_median
                 t = to_distance(out.histograms[-1].s, model.config.sampler)
-                shares.append(light_near(t, out.histograms[-1].w, out.depth_median, THICK_PX * width).cpu())
-                places.append((some.origins + out.depth_median[:, None] * some.directions).cpu())
+                depth, share = first_thing(t, out.histograms[-1].w, THICK_PX * some.radius)
+                shares.append(share.cpu())
+                places.append((some.origins + depth[:, None] * some.directions).cpu())
                 views.append(np.full(len(some), i))
-                footprints.append(width.cpu())
+                footprints.append((some.radius * depth).cpu())
             if progress is not None:
                 progress(done + 1, len(scene.train))
     points, view = torch.cat(places).double().numpy(), np.concatenate(views)
-    share, footprint = torch.cat(shares).numpy(), torch.cat(footprints).numpy()
+    light, footprint = torch.cat(shares).numpy(), torch.cat(footprints).numpy()
     low, high = scene.box
     inside = ((points > low - 0.1) & (points < high + 0.1)).all(1)
-    use = (share > SOLID) & inside
+    use = (light > 0) & inside
     if use.any():
         radius = AROUND_PX * float(np.median(footprint[use]))
         use[use] = on_lines(points[use], view[use], radius)
-    return WirePoints(scene.frames.to_world(points[use]), view[use], share[use], len(points))
+    return WirePoints(scene.frames.to_world(points[use]), view[use], light[use], len(points))
 
 
 def ridge_pixels(scene: Scene, i: int, slope: float) -> tuple[Int[Tensor, " r"], Float[Tensor, "r 2"]]:
@@ -95,12 +95,22 @@ def ridge_pixels(scene: Scene, i: int, slope: float) -> tuple[Int[Tensor, " r"],
     return torch.full((len(flat),), i), place
 
 
-def light_near(
-    t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"], depth: Float[Tensor, " r"], half: Float[Tensor, " r"]
-) -> Float[Tensor, " r"]:
-    """Share of each ray's light from intervals whose middles lie within `half` of a depth."""
+def first_thing(
+    t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"], thick: Float[Tensor, " r"]
+) -> tuple[Float[Tensor, " r"], Float[Tensor, " r"]]:
+    """Depth of the first thing on each ray, and the share of the ray's light that comes from it.
+
+    The first interval that has `LEAST_SHARE` of the light within `thick` times its depth around it; its depth
+    is the mean of that light's.  Where there is none, depth and share are 0.
+    """
     middle = (t[:, 1:] + t[:, :-1]) / 2
-    return (w * ((middle - depth[:, None]).abs() <= half[:, None])).sum(1)
+    near = (middle[:, :, None] - middle[:, None, :]).abs() <= (thick[:, None] * middle)[..., None]
+    light = (near * w[:, None, :]).sum(2)
+    enough = light >= LEAST_SHARE
+    first = enough.to(torch.uint8).argmax(1, keepdim=True)  # of equals the first
+    share = torch.where(enough.any(1), light.gather(1, first)[:, 0], 0)
+    mine = near.gather(1, first[..., None].expand(-1, -1, near.shape[2]))[:, 0] * w
+    return torch.where(share > 0, (mine * middle).sum(1) / share.clamp_min(LEAST_SHARE), 0), share
 
 
 def on_lines(

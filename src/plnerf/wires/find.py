@@ -58,7 +58,8 @@ def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, 
     x = np.linspace(box.x[0], box.x[-1], ROWS)
     search = Search(views, line_evidence(scene.images, scene.cameras, scene.train), x, config.cell)
     lines = settled(search, _lines(search, box, config.most))
-    return tuple(_curve(views, line, x) for line in conductors(lines, x[-1] - x[0]))
+    found = conductors(lines, x[-1] - x[0])
+    return tuple(_curve(views, line, ends_of(line, found, x[-1] - x[0]), x) for line in found)
 
 
 def compile_search() -> None:
@@ -181,11 +182,17 @@ def hang_alike(a: Line, b: Line, length: float) -> bool:
     return bool(np.abs(slopes[0] - slopes[1]).max() < SLOPES_ALIKE and 0 < high <= SAGS_ALIKE * low)
 
 
-def _curve(views: Views, line: Line, x: Float[np.ndarray, " i"]) -> Curve:
-    """A line as a curve, from where to where there is more for it than against it."""
-    ends = float(x[line.ends[0]]), float(x[line.ends[1]])
+def ends_of(line: Line, lines: Sequence[Line], length: float) -> tuple[int, int]:
+    """From which plane to which a conductor is: all that hang alike hang from the same supports."""
+    ends = np.array([line.ends, *(other.ends for other in lines if hang_alike(line, other, length))])
+    return int(ends[:, 0].min()), int(ends[:, 1].max())
+
+
+def _curve(views: Views, line: Line, ends: tuple[int, int], x: Float[np.ndarray, " i"]) -> Curve:
+    """A line as a curve of the scene frame between two planes."""
     footprint = typical_footprint(views, line.fit.q, x)
-    return Curve.of_fit(line.fit.q, line.fit.covariance, (x[0], x[-1]), ends, footprint)
+    between = float(x[ends[0]]), float(x[ends[1]])
+    return Curve.of_fit(line.fit.q, line.fit.covariance, (x[0], x[-1]), between, footprint)
 
 
 def typical_footprint(views: Views, q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]) -> float:
