@@ -26,15 +26,21 @@ from plnerf.wires.evidence import line_response, track_slope, vanishing_directio
 MOST_PER_VIEW = 4000
 WEAKEST = 0.2
 """Response of a pixel that may be a wire's."""
-LEAST_SHARE = 0.33
+LEAST_SHARE = 0.4
 """Of a ray's light, that a thing must give to be there: a wire thinner than a pixel gives that part of it."""
 THICK_PX = 8.0
 """Half the depth within which that light must come, in widths of the pixel there."""
 AROUND_PX = 40.0
-"""Radius of a neighbourhood, in widths of a pixel at the typical distance."""
+"""Radius of a neighbourhood across the span, in widths of a pixel at the typical distance."""
 FEWEST_VIEWS, FEWEST_POINTS = 3, 8
-STRAIGHT = 0.33
-"""Spread across the line, as a share of the spread along it, that still makes a line."""
+LONGER = 3.0
+"""How many times as far a neighbourhood reaches along the span as across."""
+STRAIGHT = 0.3
+"""Spread across a neighbourhood, as a share of that along it, below which it may hold lines; a surface that
+fills it has 1/3."""
+CORE, LEAST_IN_CORE = 0.25, 0.45
+"""Share of a neighbourhood's points that lie near the line through a point, and how near, as a share of the
+radius.  Of a single wire all do, of twin conductors half, of a surface no more than `CORE`."""
 AXIS_DEG = 30.0
 """Angle to the span's axis within which a line may be a conductor."""
 
@@ -117,17 +123,25 @@ def on_lines(
     points: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], radius: float
 ) -> Bool[np.ndarray, " n"]:
     """Which points have neighbours of several views on a line along the span, and few beside it."""
-    tree = cKDTree(points)
+    squeezed = points / [LONGER, 1, 1]
+    tree = cKDTree(squeezed)
     keep = np.zeros(len(points), dtype=bool)
     least = np.cos(np.deg2rad(AXIS_DEG))
     for first in range(0, len(points), 4096):
         part = slice(first, min(first + 4096, len(points)))
         for n, near in zip(
-            range(part.start, part.stop), tree.query_ball_point(points[part], radius), strict=True
+            range(part.start, part.stop), tree.query_ball_point(squeezed[part], radius), strict=True
         ):
-            if len(near) < FEWEST_POINTS or len(np.unique(view[near])) < FEWEST_VIEWS:
+            if len(near) < FEWEST_POINTS:
                 continue
-            apart = points[near] - points[near].mean(0)
-            spread, axes = np.linalg.eigh(apart.T @ apart)
-            keep[n] = spread[1] < STRAIGHT**2 * spread[2] and abs(axes[0, 2]) > least
+            middle = points[near].mean(0)
+            spread, axes = np.linalg.eigh((points[near] - middle).T @ (points[near] - middle))
+            if spread[1] >= STRAIGHT**2 * spread[2] or abs(axes[0, 2]) <= least:
+                continue
+            core = np.linalg.norm(np.cross(points[near] - points[n], axes[:, 2]), axis=1) < CORE * radius
+            keep[n] = (
+                core.mean() >= LEAST_IN_CORE
+                and core.sum() >= FEWEST_POINTS
+                and len(np.unique(view[near][core])) >= FEWEST_VIEWS
+            )
     return keep
