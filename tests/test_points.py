@@ -56,6 +56,22 @@ def test_an_upright_post_a_plane_and_a_cloud_are_dropped() -> None:
         assert on_lines(points, view, RADIUS).mean() < 0.03
 
 
+def test_twins_are_kept_both() -> None:
+    points, view = line(5)
+    points = points * [1, 0.4, 0.4]  # as clear as twins must be to be told apart
+    for apart in ([0, 0.8 * RADIUS, 0], [0, 0, 0.8 * RADIUS]):
+        both, views = np.concatenate([points, points + apart]), np.concatenate([view, view])
+        assert on_lines(both, views, RADIUS).mean() > 0.9
+
+
+def test_clumps_are_dropped_though_they_are_longer_along_the_span() -> None:
+    """All of a clump lies near the line through each of its points."""
+    rng = np.random.default_rng(2)
+    middle = np.repeat(np.arange(20)[:, None] * [10 * RADIUS, 0, 0], 40, axis=0)
+    points = middle + rng.normal(0, 0.05 * RADIUS, (800, 3)) * [2, 1, 1]
+    assert on_lines(points, rng.integers(0, 6, 800), RADIUS).mean() < 0.03
+
+
 def test_points_alone_are_dropped() -> None:
     x = np.arange(40.0)
     alone = np.stack([x, 0 * x, 0 * x], 1)

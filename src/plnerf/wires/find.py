@@ -47,11 +47,11 @@ class FindConfig:
     cell: float = 0.004
     """Width of a cell across the line: 9 cm where the span's longest side is 44 m."""
     most: int = 40
-    """Conductors at most."""
+    """Lines at most, edges of roads included."""
 
 
 def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, ...]:
-    """The conductors that the training images show, best supported first."""
+    """The conductors that the training images show, in the order in which they were found."""
     config = config or FindConfig()
     views = views_of(scene.cameras[list(scene.train)])
     box = search_box(scene, config.cell)
@@ -81,19 +81,16 @@ def compile_search() -> None:
 def _lines(search: Search, box: Box, most: int) -> list[Line]:
     """Lines along the span of any shape, the best first; then of the best one's shape, until none is new."""
     lines: list[Line] = []
-    length = box.x[-1] - box.x[0]
-    kin = False
+    length, any_shape = box.x[-1] - box.x[0], True
     for _ in range(SWEEPS):
-        volume = sweep(search.views, search.odds, box)
-        new = [] if kin else _taken(search, candidates(volume, box), box, LEAST_ODDS, most - len(lines))
+        volume, new = sweep(search.views, search.odds, box), []
+        if any_shape:
+            new = _taken(search, candidates(volume, box), box, LEAST_ODDS, most - len(lines))
+            any_shape = bool(new)
+        if not new and (best := best_hanging(lines, length)) is not None:
+            like = alike(volume, box, best.fit.q)
+            new = _taken(search, like, box, LEAST_ODDS_ALIKE, most - len(lines), best)
         lines += new
-        best = best_hanging(lines, length)
-        if not new and best is not None:
-            kin = True
-            new = _taken(
-                search, alike(volume, box, best.fit.q), box, LEAST_ODDS_ALIKE, most - len(lines), best
-            )
-            lines += new
         if not new or len(lines) == most:
             break
     return lines

@@ -18,6 +18,7 @@ CLAIMED_PX, CLAIMED_RMS = 2, 4.5
 """To both sides of a curve: the ridges there are its own; also in units of how far the first line's lie off,
 because poses that are wrong scatter them."""
 SHARPNESS_PX = (0.75, 1.5, 3.0)
+"""Radii that the first line chooses from: within which of them a ridge is a conductor's."""
 LEAST_MEAN = 0.14
 """Nats for each time that a view sees the line in a plane.  Beside others' ridges hardly a view speaks
 against a curve, and chance ridges add up there."""
