@@ -135,6 +135,7 @@ def test_curves_do_not_share_places_of_the_table() -> None:
     assert (slot == slot[:, :1]).all()  # all of a tube in one slot,
     assert len(slot[:, 0].unique(dim=0)) == SLOTS**2  # and no two tubes in the same
     assert (unit[..., 0].diff(dim=1) > 0).all()
+    assert 0.9 * SMALL.along < unit[..., 0].max() <= SMALL.along
 
 
 def test_only_samples_in_tubes_move_the_table() -> None:

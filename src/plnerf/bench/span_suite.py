@@ -67,7 +67,7 @@ def measure_spans(bench: BenchConfig, console: Console) -> list[dict[str, Any]]:
             folder = bench.out / "span" / scene.name / preset
             if not (folder / RESULT).exists():
                 console.print(f"{scene.name}: {preset}", markup=False)
-                result = plain(_measure(bench, scene, preset, folder, console))
+                result = plain(measure_span(bench, scene, preset, folder, console))
                 write_text(folder / RESULT, json.dumps(result, indent=1, allow_nan=False) + "\n")
             results.append(json.loads((folder / RESULT).read_text()))
     return results
@@ -97,7 +97,10 @@ def span_table(results: Sequence[dict[str, Any]], seconds: float) -> Table:
     return Table("Wires: scenes and presets at equal time", columns, tuple(rows), notes)
 
 
-def _measure(bench: BenchConfig, scene: Path, preset: str, folder: Path, console: Console) -> dict[str, Any]:
+def measure_span(
+    bench: BenchConfig, scene: Path, preset: str, folder: Path, console: Console
+) -> dict[str, Any]:
+    """One run of a preset with the bench's settings and seconds: trained, surveyed, scored, looked at."""
     if not (folder / "config.json").exists():
         train_scene(
             scene, folder, preset=preset, seconds=3.0 if bench.quick else bench.seconds,

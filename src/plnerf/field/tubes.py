@@ -37,13 +37,18 @@ class TubeConfig:
     grid: GridShape = field(
         default_factory=lambda: GridShape(levels=4, coarsest=32, finest=256, features=4, log2_table=17)
     )
-    """Over a unit cube that is one tube's length along and `SLOTS` tubes across."""
+    """Over a unit cube that is `SLOTS` tubes across."""
+    along: float = 1 / 16
+    """Share of the unit cube's side that a tube is long: the less, the farther a wire's cells reach along it,
+    and the fewer rays it takes to see where across the tube it hangs."""
     hidden: int = 32
     """Width of the only hidden layer."""
 
     def __post_init__(self) -> None:
         if self.hidden < 1:
             raise ConfigError(f"A tube field needs hidden of 1 or more, but got {self.hidden}.")
+        if not 0 < self.along <= 1:
+            raise ConfigError(f"A tube field needs 0 < along <= 1, but got {self.along}.")
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class TubeField(nn.Module):
         super().__init__()
         if len(guides) > SLOTS**2:
             raise ConfigError(f"A tube field holds {SLOTS**2} curves at most, but got {len(guides)}.")
-        self.guides = guides
+        self.guides, self._along = guides, config.along
         self.grid = HashGrid(config.grid, backend, generator)
         self.network = mlp([config.grid.width, config.hidden, 1 + feature], generator)
 
@@ -114,7 +119,7 @@ class TubeField(nn.Module):
         reach = guides.reach[curve]
         u, v = (y - y0 - y1 * x) / reach, (z - z0 - x * (z1 + z2 * x)) / reach
         inside = (u * u + v * v < 1) & (x > low) & (x < high)
-        along = (x - low) / (high - low)
+        along = self._along * (x - low) / (high - low)
         across = (curve % SLOTS + 0.5 * (u + 1)) / SLOTS
         upwards = (curve // SLOTS + 0.5 * (v + 1)) / SLOTS
         return inside, torch.stack([along, across, upwards], -1).clamp(0, 1)

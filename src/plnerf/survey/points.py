@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.images import default_chunk
 from plnerf.render.proposals import to_distance
 from plnerf.scene.scene import Scene
+from plnerf.survey.lines import in_long_pieces, on_lines
 from plnerf.train.run import TrainedRun
 from plnerf.wires.evidence import line_response, track_slope, vanishing_directions
 
@@ -32,17 +32,6 @@ THICK_PX = 8.0
 """Half the depth within which that light must come, in widths of the pixel there."""
 AROUND_PX = 40.0
 """Radius of a neighbourhood across the span, in widths of a pixel at the typical distance."""
-FEWEST_VIEWS, FEWEST_POINTS = 3, 8
-LONGER = 3.0
-"""How many times as far a neighbourhood reaches along the span as across."""
-STRAIGHT = 0.3
-"""Spread across a neighbourhood, as a share of that along it, below which it may hold lines; a surface that
-fills it has 1/3."""
-CORE, LEAST_IN_CORE = 0.25, 0.45
-"""Share of a neighbourhood's points that lie near the line through a point, and how near, as a share of the
-radius.  Of a single wire all do, of twin conductors half, of a surface no more than `CORE`."""
-AXIS_DEG = 30.0
-"""Angle to the span's axis within which a line may be a conductor."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +75,7 @@ def wire_points(run: TrainedRun, progress: Callable[[int, int], None] | None = N
     if use.any():
         radius = AROUND_PX * float(np.median(footprint[use]))
         use[use] = on_lines(points[use], view[use], radius)
+        use[use] = in_long_pieces(points[use], radius)
     return WirePoints(scene.frames.to_world(points[use]), view[use], light[use], len(points))
 
 
@@ -117,31 +107,3 @@ def first_thing(
     share = torch.where(enough.any(1), light.gather(1, first)[:, 0], 0)
     mine = near.gather(1, first[..., None].expand(-1, -1, near.shape[2]))[:, 0] * w
     return torch.where(share > 0, (mine * middle).sum(1) / share.clamp_min(LEAST_SHARE), 0), share
-
-
-def on_lines(
-    points: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], radius: float
-) -> Bool[np.ndarray, " n"]:
-    """Which points have neighbours of several views on a line along the span, and few beside it."""
-    squeezed = points / [LONGER, 1, 1]
-    tree = cKDTree(squeezed)
-    keep = np.zeros(len(points), dtype=bool)
-    least = np.cos(np.deg2rad(AXIS_DEG))
-    for first in range(0, len(points), 4096):
-        part = slice(first, min(first + 4096, len(points)))
-        for n, near in zip(
-            range(part.start, part.stop), tree.query_ball_point(squeezed[part], radius), strict=True
-        ):
-            if len(near) < FEWEST_POINTS:
-                continue
-            middle = points[near].mean(0)
-            spread, axes = np.linalg.eigh((points[near] - middle).T @ (points[near] - middle))
-            if spread[1] >= STRAIGHT**2 * spread[2] or abs(axes[0, 2]) <= least:
-                continue
-            core = np.linalg.norm(np.cross(points[near] - points[n], axes[:, 2]), axis=1) < CORE * radius
-            keep[n] = (
-                core.mean() >= LEAST_IN_CORE
-                and core.sum() >= FEWEST_POINTS
-                and len(np.unique(view[near][core])) >= FEWEST_VIEWS
-            )
-    return keep

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from plnerf.errors import SceneError
 from plnerf.scene.files import write_text
 
-REACH_SIGMAS, REACH_PX = 4.0, 6.0
+REACH_SIGMAS, REACH_PX = 4.0, 3.0
 CERTAIN_PX = 3.0
 """Curves less certain than so many pixels wide are what views do not fix, or no conductors at all."""
 

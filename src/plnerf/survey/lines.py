@@ -1,0 +1,130 @@
+"""Which points lie on wires: what makes a line along the span, seen from several views, and goes on for long.
+
+Letters: n points in the scene frame, whose x axis runs along the span.
+"""
+
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numba import njit, prange
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+FEWEST_VIEWS, FEWEST_POINTS = 3, 8
+LONGER = 3.0
+"""How many times as far a neighbourhood reaches along the span as across."""
+STRAIGHT = 0.3
+"""Spread across a neighbourhood, as a share of that along it, below which it may hold lines; a surface that
+fills it has 1/3."""
+CORE, LEAST_IN_CORE = 0.25, 0.45
+"""Share of a neighbourhood's points that lie near the line through a point, and how near, as a share of the
+radius.  Of a single wire all do, of twin conductors half, of a surface no more than `CORE`."""
+AXIS_DEG = 30.0
+"""Angle to the span's axis within which a line may be a conductor."""
+LONG = 5.0
+"""Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower are
+lines too, but end sooner."""
+CELL, NEXT = 0.125, 0.5
+"""Side of the cells that stand for their points, and how far apart cells of one piece may lie, in radii."""
+
+
+def on_lines(
+    points: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Which points have neighbours of several views on a line along the span, and few beside it."""
+    if not len(points):
+        return np.zeros(0, dtype=bool)
+    squeezed = points / [LONGER * radius, radius, radius]
+    cells = np.floor(squeezed - squeezed.min(0)).astype(np.int64) + 1
+    _, width, height = cells.max(0) + 2
+    key = (cells[:, 0] * width + cells[:, 1]) * height + cells[:, 2]
+    order = np.argsort(key, kind="stable")
+    filled, starts = np.unique(key[order], return_index=True)
+    # Neighbours lie in nine columns of three cells each: stretches of the order.
+    beside = np.array([[(i * width + j) * height for j in (-1, 0, 1)] for i in (-1, 0, 1)]).ravel()
+    stretches = np.stack(
+        [
+            np.searchsorted(key[order], filled[:, None] + beside - 1, side="left"),
+            np.searchsorted(key[order], filled[:, None] + beside + 1, side="right"),
+        ],
+        -1,
+    )
+    keep = np.zeros(len(points), dtype=bool)
+    keep[order] = _on_lines(
+        np.ascontiguousarray(points[order] / radius),
+        np.ascontiguousarray(np.unique(view, return_inverse=True)[1][order]),
+        np.append(starts, len(points)),
+        stretches,
+    )
+    return keep
+
+
+@no_type_check
+@njit(cache=True, parallel=True)
+def _on_lines(points, view, starts, stretches):
+    """`on_lines` of points in radii, sorted by the cells that begin at `starts`; (n,) bool.
+
+    stretches (cells, 9, 2): where in the order the neighbours of a cell's points are.
+    """
+    keep = np.zeros(len(points), dtype=np.bool_)
+    views = view.max() + 1
+    least = np.cos(np.deg2rad(AXIS_DEG))
+    for cell in prange(len(starts) - 1):
+        seen = np.full(views, -1)
+        for n in range(starts[cell], starts[cell + 1]):
+            count, xx, xy, xz, yy, yz, zz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            sx, sy, sz = 0.0, 0.0, 0.0
+            for k in range(len(stretches[cell])):
+                for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
+                    x, y, z = _offset(points, m, n)
+                    if (x / LONGER) ** 2 + y * y + z * z <= 1:
+                        count += 1
+                        sx, sy, sz = sx + x, sy + y, sz + z
+                        xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
+                        yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+            if count < FEWEST_POINTS:
+                continue
+            first = np.array([sx, sy, sz])
+            second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            spread, axes = np.linalg.eigh(second - np.outer(first, first) / count)
+            ax, ay, az = axes[0, 2], axes[1, 2], axes[2, 2]
+            if spread[1] >= STRAIGHT**2 * spread[2] or abs(ax) <= least:
+                continue
+            core, different = 0, 0
+            for k in range(len(stretches[cell])):
+                for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
+                    x, y, z = _offset(points, m, n)
+                    along = x * ax + y * ay + z * az
+                    near = (x / LONGER) ** 2 + y * y + z * z <= 1
+                    if near and x * x + y * y + z * z - along * along < CORE**2:
+                        core += 1
+                        different += seen[view[m]] != n
+                        seen[view[m]] = n
+            keep[n] = core >= max(FEWEST_POINTS, LEAST_IN_CORE * count) and different >= FEWEST_VIEWS
+    return keep
+
+
+@no_type_check
+@njit(inline="always")
+def _offset(points, m, n):
+    """From point n to point m."""
+    return points[m, 0] - points[n, 0], points[m, 1] - points[n, 1], points[m, 2] - points[n, 2]
+
+
+def in_long_pieces(points: Float[np.ndarray, "n 3"], radius: float) -> Bool[np.ndarray, " n"]:
+    """Which points belong to pieces, of neighbours in turn, that are long enough for a conductor."""
+    if not len(points):
+        return np.zeros(0, dtype=bool)
+    cells, of_point = np.unique(
+        np.floor(points / [LONGER, 1, 1] / (CELL * radius)).astype(np.int64), axis=0, return_inverse=True
+    )
+    pairs = cKDTree(cells).query_pairs(NEXT / CELL, output_type="ndarray")
+    linked = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(len(cells), len(cells)))
+    count, piece = connected_components(linked, directed=False)
+    piece = piece[of_point]
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, piece, points[:, 0])
+    np.maximum.at(high, piece, points[:, 0])
+    return (high - low)[piece] >= LONG * radius
