@@ -72,6 +72,16 @@ def test_twins_are_kept_both_but_for_their_ends() -> None:
         assert on_lines(both, views, RADIUS)[whole].mean() > 0.95
 
 
+def test_of_twins_the_one_that_is_seen_less_is_kept_too() -> None:
+    points, view = line(5, count=1200)
+    points = points * [1, 0.4, 0.4]
+    few = slice(0, 240)
+    both = np.concatenate([points, points[few] + np.array([0, 0.8 * RADIUS, 0])])
+    keep = on_lines(both, np.concatenate([view, view[few]]), RADIUS)
+    whole = np.abs(both[:, 0]) < 0.5 - LONGER * RADIUS
+    assert keep[whole & (np.arange(len(both)) >= 1200)].mean() > 0.9
+
+
 def test_clumps_are_dropped_though_they_are_longer_along_the_span() -> None:
     """All of a clump lies near the line through each of its points."""
     rng = np.random.default_rng(2)
@@ -86,7 +96,7 @@ def test_points_alone_are_dropped() -> None:
     assert not on_lines(alone, np.arange(40) % 5, RADIUS).any()
     few = np.linspace(0, RADIUS, FEWEST_POINTS - 1)[:, None] * [1, 0, 0]
     assert not on_lines(few, np.arange(len(few)), RADIUS).any()
-    enough = np.linspace(0, RADIUS, FEWEST_POINTS)[:, None] * [1, 0, 0]
+    enough = np.linspace(0, 5 * RADIUS, FEWEST_POINTS)[:, None] * [1, 0, 0]
     assert on_lines(enough, np.arange(len(enough)), 2 * RADIUS).all()
 
 

@@ -112,6 +112,7 @@ def test_points_lie_in_front_of_their_cameras_on_the_rays_of_ridge_pixels(
     """All that were tried: seen from their views, they are the ridge pixels again."""
     monkeypatch.setattr(survey_points, "LEAST_SHARE", 1e-9)
     monkeypatch.setattr(survey_points, "on_lines", lambda points, view, radius: np.full(len(points), True))
+    monkeypatch.setattr(survey_points, "in_long_pieces", lambda points, radius: np.full(len(points), True))
     whole = dataclasses.replace(run.scene, box=np.array([[-1e6] * 3, [1e6] * 3]))
     found = wire_points(dataclasses.replace(run, scene=whole))
     assert len(found.points) == found.tried > 100

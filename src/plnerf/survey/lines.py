@@ -15,15 +15,19 @@ from scipy.spatial import cKDTree
 FEWEST_VIEWS, FEWEST_POINTS = 3, 8
 LONGER = 3.0
 """How many times as far a neighbourhood reaches along the span as across."""
-STRAIGHT = 0.3
-"""Spread across a neighbourhood, as a share of that along it, below which it may hold lines; a surface that
-fills it has 1/3."""
-CORE, LEAST_IN_CORE = 0.25, 0.45
-"""Share of a neighbourhood's points that lie near the line through a point, and how near, as a share of the
-radius.  Of a single wire all do, of twin conductors half, of a surface no more than `CORE`."""
+STRAIGHT = 0.5
+"""Spread across a neighbourhood, as a share of that along it, below which it may hold lines: twin conductors
+have up to 0.4, and a ball of leaves, which the neighbourhood cuts to its own shape, has 1/3 and more."""
+CORE, LEAST_IN_CORE = 0.35, 0.1
+"""How near the line through a point others count as on it, as a share of the radius, and the share of the
+neighbourhood that must: conductors of a bundle are seen unequally well."""
+DENSE = 0.7
+"""Share of those that must lie within half as far: of a wire all do, of a surface half, of leaves fewer."""
+GOES_ON = 0.5
+"""Spread of those along the line, in radii: an endless line has 1.7, its end 0.9, a clump of leaves less."""
 AXIS_DEG = 30.0
 """Angle to the span's axis within which a line may be a conductor."""
-LONG = 5.0
+LONG = 8.0
 """Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower are
 lines too, but end sooner."""
 CELL, NEXT = 0.125, 0.5
@@ -92,17 +96,33 @@ def _on_lines(points, view, starts, stretches):
             ax, ay, az = axes[0, 2], axes[1, 2], axes[2, 2]
             if spread[1] >= STRAIGHT**2 * spread[2] or abs(ax) <= least:
                 continue
-            core, different = 0, 0
+            # The line through the middle of what lies near the point: the point itself may be off.
+            core, mx, my, mz = 0, 0.0, 0.0, 0.0
             for k in range(len(stretches[cell])):
                 for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
                     x, y, z = _offset(points, m, n)
                     along = x * ax + y * ay + z * az
-                    near = (x / LONGER) ** 2 + y * y + z * z <= 1
-                    if near and x * x + y * y + z * z - along * along < CORE**2:
+                    across = x * x + y * y + z * z - along * along
+                    if across < CORE**2 and (x / LONGER) ** 2 + y * y + z * z <= 1:
                         core += 1
+                        mx, my, mz = mx + x, my + y, mz + z
+            mx, my, mz = mx / core, my / core, mz / core
+            core, inner, different, length = 0, 0, 0, 0.0
+            for k in range(len(stretches[cell])):
+                for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
+                    x, y, z = _offset(points, m, n)
+                    near = (x / LONGER) ** 2 + y * y + z * z <= 1
+                    x, y, z = x - mx, y - my, z - mz
+                    along = x * ax + y * ay + z * az
+                    across = x * x + y * y + z * z - along * along
+                    if near and across < CORE**2:
+                        core += 1
+                        inner += across < (CORE / 2) ** 2
+                        length += along * along
                         different += seen[view[m]] != n
                         seen[view[m]] = n
-            keep[n] = core >= max(FEWEST_POINTS, LEAST_IN_CORE * count) and different >= FEWEST_VIEWS
+            enough = core >= max(FEWEST_POINTS, LEAST_IN_CORE * count) and different >= FEWEST_VIEWS
+            keep[n] = enough and inner >= DENSE * core and length >= GOES_ON**2 * core
     return keep
 
 

@@ -26,7 +26,7 @@ from plnerf.wires.evidence import line_response, track_slope, vanishing_directio
 MOST_PER_VIEW = 4000
 WEAKEST = 0.2
 """Response of a pixel that may be a wire's."""
-LEAST_SHARE = 0.4
+LEAST_SHARE = 0.25
 """Of a ray's light, that a thing must give to be there: a wire thinner than a pixel gives that part of it."""
 THICK_PX = 8.0
 """Half the depth within which that light must come, in widths of the pixel there."""
