@@ -3,6 +3,7 @@
 Letters: n points in the scene frame, whose x axis runs along the span.
 """
 
+import math
 from typing import no_type_check
 
 import numpy as np
@@ -25,8 +26,8 @@ DENSE = 0.7
 """Share of those that must lie within half as far: of a wire all do, of a surface half, of leaves fewer."""
 GOES_ON = 0.5
 """Spread of those along the line, in radii: an endless line has 1.7, its end 0.9, a clump of leaves less."""
-AXIS_DEG = 30.0
-"""Angle to the span's axis within which a line may be a conductor."""
+LEAST_ALONG = math.cos(math.radians(30))
+"""Cosine of the angle to the span's axis within which a line may be a conductor."""
 LONG = 8.0
 """Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower are
 lines too, but end sooner."""
@@ -74,63 +75,74 @@ def _on_lines(points, view, starts, stretches):
     """
     keep = np.zeros(len(points), dtype=np.bool_)
     views = view.max() + 1
-    least = np.cos(np.deg2rad(AXIS_DEG))
     for cell in prange(len(starts) - 1):
         seen = np.full(views, -1)
+        most = (stretches[cell, :, 1] - stretches[cell, :, 0]).sum()
+        near, whose = np.empty((most, 3)), np.empty(most, np.int64)
         for n in range(starts[cell], starts[cell + 1]):
-            count, xx, xy, xz, yy, yz, zz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            sx, sy, sz = 0.0, 0.0, 0.0
-            for k in range(len(stretches[cell])):
-                for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
-                    x, y, z = _offset(points, m, n)
-                    if (x / LONGER) ** 2 + y * y + z * z <= 1:
-                        count += 1
-                        sx, sy, sz = sx + x, sy + y, sz + z
-                        xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
-                        yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+            count = _gather(points, view, stretches[cell], n, near, whose)
             if count < FEWEST_POINTS:
                 continue
-            first = np.array([sx, sy, sz])
-            second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            spread, axes = np.linalg.eigh(second - np.outer(first, first) / count)
-            ax, ay, az = axes[0, 2], axes[1, 2], axes[2, 2]
-            if spread[1] >= STRAIGHT**2 * spread[2] or abs(ax) <= least:
+            x, y, z, straight = _axis(near[:count])
+            if not straight or abs(x) <= LEAST_ALONG:
                 continue
             # The line through the middle of what lies near the point: the point itself may be off.
             core, mx, my, mz = 0, 0.0, 0.0, 0.0
-            for k in range(len(stretches[cell])):
-                for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
-                    x, y, z = _offset(points, m, n)
-                    along = x * ax + y * ay + z * az
-                    across = x * x + y * y + z * z - along * along
-                    if across < CORE**2 and (x / LONGER) ** 2 + y * y + z * z <= 1:
-                        core += 1
-                        mx, my, mz = mx + x, my + y, mz + z
+            for m in range(count):
+                if _across(near[m, 0], near[m, 1], near[m, 2], x, y, z) < CORE**2:
+                    core += 1
+                    mx, my, mz = mx + near[m, 0], my + near[m, 1], mz + near[m, 2]
             mx, my, mz = mx / core, my / core, mz / core
             core, inner, different, length = 0, 0, 0, 0.0
-            for k in range(len(stretches[cell])):
-                for m in range(stretches[cell, k, 0], stretches[cell, k, 1]):
-                    x, y, z = _offset(points, m, n)
-                    near = (x / LONGER) ** 2 + y * y + z * z <= 1
-                    x, y, z = x - mx, y - my, z - mz
-                    along = x * ax + y * ay + z * az
-                    across = x * x + y * y + z * z - along * along
-                    if near and across < CORE**2:
-                        core += 1
-                        inner += across < (CORE / 2) ** 2
-                        length += along * along
-                        different += seen[view[m]] != n
-                        seen[view[m]] = n
+            for m in range(count):
+                u, v, w = near[m, 0] - mx, near[m, 1] - my, near[m, 2] - mz
+                across = _across(u, v, w, x, y, z)
+                if across < CORE**2:
+                    core += 1
+                    inner += across < (CORE / 2) ** 2
+                    length += (u * x + v * y + w * z) ** 2
+                    different += seen[whose[m]] != n
+                    seen[whose[m]] = n
             enough = core >= max(FEWEST_POINTS, LEAST_IN_CORE * count) and different >= FEWEST_VIEWS
             keep[n] = enough and inner >= DENSE * core and length >= GOES_ON**2 * core
     return keep
 
 
 @no_type_check
+@njit(cache=True)
+def _gather(points, view, stretches, n, near, whose):
+    """Into near and whose: offsets and views of the points around point n; returns how many there are."""
+    count = 0
+    for k in range(len(stretches)):
+        for m in range(stretches[k, 0], stretches[k, 1]):
+            x, y, z = points[m, 0] - points[n, 0], points[m, 1] - points[n, 1], points[m, 2] - points[n, 2]
+            if (x / LONGER) ** 2 + y * y + z * z <= 1:
+                near[count, 0], near[count, 1], near[count, 2] = x, y, z
+                whose[count] = view[m]
+                count += 1
+    return count
+
+
+@no_type_check
+@njit(cache=True)
+def _axis(near):
+    """Direction of the largest spread of some offsets, and whether they spread much less across it."""
+    middle, spread = np.zeros(3), np.zeros((3, 3))
+    for m in range(len(near)):
+        for i in range(3):
+            middle[i] += near[m, i]
+            for j in range(3):
+                spread[i, j] += near[m, i] * near[m, j]
+    values, axes = np.linalg.eigh(spread - np.outer(middle, middle) / len(near))
+    return axes[0, 2], axes[1, 2], axes[2, 2], values[1] < STRAIGHT**2 * values[2]
+
+
+@no_type_check
 @njit(inline="always")
-def _offset(points, m, n):
-    """From point n to point m."""
-    return points[m, 0] - points[n, 0], points[m, 1] - points[n, 1], points[m, 2] - points[n, 2]
+def _across(u, v, w, x, y, z):
+    """Squared distance of an offset from the axis (x, y, z)."""
+    along = u * x + v * y + w * z
+    return u * u + v * v + w * w - along * along
 
 
 def in_long_pieces(points: Float[np.ndarray, "n 3"], radius: float) -> Bool[np.ndarray, " n"]:
