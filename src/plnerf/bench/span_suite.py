@@ -107,19 +107,25 @@ def measure_span(
             downscale=bench.downscale, seed=bench.seed, device=bench.device, backend=bench.backend,
             settings=("train.validations=2", "train.checkpoints=1", *bench.settings), console=console,
         )  # fmt: skip
+    return score_run(folder, views=1 if bench.quick else VIEWS, console=console)
+
+
+def score_run(folder: Path, *, views: int, console: Console) -> dict[str, Any]:
+    """A run on a scene of known wires: its points on them scored, and some held-out views measured."""
     run = open_run(folder)
+    scene = Path(run.config.scene)
     with bar(console, "survey") as progress:
         survey_run(run, folder / "survey", progress)
     score = score_points(read_cloud(folder / "survey" / POINTS).points, read_truth(scene / "truth.json"))
     test, appearance, lpips, pictures = run.scene.test, mean_appearance(run), Lpips(), []
-    count = min(1 if bench.quick else VIEWS, len(test))
+    count = min(views, len(test))
     for k in range(count):
         i = test[k * len(test) // count]
         view = render_view(run.model, run.scene.cameras[[i]], appearance, normals=False)
         pictures.append(measure(view, run.scene, i, lpips))
     return {
         "scene": scene.name,
-        "preset": preset,
+        "preset": run.config.preset,
         "steps": run.step,
         "training_s": run.seconds,
         "views": count,
