@@ -14,6 +14,7 @@ from plnerf.wires.find import PLANES, FindConfig, find_curves, search_box
 from plnerf.wires.narrow import curve_odds
 from plnerf.wires.odds import odds_of, without
 from plnerf.wires.refit import claim, refit
+from plnerf.wires.search import Line, Search
 from plnerf.wires.views import look_at, views_of
 
 TRUE = (hanging(-0.08, 0.05), hanging(0.06, 0.02, 0.03), hanging(0.0, 0.1, 0.05, askew=0.01, climb=0.02))
@@ -88,6 +89,23 @@ def test_the_order_of_the_pictures_does_not_count(
     for one, other in zip(found, again, strict=True):
         assert apart(one, other) < 0.02 * PIXEL and one.ends == other.ends
         assert other.sigma == pytest.approx(one.sigma, rel=0.02)
+
+
+def test_a_better_line_that_is_not_wanted_hides_no_other(three: tuple[Scene, tuple[Curve, ...]]) -> None:
+    scene, _ = three
+    views, box = views_of(scene.cameras[list(scene.train)]), search_box(scene, COARSE.cell)
+    x = np.linspace(box.x[0], box.x[-1], PLANES)
+    search = Search(views, line_evidence(scene.images, scene.cameras, scene.train), x, COARSE.cell)
+    curves = np.array([fit_of(curve, x) for curve in TRUE])
+    best = search.best(curves, 100.0)
+    assert best is not None
+
+    def another(line: Line) -> bool:
+        return float(np.abs(line.fit.q - best.fit.q).max()) > 10 * PIXEL
+
+    other = search.best(curves, 100.0, another)
+    assert other is not None and another(other) and other.odds > 100.0
+    assert search.best(curves, 100.0, lambda line: False) is None
 
 
 def test_without_wires_none_is_found(tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ too, and left out at the end: edges of roads and tracks would otherwise lend the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from plnerf.scene.scene import Scene
 from plnerf.wires.curves import Curve
@@ -58,6 +59,9 @@ def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, 
     x = np.linspace(box.x[0], box.x[-1], ROWS)
     search = Search(views, line_evidence(scene.images, scene.cameras, scene.train), x, config.cell)
     lines = settled(search, _lines(search, box, config.most))
+    # In their places, the lines leave more of their ridges to others.
+    if more := _like_the_best(search, sweep(views, search.odds, box), box, lines, config.most):
+        lines = settled(search, [*lines, *more])
     found = conductors(lines, x[-1] - x[0])
     return tuple(_curve(views, line, ends_of(line, found, x[-1] - x[0]), x) for line in found)
 
@@ -81,19 +85,28 @@ def compile_search() -> None:
 def _lines(search: Search, box: Box, most: int) -> list[Line]:
     """Lines along the span of any shape, the best first; then of the best one's shape, until none is new."""
     lines: list[Line] = []
-    length, any_shape = box.x[-1] - box.x[0], True
+    any_shape = True
     for _ in range(SWEEPS):
         volume, new = sweep(search.views, search.odds, box), []
         if any_shape:
             new = _taken(search, candidates(volume, box), box, LEAST_ODDS, most - len(lines))
             any_shape = bool(new)
-        if not new and (best := best_hanging(lines, length)) is not None:
-            like = alike(volume, box, best.fit.q)
-            new = _taken(search, like, box, LEAST_ODDS_ALIKE, most - len(lines), best)
+        new = new or _like_the_best(search, volume, box, lines, most)
         lines += new
         if not new or len(lines) == most:
             break
     return lines
+
+
+def _like_the_best(
+    search: Search, volume: Float32[np.ndarray, "i j k"], box: Box, lines: Sequence[Line], most: int
+) -> list[Line]:
+    """Further lines that hang as the best of the lines does."""
+    best = best_hanging(lines, box.x[-1] - box.x[0])
+    if best is None or len(lines) >= most:
+        return []
+    like = alike(volume, box, best.fit.q)
+    return _taken(search, like, box, LEAST_ODDS_ALIKE, most - len(lines), best)
 
 
 def _taken(
@@ -106,11 +119,12 @@ def _taken(
 ) -> list[Line]:
     """The lines near some curves, best first, each without the ridges of those before it."""
     lines: list[Line] = []
-    fruitless = 0
+    length, fruitless = box.x[-1] - box.x[0], 0
+    wanted = None if like is None else partial(hang_alike, like, length=length)
     while len(pending) and fruitless < FRUITLESS and len(lines) < most:
         pending = pending[np.argsort(-search.promise(pending, box.x), kind="stable")]
-        line = search.best(pending[:BATCH], least)
-        if line is None or (like is not None and not hang_alike(like, line, box.x[-1] - box.x[0])):
+        line = search.best(pending[:BATCH], least, wanted)
+        if line is None:
             pending, fruitless = pending[BATCH:], fruitless + 1
             continue
         fruitless = 0

@@ -1,5 +1,6 @@
 """The search for lines among the ridges that are left: what speaks for one line speaks for no other."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,15 +56,31 @@ class Search:
         """Odds of curves known to half a cell."""
         return stretches(curve_odds(self.views, self.odds, curves, x, self.cells[0])[:, :, 0])[0]
 
-    def best(self, curves: Float[np.ndarray, "c 5"], least: float) -> Line | None:
-        """The best of the curves near the given ones, fitted to the ridges that are left; None for none."""
+    def best(
+        self, curves: Float[np.ndarray, "c 5"], least: float, wanted: Callable[[Line], bool] | None = None
+    ) -> Line | None:
+        """The best of the lines near some curves, fitted to the ridges that are left; None for none.
+
+        wanted: what else it must be.
+        """
         if len(curves) > BATCH:
             curves = curves[np.argsort(-self.promise(curves, self.x), kind="stable")[:BATCH]]
         near = narrow(self.views, self.odds, curves, self.x, self.cells)
         total = stretches(curve_odds(self.views, self.odds, near, self.x, 0.0)[:, :, 0])[0]
-        best = int(np.argmax(total))
         left = np.where(self.claims > 0, np.float32(0), self.responses)
-        fit = refit(self.views, left, near[best], self.x) if total[best] >= least else None
+        for n in np.argsort(-total, kind="stable"):
+            if total[n] < least:
+                break
+            line = self._fitted(near[n], left, least)
+            if line is not None and (wanted is None or wanted(line)):
+                return line
+        return None
+
+    def _fitted(
+        self, curve: Float[np.ndarray, "5"], left: Float[np.ndarray, " p"], least: float
+    ) -> Line | None:
+        """The line that a curve becomes when it is fitted to ridges; None where too little speaks for it."""
+        fit = refit(self.views, left, curve, self.x)
         if fit is None:
             return None
         of_plane, seen = self._of_plane(fit, self.odds.sharp_px)
