@@ -16,8 +16,9 @@ from plnerf.field.density import DensityConfig
 from plnerf.field.radiance import RadianceConfig
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays, pixel_rays
-from plnerf.render.model import ModelConfig, PLNeRF, RenderedRays
+from plnerf.render.model import ModelConfig, PLNeRF
 from plnerf.render.proposals import SamplerConfig
+from plnerf.render.system import RenderedRays
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames

@@ -13,7 +13,7 @@ import pytest
 from conftest import ROOT
 from plnerf.presets import PRESETS
 
-COMMANDS = ("", "demo", "train", "eval", "render", "synth", "survey", "score", "doctor", "bench")
+COMMANDS = ("", "demo", "train", "eval", "render", "synth", "survey", "score", "doctor", "bench", "compare")
 HEAVY = (
     "torch",
     "numba",

@@ -10,8 +10,8 @@ from torch import Tensor
 from plnerf.errors import ConfigError
 from plnerf.rays.histograms import blurred_interlevel_loss, ray_entropy
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss
-from plnerf.render.model import NormalSamples, RenderedRays
 from plnerf.render.proposals import Histogram
+from plnerf.render.system import NormalSamples, RenderedRays
 from plnerf.train.losses import LossWeights, loss_terms, normal_loss, orientation_loss
 from plnerf.train.pairs import edge_loss
 

@@ -15,9 +15,10 @@ from plnerf.ops.grid import GridShape
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
 from plnerf.rays.frustums import Frustums, ray_frustums
 from plnerf.rays.rays import Rays
-from plnerf.render.model import ModelConfig, PLNeRF, RenderedRays
+from plnerf.render.model import ModelConfig, PLNeRF
 from plnerf.render.proposals import SamplerConfig, to_distance
 from plnerf.render.ray_ops import frustum_features
+from plnerf.render.system import RenderedRays
 from plnerf.train.losses import LossWeights, loss_terms
 
 IMAGES = 4

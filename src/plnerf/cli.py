@@ -54,7 +54,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
-        preset: Named settings to start from: pl-nerf, pl-nerf-wire, nerfacto.
+        preset: Named settings to start from: nerf, mip-nerf, instant-ngp, mip-nerf-360, nerfacto,
+            pl-nerf, pl-nerf-wire.
         seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
@@ -275,6 +276,49 @@ def bench(  # noqa: PLR0913 (an argument is an option)
         out, suite, scene, run, preset, set, downscale, seconds, targets, seed, device, backend, quick
     )
     run_bench(config, Console())
+
+
+@app.command
+def compare(  # noqa: PLR0913 (an argument is an option)
+    scene: tyro.conf.Positional[Path],
+    *,
+    out: Out = Path("runs/compare"),
+    presets: tuple[str, ...] = (),
+    steps: int | None = None,
+    seconds: float | None = None,
+    downscale: int = 1,
+    seed: int = 0,
+    device: Literal["auto", "cpu", "cuda"] = "auto",
+    backend: Literal["auto", "torch", "numba", "triton"] = "auto",
+    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+) -> None:
+    """Train several systems on one scene at the same budget, and write what each makes of it side by side.
+
+    Args:
+        scene: Scene folder.
+        out: Folder for the runs, compare.md, compare.html, compare.json, curves.svg and sheet.png.
+        presets: Systems to compare, in this order; all when left out: nerf, mip-nerf, instant-ngp,
+            mip-nerf-360, nerfacto, pl-nerf, pl-nerf-wire.
+        steps: Budget of each in steps.
+        seconds: Budget of each in seconds of training; 240 when neither this nor --steps is given.
+        downscale: Integer factor by which images are made smaller.
+        seed: Decides the initial weights and every random draw, in all of them.
+        device: Where to train.
+        backend: Implementation of the ops.
+        set: A setting to change in all of them, as path.to.key=value.
+    """
+    from plnerf.bench.compare import CompareConfig
+    from plnerf.bench.compare import compare as run_comparison
+    from plnerf.presets import PRESETS
+
+    if steps is None and seconds is None:
+        seconds = 240.0
+    config = CompareConfig(
+        scene, out, presets or tuple(PRESETS), steps, seconds, downscale, set, seed, device, backend
+    )
+    console = Console()
+    page = run_comparison(config, console).parent / "compare.html"
+    console.print(f"comparison: {page}, compare.md, compare.json", markup=False, soft_wrap=True)
 
 
 def main() -> None:

@@ -20,6 +20,7 @@ from plnerf.bench.timing import timed
 from plnerf.bench.train_suite import scene_of, settings_of
 from plnerf.pipeline import train_scene
 from plnerf.render.images import RenderedView, render_view
+from plnerf.render.pruning import can_prune
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
 from plnerf.train.evaluate import mean_appearance
@@ -45,8 +46,8 @@ def _whole(run: TrainedRun, camera: Cameras, appearance: Tensor) -> RenderedView
 
 
 def renderers_of(run: TrainedRun) -> tuple[Renderer, ...]:
-    """Those that can render this run: what has a field around conductors cannot be pruned."""
-    return RENDERERS if run.model.tubes is None else RENDERERS[:1]
+    """Those that can render this run: not every system can be pruned."""
+    return RENDERERS if can_prune(run.model) else RENDERERS[:1]
 
 
 def _pruned(run: TrainedRun, camera: Cameras, appearance: Tensor) -> RenderedView:

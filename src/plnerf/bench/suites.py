@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from rich.console import Console
@@ -42,6 +42,8 @@ from plnerf.render.files import write_text
 from plnerf.train.protocol import plain
 
 FORMAT_VERSION = 1
+T = TypeVar("T")
+U = TypeVar("U")
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ _RUNNERS: dict[str, Callable[[BenchConfig], SuiteResult]] = {
 }
 
 
-def in_fresh_process(function: Callable[[BenchConfig], SuiteResult], bench: BenchConfig) -> SuiteResult:
+def in_fresh_process(function: Callable[[T], U], task: T) -> U:
     """Calls a function in a new Python process; its errors are raised here.
 
     Raises PlnerfError where the process is ended from outside.
@@ -141,10 +143,10 @@ def in_fresh_process(function: Callable[[BenchConfig], SuiteResult], bench: Benc
     try:
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(1, mp_context=spawn, initializer=_warn_in_a_line) as pool:
-            return pool.submit(function, bench).result()
+            return pool.submit(function, task).result()
     except BrokenProcessPool as error:
         raise PlnerfError(
-            f"The process of the suite {function.__name__.removeprefix('run_')!r} ended without a result: "
+            f"The process of {function.__name__.strip('_')!r} ended without a result: "
             "the system may have been short of memory. Close other programs, or choose a larger --downscale."
         ) from error
 

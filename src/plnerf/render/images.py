@@ -13,8 +13,8 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.model import PLNeRF
 from plnerf.render.pruning import Pruning, is_fused, render_pruned
+from plnerf.render.system import RadianceSystem
 from plnerf.scene.cameras import Cameras
 
 CPU_CHUNK_RAYS, GPU_CHUNK_RAYS = 1024, 32768
@@ -51,7 +51,7 @@ class RenderedView:
 
 
 def render_view(
-    model: PLNeRF,
+    model: RadianceSystem,
     camera: Cameras,
     appearance: Float[Tensor, " A"],
     *,
@@ -86,11 +86,11 @@ def render_view(
         depth_median=table[..., 5].copy(),
         z_depth=table[..., 6].copy(),
         normals=table[..., 7:].copy() if normals else None,
-        coloured=coloured / (width * height * model.config.sampler.final),
+        coloured=coloured / (width * height * model.sampler.final),
     )
 
 
-def default_chunk(model: PLNeRF, pruning: Pruning | None = None) -> int:
+def default_chunk(model: RadianceSystem, pruning: Pruning | None = None) -> int:
     """How many rays to render at once on the model's device."""
     if model.appearance.device.type != "cpu":
         return GPU_CHUNK_RAYS
@@ -98,7 +98,7 @@ def default_chunk(model: PLNeRF, pruning: Pruning | None = None) -> int:
 
 
 def _render_pixels(
-    model: PLNeRF,
+    model: RadianceSystem,
     camera: Cameras,
     appearance: Float[Tensor, " A"],
     flat: Int[Tensor, " r"],
@@ -115,7 +115,7 @@ def _render_pixels(
         rays, vectors = rays.to(device), appearance.to(device).expand(len(rays), -1)
         if pruning is None:
             out = model(rays, appearance=vectors, normals=normals)
-            coloured = len(rays) * model.config.sampler.final
+            coloured = len(rays) * model.sampler.final
         else:
             out, coloured = render_pruned(model, rays, appearance=vectors, pruning=pruning, normals=normals)
         columns = [out.colour, *(c[:, None] for c in (out.accumulation, out.depth, out.depth_median))]

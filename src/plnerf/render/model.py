@@ -10,6 +10,7 @@ Letters: r rays, S final intervals; lengths in the scene frame.
 import dataclasses
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -17,7 +18,6 @@ from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
 from plnerf.field.density import DensityConfig, DensityField
-from plnerf.field.poses import PoseCorrections
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.field.tubes import TubeConfig, TubeField
 from plnerf.ops.dispatch import Backend
@@ -26,6 +26,7 @@ from plnerf.rays.frustums import frustum_moments, ray_frustums
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
+from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
 from plnerf.render.volume import composite
 from plnerf.wires.guides import Guides, Windows, windows
 
@@ -43,6 +44,7 @@ class ModelConfig:
     """L-infinity contraction of unbounded space; without it, all beyond [-2, 2]^3 is clamped to its faces."""
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Stretch of x, y and z before the contraction; a span wants more cells across (y, z) than along (x)."""
+    kind: Literal["pl-nerf"] = "pl-nerf"
 
     def __post_init__(self) -> None:
         if len(self.proposals) != len(self.sampler.proposals):
@@ -55,32 +57,8 @@ class ModelConfig:
             raise ConfigError(f"The stretch of every axis must be above 0, but got {self.stretch}.")
 
 
-@dataclass(frozen=True)
-class NormalSamples:
-    """Normals of the samples of some rays, for the losses of Ref-NeRF."""
-
-    weights: Float[Tensor, "q S"]
-    from_density: Float[Tensor, "q S 3"]
-    predicted: Float[Tensor, "q S 3"]
-    directions: Float[Tensor, "q 3"]
-
-
-@dataclass(frozen=True)
-class RenderedRays:
-    """What rays see."""
-
-    colour: Float[Tensor, "r 3"]
-    accumulation: Float[Tensor, " r"]
-    depth: Float[Tensor, " r"]
-    depth_median: Float[Tensor, " r"]
-    normals: Float[Tensor, "r 3"] | None
-    histograms: tuple[Histogram, ...]
-    """Of the proposal rounds and, last, of the final one."""
-    normal_samples: NormalSamples | None
-
-
-class PLNeRF(nn.Module):
-    """The radiance field, its two proposal fields, and what is learnt of each image: appearance and pose."""
+class PLNeRF(RadianceSystem):
+    """The radiance field, its two proposal fields, and a field of their own around curves."""
 
     def __init__(
         self,
@@ -90,8 +68,9 @@ class PLNeRF(nn.Module):
         generator: Generator,
         guides: Guides | None = None,
     ) -> None:
-        super().__init__()
-        self.config, self.backend, self.guides = config, backend, guides
+        super().__init__(config.sampler, config.field.appearance, images, backend)
+        self.config, self.guides = config, guides
+        self.fixed_shapes = guides is None  # which samples lie near curves changes from step to step
         self.field = RadianceField(config.field, backend, generator)
         self.proposals = nn.ModuleList(
             DensityField(proposal, backend, generator) for proposal in config.proposals
@@ -99,10 +78,11 @@ class PLNeRF(nn.Module):
         self.tubes: TubeField | None = None
         if guides is not None and config.tubes is not None:
             self.tubes = TubeField(config.tubes, config.field.feature, guides, backend, generator)
-        # Zero at the start: the mean vector, used for views without an image of their own, stays within what
-        # is seen.
-        self.appearance = nn.Parameter(torch.zeros(images, config.field.appearance))
-        self.poses = PoseCorrections(images)
+
+    @property
+    def predicts_normals(self) -> bool:
+        """As its field was told."""
+        return self.config.field.normals
 
     def forward(
         self,
@@ -115,9 +95,6 @@ class PLNeRF(nn.Module):
         normal_rays: int = 0,
         normals_shape_density: bool = True,
     ) -> RenderedRays:
-        """Render rays.  With a generator the samples are jittered; `normals` renders the predicted normals;
-        the first `normal_rays` rays return their samples' normals for the losses, those of the density with
-        a graph only if they shall shape it."""
         # Poses are refined through the geometry, of which only the truths have a gradient.
         ops = TORCH if rays.origins.requires_grad else ray_ops(self.backend)
         densities = [partial(self._proposal_density, ops, field) for field in self.proposals]
@@ -150,10 +127,6 @@ class PLNeRF(nn.Module):
     def windows(self, rays: Rays) -> Windows | None:
         """Where rays pass near the curves that guide this model; None where there are none."""
         return None if self.guides is None else windows(rays, self.guides, self.config.sampler.near)
-
-    def mean_appearance(self, rays: int, images: Tensor) -> Float[Tensor, "{rays} A"]:
-        """The mean vector of some images, for views that have none of their own."""
-        return self.appearance[images].mean(0).expand(rays, -1)
 
     def _features(
         self, ops: RayOps, rays: Rays, t: Float[Tensor, "r E"], octaves: int

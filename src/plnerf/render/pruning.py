@@ -8,7 +8,7 @@ their heaviest one, and the networks of colour and normals see that one alone: s
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 import torch
 from jaxtyping import Float
@@ -18,9 +18,10 @@ from plnerf.errors import ConfigError
 from plnerf.rays.rays import Rays
 from plnerf.render import look
 from plnerf.render.look import Looked
-from plnerf.render.model import PLNeRF, RenderedRays
+from plnerf.render.model import PLNeRF
 from plnerf.render.proposals import Histogram, sample_along_rays, to_distance
 from plnerf.render.ray_ops import ray_ops
+from plnerf.render.system import RadianceSystem, RenderedRays
 from plnerf.render.volume import composite
 
 
@@ -59,7 +60,7 @@ class _Twin(NamedTuple):
 
 
 def render_pruned(
-    model: PLNeRF,
+    model: RadianceSystem,
     rays: Rays,
     *,
     appearance: Float[Tensor, "r A"],
@@ -70,16 +71,16 @@ def render_pruned(
 
     Raises ConfigError for normals of a model that predicts none.
     """
-    if normals and model.field.normal_network is None:
+    if normals and not model.predicts_normals:
         raise ConfigError(
             "This model predicts no normals: it was trained with model.field.normals=false. Ask for none."
         )
-    if model.tubes is not None:
+    if not can_prune(model):
         raise ConfigError(
-            "This model has a field around found conductors, which pruned rendering leaves out. Render it "
-            "exactly: without pruning."
+            "This model cannot be rendered pruned: only PL-NeRF's fields can, and not a field around found "
+            "conductors. Render it exactly: without pruning."
         )
-    ops, twin, sampler = ray_ops(model.backend), _twin(model), model.config.sampler
+    ops, twin, sampler = ray_ops(model.backend), _twin(model), model.sampler
     with torch.no_grad():
         densities = [partial(twin.densities, model, field) for field in model.proposals]
         s, history = sample_along_rays(rays, densities, sampler, 1.0, None, ops, model.windows(rays))
@@ -98,9 +99,14 @@ def render_pruned(
     return PrunedRays(rendered, looked.computed)
 
 
-def is_fused(model: PLNeRF) -> bool:
+def can_prune(model: RadianceSystem) -> TypeGuard[PLNeRF]:
+    """Whether a system's rays can be rendered pruned: those in a field around curves cannot yet."""
+    return isinstance(model, PLNeRF) and model.tubes is None
+
+
+def is_fused(model: RadianceSystem) -> bool:
     """Whether all of a pruned rendering runs in fused kernels; those of the field do no damping."""
-    return model.backend == "numba" and not model.config.field.damping
+    return isinstance(model, PLNeRF) and model.backend == "numba" and not model.config.field.damping
 
 
 def _twin(model: PLNeRF) -> _Twin:

@@ -59,7 +59,7 @@ def wire_points(run: TrainedRun, progress: Callable[[int, int], None] | None = N
             for first in range(0, len(rays), default_chunk(model)):
                 some = rays[first : first + default_chunk(model)].to(train.device)
                 out = model(some, appearance=model.mean_appearance(len(some), train))
-                t = to_distance(out.histograms[-1].s, model.config.sampler)
+                t = to_distance(out.histograms[-1].s, model.sampler)
                 depth, share = first_thing(t, out.histograms[-1].w, THICK_PX * some.radius)
                 shares.append(share.cpu())
                 places.append((some.origins + depth[:, None] * some.directions).cpu())

@@ -2,14 +2,18 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import Backend
 from plnerf.render.model import ModelConfig
+from plnerf.render.occupied import OccupiedConfig
+from plnerf.render.systems import SystemConfig
 from plnerf.scene.scene import Scene
 from plnerf.train.losses import LossWeights
 from plnerf.train.pixels import DetailMap
+
+S = TypeVar("S", bound=SystemConfig)
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ class RunConfig:
     backend: Backend
     """Implementation of the ops."""
     device: Literal["cpu", "cuda"]
-    model: ModelConfig
+    model: SystemConfig
     train: TrainConfig = field(default_factory=TrainConfig)
     steps: int | None = None
     """Budget in steps; a run with a budget in steps can be repeated and resumed to the same bits."""
@@ -121,12 +125,14 @@ class RunConfig:
             raise ConfigError(f"The seed must be from 0 to 2^63 - 1, but is {self.seed}.")
 
 
-def fit_to_scene(model: ModelConfig, scene: Scene, cells_per_pixel: float) -> ModelConfig:
+def fit_to_scene(model: S, scene: Scene, cells_per_pixel: float) -> S:
     """The model with its finest level as fine as the pixels: cells of a pixel's width at 1 scene unit.
 
     The contracted cube is 4 wide and a pixel 1/f, so N_max = 4 f cells_per_pixel.  Cells finer than the
     pixels cost time and learn the noise of single views.
     """
+    if not isinstance(model, ModelConfig | OccupiedConfig):
+        return model  # has no grid
     focal_px = float(scene.cameras.focal_px.mean())
     grid = model.field.grid
     finest = max(grid.coarsest, round(4 * focal_px * cells_per_pixel))

@@ -65,7 +65,7 @@ def evaluate_run(run: TrainedRun, *, chunk_rays: int | None = None, progress: Pr
     """
     scene, folder = run.scene, run.folder / "eval"
     (folder / "metrics.json").unlink(missing_ok=True)  # it would speak of the panels of an earlier step
-    appearance, normals = mean_appearance(run), run.config.model.field.normals
+    appearance, normals = mean_appearance(run), run.model.predicts_normals
     stems = panel_names([scene.names[i] for i in scene.test])
     lpips, scores, seconds = Lpips(), [], 0.0
     for done, (i, stem) in enumerate(zip(scene.test, stems, strict=True), start=1):

@@ -78,6 +78,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
             clock = time.perf_counter()
             set_learning_rates(optimizer, cfg, step, progress)
             batch, generator = next(batches)
+            model.update(step, generator)
             terms = take(batch, generator, step, cfg.pose_refinement and progress >= cfg.pose_from)
             if step % check_every == 0:
                 _check_finite(training.finite, first, step, terms, checkpoints)
@@ -124,8 +125,7 @@ def step_taker(
         generator = drawn if device == CPU else step_generator(config.seed, step, device)
         return training.step(to_device(batch, device), anneal(step, anneal_steps), generator, refine)
 
-    # Which samples lie near curves changes from step to step, and with it the shapes: no graph can hold it.
-    if device.type != "cuda" or config.backend != "triton" or training.model.guides is not None:
+    if device.type != "cuda" or config.backend != "triton" or not training.model.fixed_shapes:
         return plain
     generator = torch.Generator(device)
     graphs = {

@@ -10,9 +10,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.render.model import NormalSamples, RenderedRays
 from plnerf.render.proposals import Histogram
 from plnerf.render.ray_ops import TORCH, RayOps
+from plnerf.render.system import NormalSamples, RenderedRays
 from plnerf.train.pairs import edge_loss
 
 
@@ -22,6 +22,8 @@ class LossWeights:
 
     colour: float = 1.0
     """Mean squared error of the colour (NeRF 2020)."""
+    coarse: float = 1.0
+    """The same of what coarse samples alone show, where a system renders it (Mip-NeRF: 0.1)."""
     interlevel: float = 1.0
     """Proposals must cover the final histogram (Mip-NeRF 360)."""
     interlevel_blur: tuple[float, ...] = ()
@@ -45,8 +47,8 @@ class LossWeights:
 
     def __post_init__(self) -> None:
         values = (
-            self.colour, self.interlevel, self.distortion, self.entropy, self.edges, self.normals,
-            self.orientation,
+            self.colour, self.coarse, self.interlevel, self.distortion, self.entropy, self.edges,
+            self.normals, self.orientation,
         )  # fmt: skip
         if min(values) < 0 or min(self.interlevel_blur, default=0.0) < 0:
             raise ConfigError(f"The weights of losses and interlevel_blur must be 0 or more, but are {self}.")
@@ -67,10 +69,13 @@ def loss_terms(
     """
     final = out.histograms[-1]
     terms = {"colour": (importance[:, None] * (out.colour - colour) ** 2).mean()}
-    terms["interlevel"] = sum(
-        (value.mean() for value in _interlevel(out.histograms, weights.interlevel_blur, ops)),
-        out.colour.new_zeros(()),
-    )
+    if out.coarse_colour is not None:
+        terms["coarse"] = (importance[:, None] * (out.coarse_colour - colour) ** 2).mean()
+    if weights.interlevel:
+        terms["interlevel"] = sum(
+            (value.mean() for value in _interlevel(out.histograms, weights.interlevel_blur, ops)),
+            out.colour.new_zeros(()),
+        )
     if weights.distortion:
         terms["distortion"] = (importance * ops.distortion_loss(final.s, final.w)).mean()
     if weights.entropy:

@@ -13,7 +13,7 @@ from torch import Generator, Tensor
 
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.images import default_chunk
-from plnerf.render.model import PLNeRF
+from plnerf.render.system import RadianceSystem
 from plnerf.scene.scene import Scene
 
 SSIM_WINDOW = (
@@ -105,7 +105,7 @@ def _batch(picture: Float[np.ndarray, "h w 3"]) -> Float[Tensor, "1 3 h w"]:
     return torch.from_numpy(picture.astype(np.float32)).permute(2, 0, 1)[None]
 
 
-def validation_psnr(model: PLNeRF, scene: Scene, pixels: int, generator: Generator) -> float:
+def validation_psnr(model: RadianceSystem, scene: Scene, pixels: int, generator: Generator) -> float:
     """PSNR in dB over random held-out pixels, the same ones for generators in the same state.
 
     Pixels that masks ignore are left out; the appearance vector is the mean of the training images'.  NaN

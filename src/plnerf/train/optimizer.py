@@ -11,11 +11,11 @@ from torch.optim.adam import adam
 
 from plnerf.ops import reference
 from plnerf.ops.dispatch import Backend
-from plnerf.render.model import PLNeRF
+from plnerf.render.system import RadianceSystem
 from plnerf.train.config import TrainConfig
 
 
-def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> "TableAdam":
+def build_optimizer(model: RadianceSystem, cfg: TrainConfig) -> "TableAdam":
     """A group each for hash tables, networks and, where refined, poses; from here on gradients are there."""
     tables = [value for name, value in model.named_parameters() if name.endswith("table")]
     poses = list(model.poses.parameters())
@@ -23,14 +23,13 @@ def build_optimizer(model: PLNeRF, cfg: TrainConfig) -> "TableAdam":
     networks = [value for value in model.parameters() if id(value) not in others]
     for value in model.parameters():
         value.grad = torch.zeros_like(value)
-    groups = [
-        {"params": tables, "rate": cfg.table_rate, "by_row": True},
-        {"params": networks, "rate": cfg.network_rate},
-    ]
+    groups = [{"params": networks, "rate": cfg.network_rate}]
+    if tables:  # deep networks have none
+        groups.insert(0, {"params": tables, "rate": cfg.table_rate, "by_row": True})
     if cfg.pose_refinement:
         groups.append({"params": poses, "rate": cfg.pose_rate})
-    if tables[0].is_cuda:  # a CUDA graph reads what changes from tensors
-        groups = [{**group, "lr": torch.zeros((), device=tables[0].device)} for group in groups]
+    if model.appearance.is_cuda:  # a CUDA graph reads what changes from tensors
+        groups = [{**group, "lr": torch.zeros((), device=model.appearance.device)} for group in groups]
     return TableAdam(groups, model.backend)
 
 

@@ -19,7 +19,6 @@ from plnerf.errors import ConfigError
 from plnerf.field.poses import rotation_matrix
 from plnerf.render.files import write_npy, write_png, write_text
 from plnerf.render.images import RenderedView, render_view, resized
-from plnerf.render.model import PLNeRF
 from plnerf.render.paths import JUMP, TURN_DEG, fly_along, in_time_order
 from plnerf.render.pictures import (
     DepthRange,
@@ -33,7 +32,8 @@ from plnerf.render.pictures import (
     with_legend,
     world_depth,
 )
-from plnerf.render.pruning import Pruning
+from plnerf.render.pruning import Pruning, can_prune
+from plnerf.render.system import RadianceSystem
 from plnerf.render.video import require_ffmpeg, write_video
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
@@ -80,8 +80,7 @@ def render_run(
     if video:
         require_ffmpeg()
     shots = shots_of(run, views, frames, scale)
-    # The pruned renderer knows nothing of the field around curves yet.
-    prunes = views == "path" and run.model.backend == "numba" and run.model.tubes is None
+    prunes = views == "path" and run.model.backend == "numba" and can_prune(run.model)
     pruning = FLIGHT if prunes else None
     folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
     shown = _shared_range(run.model, shots, run.scene, pruning) if "depth" in outputs else None
@@ -124,7 +123,7 @@ def shots_of(run: TrainedRun, views: Views, frames: int, scale: float) -> list[S
     return [Shot(cameras[[i]], mean if views == "test" else vectors[i], scene.names[i]) for i in chosen]
 
 
-def refined_cameras(model: PLNeRF, cameras: Cameras) -> Cameras:
+def refined_cameras(model: RadianceSystem, cameras: Cameras) -> Cameras:
     """Cameras with the pose corrections that training found; the same ones where it sought none."""
     correction = model.poses.correction.detach().cpu()
     return Cameras(
@@ -137,7 +136,7 @@ def refined_cameras(model: PLNeRF, cameras: Cameras) -> Cameras:
     )
 
 
-def _check(model: PLNeRF, views: str, outputs: tuple[str, ...], fps: float) -> None:
+def _check(model: RadianceSystem, views: str, outputs: tuple[str, ...], fps: float) -> None:
     known_views, known = get_args(Views), get_args(Output)
     if views not in known_views:
         raise ConfigError(f"Views to render are {', '.join(known_views)}, but got {views!r}.")
@@ -147,7 +146,7 @@ def _check(model: PLNeRF, views: str, outputs: tuple[str, ...], fps: float) -> N
             f"Outputs to render are {', '.join(known)} (one or several), but got "
             f"{', '.join(map(repr, unknown)) or 'none'}."
         )
-    if "normals" in outputs and not model.config.field.normals:
+    if "normals" in outputs and not model.predicts_normals:
         raise ConfigError(
             "This run's model predicts no normals: it was trained with model.field.normals=false. Leave "
             "normals out of the outputs, or train with normals."
@@ -167,7 +166,9 @@ def _picture(kind: str, view: RenderedView, scene: Scene, shown: DepthRange | No
     return with_legend(depth_picture(world_depth(view, scene.frames), shown), shown)
 
 
-def _shared_range(model: PLNeRF, shots: list[Shot], scene: Scene, pruning: Pruning | None) -> DepthRange:
+def _shared_range(
+    model: RadianceSystem, shots: list[Shot], scene: Scene, pruning: Pruning | None
+) -> DepthRange:
     """One range of depth for all pictures, found on a few small views: a video's colours must not flicker."""
     depths = []
     for i in np.unique(np.linspace(0, len(shots) - 1, _PREVIEWS).astype(int)):

@@ -12,7 +12,8 @@ import torch
 from plnerf.errors import CheckpointError, ConfigError
 from plnerf.ops.dispatch import resolve_backend
 from plnerf.render.files import write_text
-from plnerf.render.model import PLNeRF
+from plnerf.render.system import RadianceSystem
+from plnerf.render.systems import build_system
 from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
@@ -29,7 +30,7 @@ class TrainedRun:
     folder: Path
     config: RunConfig
     scene: Scene
-    model: PLNeRF
+    model: RadianceSystem
     step: int
     seconds: float
 
@@ -60,7 +61,7 @@ def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None
     return load_scene(Path(config.scene), store=store, downscale=config.downscale, progress=progress)
 
 
-def build_model(config: RunConfig, scene: Scene, guides: Guides | None = None) -> PLNeRF:
+def build_model(config: RunConfig, scene: Scene, guides: Guides | None = None) -> RadianceSystem:
     """The untrained model of a run, its weights drawn from the run's seed.
 
     Raises ConfigError where the run's device is not there, or its backend cannot run on it.
@@ -72,7 +73,8 @@ def build_model(config: RunConfig, scene: Scene, guides: Guides | None = None) -
         )
     resolve_backend(config.backend, torch.device(config.device))  # the run may come from another machine
     generator = torch.Generator().manual_seed(config.seed)
-    return PLNeRF(config.model, len(scene.names), config.backend, generator, guides).to(config.device)
+    system = build_system(config.model, len(scene.names), config.backend, generator, guides)
+    return system.to(config.device)
 
 
 def read_config(folder: Path) -> RunConfig:

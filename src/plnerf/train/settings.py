@@ -78,8 +78,8 @@ def _convert(kind: Any, value: Any, key: str) -> Any:
     if origin in {Union, types.UnionType}:
         if value is None and type(None) in choices:
             return None
-        (kind,) = (choice for choice in choices if choice is not type(None))
-        return _convert(kind, value, key)
+        chosen = _of_kind([choice for choice in choices if choice is not type(None)], value, key)
+        return _convert(chosen, value, key)
     if origin is tuple:
         return _convert_tuple(choices, value, key)
     if kind is float and type(value) is int:
@@ -87,6 +87,18 @@ def _convert(kind: Any, value: Any, key: str) -> Any:
     if type(value) is not kind or (kind is float and not math.isfinite(value)):
         raise ConfigError(f"{key} must be {_WORDS[kind]}, but is {value!r}.")
     return value
+
+
+def _of_kind(choices: list[Any], value: Any, key: str) -> Any:
+    """The one of several dataclasses whose field `kind` is the value's: the first where it says none."""
+    if len(choices) == 1 or not isinstance(value, dict) or "kind" not in value:
+        return choices[0]
+    kinds = {get_args(get_type_hints(choice)["kind"])[0]: choice for choice in choices}
+    if value["kind"] not in kinds:
+        raise ConfigError(
+            f"{_below(key, 'kind')} must be one of {', '.join(map(repr, kinds))}, but is {value['kind']!r}."
+        )
+    return kinds[value["kind"]]
 
 
 def _convert_dataclass(kind: Any, value: Any, key: str) -> Any:

@@ -12,8 +12,8 @@ from torch import Generator, Tensor
 from torch.optim import Optimizer
 
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.model import PLNeRF
 from plnerf.render.ray_ops import ray_ops
+from plnerf.render.system import RadianceSystem
 from plnerf.scene.cameras import Cameras
 from plnerf.train.config import TrainConfig
 from plnerf.train.losses import loss_terms
@@ -41,7 +41,7 @@ class Finite:
 class Training:
     """What is trained, and how; all on one device."""
 
-    model: PLNeRF
+    model: RadianceSystem
     optimizer: Optimizer
     cameras: Cameras
     config: TrainConfig
@@ -64,7 +64,7 @@ class Training:
             appearance=model.appearance[rays.camera],
             anneal=anneal,
             generator=generator,
-            normal_rays=config.normal_rays if model.config.field.normals else 0,
+            normal_rays=config.normal_rays if model.predicts_normals else 0,
             normals_shape_density=config.loss.normals_shape_density,
         )
         terms = loss_terms(out, batch.colour, batch.importance, config.loss, ray_ops(backend))

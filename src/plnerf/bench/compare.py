@@ -1,0 +1,185 @@
+"""One scene, many systems: each preset trained and measured at the same budget, seed and split.
+
+Each preset has a folder below the comparison's own, a run like any other, and a result.json once it is
+measured: a comparison that was interrupted goes on, and one preset that fails leaves the others whole.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from plnerf.bench.compare_page import comparison_table, write_pages
+from plnerf.bench.machine import circumstances, peak_resident_bytes
+from plnerf.bench.suites import in_fresh_process
+from plnerf.errors import ConfigError, PlnerfError
+from plnerf.ops.dispatch import BackendChoice
+from plnerf.pipeline import Device, bar, choose_device, resume_run, train_scene
+from plnerf.presets import PRESETS, find_preset
+from plnerf.render.files import write_text
+from plnerf.render.images import render_view
+from plnerf.render.pictures import world_depth
+from plnerf.train.checkpoint import list_checkpoints
+from plnerf.train.evaluate import evaluate_run, mean_appearance
+from plnerf.train.protocol import plain
+from plnerf.train.run import open_run, read_config
+from plnerf.train.truth import read_wire_mask
+
+RESULT, VIEW = "result.json", "view.npz"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class CompareConfig:
+    """One call of `plnerf compare`."""
+
+    scene: Path
+    out: Path
+    presets: tuple[str, ...] = tuple(PRESETS)
+    steps: int | None = None
+    """Budget of every preset in steps, or in seconds."""
+    seconds: float | None = None
+    downscale: int = 1
+    settings: tuple[str, ...] = ()
+    """Settings changed in all of them, as path.to.key=value."""
+    seed: int = 0
+    device: Device = "auto"
+    backend: BackendChoice = "auto"
+
+    def __post_init__(self) -> None:
+        for name in self.presets:
+            find_preset(name)
+        if not self.presets or len(set(self.presets)) < len(self.presets):
+            raise ConfigError(f"--presets takes one or more, each once, but got {' '.join(self.presets)}.")
+        if (self.steps is None) == (self.seconds is None):
+            raise ConfigError("Give every preset the same budget: --steps N or --seconds S, not both.")
+
+    def common(self) -> dict[str, Any]:
+        """What all runs of a comparison share: going on with another would compare unequal ones."""
+        return {
+            "scene": str(self.scene.resolve()),
+            "steps": self.steps,
+            "seconds": self.seconds,
+            "downscale": self.downscale,
+            "settings": list(self.settings),
+            "seed": self.seed,
+        }
+
+
+def compare(config: CompareConfig, console: Console) -> Path:
+    """Trains and measures what is not there yet, and writes the pages; returns the path of compare.json.
+
+    Raises ConfigError where the folder holds a comparison of another kind, PlnerfError, after the pages are
+    written, where every preset failed.
+    """
+    _check_common(config)
+    results = []
+    for name in config.presets:
+        folder = config.out / name
+        if not (folder / RESULT).exists():
+            console.print(f"{name}:", markup=False)
+            try:
+                in_fresh_process(_run_one, (config, name))
+            except PlnerfError as error:
+                console.print(f"{name} failed: {error}", markup=False, soft_wrap=True)
+                results.append({"preset": name, "failed": str(error)})
+                continue
+        results.append(json.loads((folder / RESULT).read_text()))
+    about = {**circumstances(choose_device(config.device)), **config.common()}
+    console.print(comparison_table(results, about).for_console())
+    write_pages(config.out, results, about)
+    content = plain({"format_version": FORMAT_VERSION, "about": about, "results": results})
+    write_text(config.out / "compare.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+    if all("failed" in result for result in results):
+        raise PlnerfError("Every preset failed; their reasons are told above and in compare.json.")
+    return config.out / "compare.json"
+
+
+def _check_common(config: CompareConfig) -> None:
+    path, common = config.out / "common.json", config.common()
+    if path.exists() and (before := json.loads(path.read_text())) != common:
+        differ = [
+            f"{key} {before.get(key)!r} -> {value!r}"
+            for key, value in common.items()
+            if before.get(key) != value
+        ]
+        raise ConfigError(
+            f"{config.out} holds a comparison with other values: {', '.join(differ)}. Give the same values, "
+            "or another folder: -o."
+        )
+    write_text(path, json.dumps(common, indent=1) + "\n")
+
+
+def _run_one(task: tuple[CompareConfig, str]) -> None:
+    config, name = task
+    folder, console = config.out / name, Console()
+    if (folder / "config.json").exists() and list_checkpoints(folder / "checkpoints"):
+        resume_run(config.scene, folder, console=console)
+    else:
+        train_scene(
+            config.scene, folder, preset=name, steps=config.steps, seconds=config.seconds,
+            downscale=config.downscale, settings=config.settings, seed=config.seed, device=config.device,
+            backend=config.backend, console=console,
+        )  # fmt: skip
+    peak = peak_resident_bytes()
+    run = open_run(folder)
+    with bar(console, "evaluate") as progress:
+        metrics = json.loads(evaluate_run(run, progress=progress).read_text())
+    i = _shown_view(run.scene.test, run.scene.wire_masks)
+    view = render_view(run.model, run.scene.cameras[[i]], mean_appearance(run), normals=False)
+    with (folder / VIEW).open("wb") as file:
+        np.savez_compressed(
+            file, rgb=view.rgb.astype(np.float32), depth=world_depth(view, run.scene.frames),
+            photo=run.scene.images.image(i), unit=run.scene.frames.unit,
+        )  # fmt: skip
+    rays = read_config(folder).train.rays
+    values = [value for value in run.model.parameters()]
+    result = {
+        "preset": name,
+        "mean": metrics["mean"],
+        "steps": run.step,
+        "training_s": run.seconds,
+        "rays_per_s": run.step * rays / run.seconds if run.seconds else None,
+        "render_rays_per_s": metrics["protocol"]["rays_per_second"],
+        "peak_bytes": peak,
+        "parameters": sum(value.numel() for value in values),
+        "model_bytes": sum(value.numel() * value.element_size() for value in values),
+        "curve": _curve(folder / "metrics.jsonl"),
+        "view": run.scene.names[i],
+        "crop": _crop(run.scene.wire_masks.get(i), view.rgb.shape[:2]),
+    }
+    write_text(folder / RESULT, json.dumps(plain(result), indent=1, allow_nan=False) + "\n")
+
+
+def _shown_view(test: Sequence[int], masks: Mapping[int, Path]) -> int:
+    """The held-out view with the most wire, or the first one."""
+    wired = [i for i in test if i in masks]
+    return max(wired, key=lambda i: int(read_wire_mask(masks[i]).sum())) if wired else test[0]
+
+
+def _crop(mask: Path | None, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
+    """Top, left, height and width of the third of a picture with the most wire, or of its middle."""
+    h, w = shape
+    ch, cw = max(1, h // 3), max(1, w // 3)
+    if mask is None:
+        return (h - ch) // 2, (w - cw) // 2, ch, cw
+    rows, columns = np.nonzero(read_wire_mask(mask))
+    scale = h / read_wire_mask(mask).shape[0]
+    counts, tops, lefts = np.histogram2d(rows * scale, columns * scale, bins=(6, 6), range=((0, h), (0, w)))
+    pairs = counts[:-1, :-1] + counts[1:, :-1] + counts[:-1, 1:] + counts[1:, 1:]
+    i, j = np.unravel_index(int(pairs.argmax()), pairs.shape)
+    return min(int(tops[i]), h - ch), min(int(lefts[j]), w - cw), ch, cw
+
+
+def _curve(path: Path) -> list[tuple[float, int, float]]:
+    """Seconds, steps and held-out PSNR of the validations of a run."""
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    return [
+        (line["seconds"], line["step"], line["held_out_psnr_db"])
+        for line in lines
+        if "held_out_psnr_db" in line
+    ]

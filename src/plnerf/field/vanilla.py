@@ -1,0 +1,152 @@
+"""The field of NeRF 2020 (seed 4.2.1, fig. 17), Mip-NeRF and Mip-NeRF 360: a deep network and no table.
+
+    encoding(x) -> `depth` layers, the encoding joined again in between -> density, feature
+    feature, encoding(d), appearance -> one layer -> colour
+    feature -> one layer -> unit normal    (Ref-NeRF, section 4)
+
+The encoding is that of a point (NeRF 2020), of a frustum (Mip-NeRF) or of a frustum contracted into a ball
+(Mip-NeRF 360, whose further directions of encoding, beside the axes, are left out).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor, nn
+
+from plnerf.errors import ConfigError
+from plnerf.field.encodings import integrated_positional_encoding, positional_encoding
+from plnerf.field.networks import mlp
+from plnerf.rays.ball import contract_ball, contract_frustums_ball
+from plnerf.rays.frustums import ray_frustums
+from plnerf.rays.rays import Rays
+
+
+@dataclass(frozen=True)
+class VanillaConfig:
+    """Sizes and switches of the deep network; the defaults are NeRF 2020's."""
+
+    encoding: Literal["pe", "ipe"] = "pe"
+    """Of the position: that of a point, the near end of an interval (NeRF 2020), or of the whole interval's
+    frustum (Mip-NeRF)."""
+    octaves: int = 10
+    """Octaves of the position's encoding (Mip-NeRF: 16)."""
+    direction_octaves: int = 4
+    """Octaves of the view direction's encoding."""
+    depth: int = 8
+    """Hidden layers before the density."""
+    width: int = 256
+    """Their width, and that of the feature vector."""
+    skip: int = 5
+    """Hidden layers after which the encoding is joined again; 0 for none."""
+    colour_width: int = 128
+    """Width of the layer before the colour."""
+    contraction: bool = False
+    """Whether space is contracted into a ball first (Mip-NeRF 360)."""
+    appearance: int = 0
+    """Length of the appearance vector of an image (NeRF-W); 0 turns it off."""
+    normals: bool = False
+    """Whether the field predicts normals (Ref-NeRF)."""
+
+    def __post_init__(self) -> None:
+        least = min(self.octaves, self.direction_octaves, self.depth, self.width, self.colour_width)
+        if least < 1 or self.appearance < 0 or not 0 <= self.skip < self.depth:
+            raise ConfigError(
+                "A deep field needs octaves, direction_octaves, depth, width and colour_width of 1 or more, "
+                f"appearance of 0 or more and 0 <= skip < depth, but got {self}."
+            )
+
+
+class DeepDensity(nn.Module):
+    """Intervals of rays to density, through plain torch: the first part of the field, or a proposal."""
+
+    def __init__(self, config: VanillaConfig, generator: Generator) -> None:
+        super().__init__()
+        self.config = config
+        encoded, width = 6 * config.octaves, config.width
+        before = config.skip or config.depth
+        self.first = mlp([encoded, *[width] * before], generator)
+        self.second = (
+            mlp([width + encoded, *[width] * (config.depth - before)], generator) if config.skip else None
+        )
+        self.density_layer = mlp([width, 1], generator)
+
+    def encode(
+        self, rays: Rays, t: Float[Tensor, "r E"], moved: Float[Tensor, "r E-1 3"] | None = None
+    ) -> Float[Tensor, "r E-1 e"]:
+        """What the network is told of the position of each interval; e = 6 octaves.  Scene units, no pi.
+
+        moved: offsets of the intervals, for gradients by position.
+        """
+        if self.config.encoding == "ipe":
+            frustums = ray_frustums(rays, t)
+            if moved is not None:
+                frustums = replace(frustums, mean=frustums.mean + moved)
+            if self.config.contraction:
+                mean, variance = contract_frustums_ball(frustums)
+            else:
+                mean, variance = frustums.mean, frustums.covariance().diagonal(dim1=-2, dim2=-1)
+            return integrated_positional_encoding(mean, variance, self.config.octaves)
+        points = rays.origins[:, None] + t[:, :-1, None] * rays.directions[:, None]
+        points = points if moved is None else points + moved
+        points = contract_ball(points) if self.config.contraction else points
+        return positional_encoding(points, self.config.octaves)
+
+    def density(self, encoded: Float[Tensor, "r S e"]) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
+        """Density in 1/length of the scene frame, and the last layer it comes from.
+
+        log(1 + exp(x - 1)) as in Mip-NeRF: where NeRF 2020's ReLU is zero it has no gradient, and now and
+        then a whole field stays empty.
+        """
+        hidden = self.first(encoded).relu()
+        if self.second is not None:
+            hidden = self.second(torch.cat([hidden, encoded], -1)).relu()
+        return nn.functional.softplus(self.density_layer(hidden)[..., 0] - 1), hidden
+
+
+class VanillaField(DeepDensity):
+    """Intervals of rays to density, colour and normals."""
+
+    def __init__(self, config: VanillaConfig, generator: Generator) -> None:
+        super().__init__(config, generator)
+        width = config.width
+        self.feature_layer = mlp([width, width], generator)
+        inputs = width + 6 * config.direction_octaves + config.appearance
+        self.colour_network = mlp([inputs, config.colour_width, 3], generator)
+        self.normal_network = mlp([width, config.colour_width, 3], generator) if config.normals else None
+
+    def density(self, encoded: Float[Tensor, "r S e"]) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
+        """Density in 1/length of the scene frame, and the feature vector."""
+        density, hidden = super().density(encoded)
+        return density, self.feature_layer(hidden)
+
+    def colour(
+        self,
+        feature: Float[Tensor, "r S G"],
+        directions: Float[Tensor, "r 3"],
+        appearance: Float[Tensor, "r A"],
+    ) -> Float[Tensor, "r S 3"]:
+        """Colour in [0, 1], seen along unit directions."""
+        view = positional_encoding(directions, self.config.direction_octaves)
+        shared = torch.cat([view, appearance], -1)[:, None].expand(-1, feature.shape[1], -1)
+        return torch.sigmoid(self.colour_network(torch.cat([feature, shared], -1)))
+
+    def predicted_normals(self, feature: Float[Tensor, "r S G"]) -> Float[Tensor, "r S 3"]:
+        """Unit normals in the scene frame, as the network predicts them; ConfigError without normals."""
+        if self.normal_network is None:
+            raise ConfigError(
+                "This field was built with normals=False: it predicts none. Train with field.normals=true."
+            )
+        return nn.functional.normalize(self.normal_network(feature), dim=-1)
+
+
+def density_normals(field: VanillaField, rays: Rays, t: Float[Tensor, "q E"]) -> Float[Tensor, "q E-1 3"]:
+    """Normals as the density says, n = -grad sigma / |grad sigma|.  Ref-NeRF eq. 3."""
+    graph = torch.is_grad_enabled()
+    with torch.enable_grad():
+        # Every interval gets an origin of its own, by which its density is differentiated.
+        moved = torch.zeros(len(t), t.shape[1] - 1, 3, device=t.device, requires_grad=True)
+        density, _ = field.density(field.encode(rays, t, moved))
+        (gradient,) = torch.autograd.grad(density.log().sum(), moved, create_graph=graph)
+    return -gradient / (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()

@@ -1,0 +1,84 @@
+"""Systems whose field is one deep network: NeRF 2020, Mip-NeRF and Mip-NeRF 360 differ in where they look.
+
+Letters: r rays, S final intervals; s in [0, 1] warped distances; lengths in the scene frame.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Generator, Tensor
+
+from plnerf.field.vanilla import VanillaConfig, VanillaField, density_normals
+from plnerf.ops.dispatch import Backend
+from plnerf.rays.rays import Rays
+from plnerf.render.proposals import Histogram, SamplerConfig, to_distance
+from plnerf.render.ray_ops import Rendered, render_rays
+from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
+from plnerf.render.volume import composite
+
+
+class DeepNeRF(RadianceSystem):
+    """A deep field looked at where `edges` says."""
+
+    def __init__(
+        self,
+        config: VanillaConfig,
+        sampler: SamplerConfig,
+        images: int,
+        backend: Backend,
+        generator: Generator,
+    ) -> None:
+        super().__init__(sampler, config.appearance, images, backend)
+        self.field = VanillaField(config, generator)
+
+    @property
+    def predicts_normals(self) -> bool:
+        """As its field was told."""
+        return self.field.config.normals
+
+    def edges(
+        self,
+        rays: Rays,
+        appearance: Float[Tensor, "r A"],
+        anneal: float | Tensor,
+        generator: Generator | None,
+    ) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...], Float[Tensor, "r 3"] | None]:
+        """Edges s of the final intervals, what was found on the way, and what a first look shows, if any."""
+        raise NotImplementedError
+
+    def forward(
+        self,
+        rays: Rays,
+        *,
+        appearance: Float[Tensor, "r A"],
+        anneal: float | Tensor = 1.0,
+        generator: Generator | None = None,
+        normals: bool = False,
+        normal_rays: int = 0,
+        normals_shape_density: bool = True,
+    ) -> RenderedRays:
+        s, history, coarse_colour = self.edges(rays, appearance, anneal, generator)
+        seen, feature, t = self.look(self.field, rays, s, appearance)
+        samples = None
+        if q := normal_rays:
+            with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
+                from_density = density_normals(self.field, rays[:q], t[:q])
+            predicted = self.field.predicted_normals(feature[:q])
+            samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
+        return RenderedRays(
+            colour=seen.colour,
+            accumulation=seen.accumulation,
+            depth=seen.depth,
+            depth_median=seen.depth_median,
+            normals=composite(seen.w, self.field.predicted_normals(feature)) if normals else None,
+            histograms=(*history, Histogram(s, seen.w)),
+            normal_samples=samples,
+            coarse_colour=coarse_colour,
+        )
+
+    def look(
+        self, field: VanillaField, rays: Rays, s: Float[Tensor, "r E"], appearance: Float[Tensor, "r A"]
+    ) -> tuple[Rendered, Float[Tensor, "r E-1 G"], Float[Tensor, "r E"]]:
+        """What a field shows between some edges, its feature vectors there, and the edges' distances."""
+        t = to_distance(s, self.sampler)
+        density, feature = field.density(field.encode(rays, t))
+        return render_rays(density, t, field.colour(feature, rays.directions, appearance)), feature, t

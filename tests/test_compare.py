@@ -1,0 +1,83 @@
+"""A comparison leaves a table and pages, goes on where it stopped, and outlives a preset that fails."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from rich.console import Console
+
+from plnerf.bench.compare import RESULT, CompareConfig, compare
+from plnerf.bench.compare_page import curves_svg
+from plnerf.errors import ConfigError, PlnerfError
+
+FEW = (
+    "model.field.grid.log2_table=12", "model.field.grid.levels=3", "train.rays=32", "train.normal_rays=0",
+    "train.validations=2", "train.detail_share=0",
+)  # fmt: skip
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture(scope="module")
+def compared(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) -> CompareConfig:
+    """Of the three, nerf has no grid: its settings cannot be changed so, and it fails."""
+    out = tmp_path_factory.mktemp("compared")
+    config = CompareConfig(
+        built_tiny_scene, out, ("nerf", "nerfacto", "instant-ngp"), steps=4, settings=FEW, backend="torch"
+    )
+    assert compare(config, QUIET) == out / "compare.json"
+    return config
+
+
+def test_the_table_the_pages_and_the_sheet_are_there(compared: CompareConfig) -> None:
+    content = json.loads((compared.out / "compare.json").read_text())
+    failed, *done = content["results"]
+    assert failed["preset"] == "nerf" and "grid" in failed["failed"]
+    assert [one["preset"] for one in done] == ["nerfacto", "instant-ngp"]
+    for one in done:
+        assert one["steps"] == 4 and one["mean"]["psnr_db"] > 0 and one["peak_bytes"] > 1e7
+        assert one["model_bytes"] >= 4 * one["parameters"] > 0 and len(one["curve"]) == 2
+    assert done[0]["view"] == done[1]["view"] and done[0]["crop"] == done[1]["crop"]
+    markdown, page = ((compared.out / name).read_text() for name in ("compare.md", "compare.html"))
+    assert all(name in markdown and name in page for name in ("nerfacto", "instant-ngp", "Failed: nerf"))
+    assert "data:image/png;base64," in page and "http" not in page.replace("http://www.w3.org/2000/svg", "")
+    with Image.open(compared.out / "sheet.png") as sheet:
+        assert sheet.width > 3 * 300  # the photo and two systems
+
+
+def test_what_is_done_is_not_done_again(compared: CompareConfig) -> None:
+    before = (compared.out / "nerfacto" / RESULT).stat().st_mtime_ns
+    again = replace(compared, presets=("nerfacto", "instant-ngp"))
+    compare(again, QUIET)
+    assert (compared.out / "nerfacto" / RESULT).stat().st_mtime_ns == before
+    assert len(json.loads((compared.out / "compare.json").read_text())["results"]) == 2
+
+
+def test_unequal_budgets_are_not_mixed(compared: CompareConfig) -> None:
+    with pytest.raises(ConfigError, match="steps 4 -> 5"):
+        compare(replace(compared, steps=5), QUIET)
+
+
+def test_where_all_fail_the_command_does(tiny_scene: Path, tmp_path: Path) -> None:
+    with pytest.raises(PlnerfError, match="Every preset failed"):
+        compare(CompareConfig(tiny_scene, tmp_path, ("nerf",), steps=2, settings=FEW), QUIET)
+    assert "Failed: nerf" in (tmp_path / "compare.md").read_text()
+
+
+def test_wrong_arguments_are_told(tiny_scene: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="There is no preset 'gaussians'"):
+        CompareConfig(tiny_scene, tmp_path, ("gaussians",), steps=1)
+    with pytest.raises(ConfigError, match="each once"):
+        CompareConfig(tiny_scene, tmp_path, ("nerf", "nerf"), steps=1)
+    for budget in ({}, {"steps": 1, "seconds": 1.0}):
+        with pytest.raises(ConfigError, match="--steps N or --seconds S"):
+            CompareConfig(tiny_scene, tmp_path, ("nerf",), **budget)
+
+
+def test_curves_lie_within_the_picture() -> None:
+    svg = curves_svg({"a": [(0.0, 10.0), (5.0, 20.0)], "<b>": [(10.0, 15.0)]})
+    assert svg.count("<polyline") == 2 and "&lt;b&gt;" in svg
+    points = [part.split('"')[1] for part in svg.split("points=")[1:]]
+    for x, y in (pair.split(",") for line in points for pair in line.split()):
+        assert 0 <= float(x) <= 760 and 0 <= float(y) <= 360
