@@ -1,6 +1,7 @@
 """NeRF 2020, Mip-NeRF: samples follow weight, a thin cone is a ray, normals are gradients."""
 
 from dataclasses import replace
+from typing import Literal
 
 import pytest
 import torch
@@ -121,20 +122,36 @@ def test_mip_nerf_is_nerf_where_cones_are_infinitely_thin() -> None:
     assert apart[0] > 5 * apart[1] and apart[2] < 1e-4 and apart[1] < 1e-3
 
 
-def test_normals_are_the_gradient_of_the_density() -> None:
-    field = VanillaField(replace(FIELD, octaves=2), torch.Generator().manual_seed(1)).double()
+@pytest.mark.parametrize("encoding", ["pe", "ipe"])
+@pytest.mark.parametrize("contraction", [False, True])
+def test_normals_are_the_gradient_of_the_density(encoding: Literal["pe", "ipe"], contraction: bool) -> None:
+    config = replace(FIELD, octaves=2, encoding=encoding, contraction=contraction)
+    field = VanillaField(config, torch.Generator().manual_seed(1)).double()
     rays = some_rays(6, dtype=torch.float64)
     t = torch.linspace(0.5, 1.5, 5, dtype=torch.float64).expand(6, -1)
     normals = density_normals(field, rays, t)
 
     def density(move: Tensor) -> Tensor:
         with torch.no_grad():
-            return field.density(field.encode(rays, t, move.expand(6, 4, 3)))[0]
+            return field.density(field.encode(replace(rays, origins=rays.origins + move), t))[0]
 
     step = 1e-6 * torch.eye(3, dtype=torch.float64)
     slope = torch.stack([density(step[k]) - density(-step[k]) for k in range(3)], -1) / 2e-6
     wanted = -torch.nn.functional.normalize(slope, dim=-1)
     assert (normals * wanted).sum(-1).min() > 0.999
+
+
+def test_an_empty_network_has_the_density_of_mip_nerf_and_no_place_too_empty_for_normals() -> None:
+    field, rays = VanillaField(FIELD, torch.Generator()), some_rays(4)
+    t = torch.tensor([[0.1, 0.5, 1.0]]).expand(4, -1)
+    with torch.no_grad():
+        for value in field.density_layer.parameters():
+            value.zero_()
+    density, _ = field.density(field.encode(rays, t))
+    torch.testing.assert_close(density, torch.full((4, 2), 0.31326169))  # log(1 + 1/e)
+    with torch.no_grad():
+        field.density_layer[-1].bias.fill_(-300.0)
+    assert density_normals(field, rays, t).isfinite().all()
 
 
 def test_wrong_settings_are_told() -> None:

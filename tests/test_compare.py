@@ -1,14 +1,16 @@
 """A comparison leaves a table and pages, goes on where it stopped, and outlives a preset that fails."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from rich.console import Console
 
-from plnerf.bench.compare import RESULT, CompareConfig, compare
+from plnerf.bench.compare import RESULT, CompareConfig, _crop, compare
 from plnerf.bench.compare_page import curves_svg
 from plnerf.errors import ConfigError, PlnerfError
 
@@ -52,6 +54,27 @@ def test_what_is_done_is_not_done_again(compared: CompareConfig) -> None:
     compare(again, QUIET)
     assert (compared.out / "nerfacto" / RESULT).stat().st_mtime_ns == before
     assert len(json.loads((compared.out / "compare.json").read_text())["results"]) == 2
+
+
+def test_a_preset_that_was_cut_off_before_its_first_checkpoint_goes_on(compared: CompareConfig) -> None:
+    folder = compared.out / "nerfacto"
+    before = json.loads((folder / RESULT).read_text())
+    (folder / RESULT).unlink()
+    shutil.rmtree(folder / "checkpoints")
+    compare(replace(compared, presets=("nerfacto",)), QUIET)
+    assert json.loads((folder / RESULT).read_text())["mean"] == before["mean"]
+
+
+def test_the_crop_is_where_the_wires_are(tmp_path: Path) -> None:
+    mask = np.zeros((96, 120), np.uint8)
+    mask[70:80, 90:115] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    for h, w in ((96, 120), (48, 60)):
+        top, left, height, width = _crop(tmp_path / "mask.png", (h, w))
+        assert (height, width) == (h // 3, w // 3)
+        assert top <= 70 * h / 96 and top + height >= 80 * h / 96
+        assert left <= 90 * w / 120 and left + width >= 115 * w / 120
+    assert _crop(None, (90, 60)) == (30, 20, 30, 20)
 
 
 def test_unequal_budgets_are_not_mixed(compared: CompareConfig) -> None:

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from plnerf.errors import ConfigError
-from plnerf.presets import PL_NERF
+from plnerf.presets import PL_NERF, PRESETS
 from plnerf.scene.scene import load_scene
 from plnerf.train.config import RunConfig, TrainConfig, fit_to_scene
 from plnerf.train.losses import LossWeights
+from plnerf.train.settings import from_json, to_json
 from tiny_run import open_tiny
 
 GOOD: dict[str, Any] = {
@@ -111,3 +112,15 @@ def test_a_blur_without_its_proposal_round_is_refused(blur: tuple[float, ...]) -
     RunConfig(
         **GOOD, model=PL_NERF.model, train=TrainConfig(loss=LossWeights(interlevel_blur=(0.1, 0.0))), steps=1
     )
+
+
+def test_the_kind_of_a_system_is_told_apart_and_an_unknown_one_refused() -> None:
+    for preset in PRESETS.values():
+        run = RunConfig(**GOOD, model=preset.model, train=preset.train, steps=1)
+        assert from_json(RunConfig, to_json(run), "x") == run
+    data = to_json(RunConfig(**GOOD, model=PL_NERF.model, steps=1))
+    del data["model"]["kind"]  # as runs were written before there was another kind
+    assert from_json(RunConfig, data, "x").model == PL_NERF.model
+    data["model"]["kind"] = "gaussians"
+    with pytest.raises(ConfigError, match=r"model\.kind must be one of 'pl-nerf', .* but is 'gaussians'"):
+        from_json(RunConfig, data, "x")

@@ -19,10 +19,12 @@ CONFIG = OccupiedConfig(
     FIELD, SamplerConfig(proposals=(), final=64, near=0.05, far=50.0), OccupancyConfig(cells=16, looks=4096)
 )
 
+MIDDLE = torch.tensor([0.3, 0.5, 0.7])
+
 
 def ball(unit: Tensor) -> Tensor:
-    """Density 100 in a ball of radius 0.2 around the middle of the cube, nothing elsewhere."""
-    return 100.0 * ((unit - 0.5).norm(dim=-1) < 0.2)
+    """Density 100 in a ball of radius 0.2 off the middle of the cube, nothing elsewhere."""
+    return 100.0 * ((unit - MIDDLE).norm(dim=-1) < 0.2)
 
 
 def a_system() -> OccupiedNeRF:
@@ -46,7 +48,7 @@ def test_the_grid_learns_where_something_is() -> None:
     for _ in range(100):
         grid.update(ball, generator)
     full = grid.full(unit, t)
-    away = (unit[:, 0] - 0.5).norm(dim=-1)
+    away = (unit[:, 0] - MIDDLE).norm(dim=-1)
     cell = 3**0.5 / CONFIG.occupancy.cells
     assert full[away < 0.2 - cell, 0].all() and not full[away > 0.2 + cell, 0].any()
     assert full[:, 1].all()
@@ -62,6 +64,13 @@ def test_what_goes_away_is_forgotten_and_what_comes_is_seen_at_once() -> None:
     assert not grid.full(unit, t)[0, 0]
     grid.update(lambda unit: torch.ones(len(unit)), generator)
     assert grid.full(unit, t)[0, 0]
+
+
+def test_a_field_that_is_empty_everywhere_can_be_looked_at_again() -> None:
+    grid, generator = OccupancyGrid(OccupancyConfig(cells=4, looks=2000)), torch.Generator().manual_seed(0)
+    for _ in range(3):
+        grid.update(lambda unit: torch.zeros(len(unit)), generator)
+    assert grid.met.all() and not grid.density.any()
 
 
 def test_the_picture_stays_while_much_is_passed_over() -> None:

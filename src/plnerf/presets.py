@@ -85,7 +85,7 @@ PL_NERF_WIRE = Preset(
 )
 
 _DEEP = TrainConfig(
-    # Adam's rate and its tenth at the end, pixels drawn uniformly, and the colour as only loss.
+    # NeRF 2020's learning rate and its tenth at the end, pixels drawn uniformly, and the colour as only loss.
     detail_share=0.0,
     normal_rays=0,
     anneal_steps=1,

@@ -23,7 +23,6 @@ from plnerf.presets import PRESETS, find_preset
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
 from plnerf.render.pictures import world_depth
-from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.evaluate import evaluate_run, mean_appearance
 from plnerf.train.protocol import plain
 from plnerf.train.run import open_run, read_config
@@ -117,7 +116,7 @@ def _check_common(config: CompareConfig) -> None:
 def _run_one(task: tuple[CompareConfig, str]) -> None:
     config, name = task
     folder, console = config.out / name, Console()
-    if (folder / "config.json").exists() and list_checkpoints(folder / "checkpoints"):
+    if (folder / "config.json").exists():
         resume_run(config.scene, folder, console=console)
     else:
         train_scene(
@@ -137,7 +136,7 @@ def _run_one(task: tuple[CompareConfig, str]) -> None:
             photo=run.scene.images.image(i), unit=run.scene.frames.unit,
         )  # fmt: skip
     rays = read_config(folder).train.rays
-    values = [value for value in run.model.parameters()]
+    values = list(run.model.parameters())
     result = {
         "preset": name,
         "mean": metrics["mean"],
@@ -167,8 +166,9 @@ def _crop(mask: Path | None, shape: tuple[int, ...]) -> tuple[int, int, int, int
     ch, cw = max(1, h // 3), max(1, w // 3)
     if mask is None:
         return (h - ch) // 2, (w - cw) // 2, ch, cw
-    rows, columns = np.nonzero(read_wire_mask(mask))
-    scale = h / read_wire_mask(mask).shape[0]
+    wire = read_wire_mask(mask)
+    rows, columns = np.nonzero(wire)
+    scale = h / wire.shape[0]
     counts, tops, lefts = np.histogram2d(rows * scale, columns * scale, bins=(6, 6), range=((0, h), (0, w)))
     pairs = counts[:-1, :-1] + counts[1:, :-1] + counts[:-1, 1:] + counts[1:, 1:]
     i, j = np.unravel_index(int(pairs.argmax()), pairs.shape)

@@ -44,7 +44,8 @@ def comparison_table(results: Sequence[Mapping[str, Any]], about: Mapping[str, A
     note = (
         f"{budget} each, seed {about['seed']}, images reduced {about['downscale']} times; {about['cpu']}, "
         f"{about['usable_cores']} cores{', ' + about['gpu'] if about['gpu'] else ''}; means over the "
-        "held-out images; peak: resident memory of the training process."
+        "held-out images; rays/s: finding conductors included, where a preset does; peak: resident memory "
+        "of the training process."
     )
     return Table("Systems compared", columns, tuple(rows), (note,))
 

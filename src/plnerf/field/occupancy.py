@@ -1,6 +1,6 @@
 """Where there is anything at all: a grid of densities that spares the field the empty intervals.
 
-Instant-NGP (Mueller et al. 2022), section 5.4 and appendix E.1, in the contracted unit cube: each cell keeps
+Instant-NGP (Mueller et al. 2022), section 5.4 and appendix E, in the contracted unit cube: each cell keeps
 the largest density met there lately.  An interval whose cell promises less than `least` of optical depth is
 not looked at.
 
@@ -62,7 +62,7 @@ class OccupancyGrid(nn.Module):
     def update(self, density: Callable[[Tensor], Tensor], generator: Generator) -> None:
         """Looks at some cells, each at a random place.  `density` maps (n, 3) in the unit cube to (n,)."""
         C, half, device = self.config.cells, self.config.looks // 2, self.density.device
-        known = torch.nonzero(~self.met | (self.density > 0.5 * self.density.mean()))[:, 0]
+        known = torch.nonzero(~self.met | (self.density >= 0.5 * self.density.mean()))[:, 0]
         pick = torch.rand(half, generator=generator).to(device)
         anywhere = torch.randint(C**3, (self.config.looks - half,), generator=generator).to(device)
         cells = torch.cat([known[(pick * len(known)).long()], anywhere])

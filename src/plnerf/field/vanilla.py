@@ -148,5 +148,7 @@ def density_normals(field: VanillaField, rays: Rays, t: Float[Tensor, "q E"]) ->
         # Every interval gets an origin of its own, by which its density is differentiated.
         moved = torch.zeros(len(t), t.shape[1] - 1, 3, device=t.device, requires_grad=True)
         density, _ = field.density(field.encode(rays, t, moved))
-        (gradient,) = torch.autograd.grad(density.log().sum(), moved, create_graph=graph)
+        # The logarithm has a gradient of the same direction, without the density's range.
+        log_density = density.clamp_min(torch.finfo(density.dtype).tiny).log()
+        (gradient,) = torch.autograd.grad(log_density.sum(), moved, create_graph=graph)
     return -gradient / (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()

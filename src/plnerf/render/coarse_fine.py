@@ -91,7 +91,7 @@ class CoarseFineNeRF(DeepNeRF):
         anneal: float | Tensor,
         generator: Generator | None,
     ) -> Float[Tensor, "r _"]:
-        """Inverse transform sampling of the coarse weights.  NeRF 2020, section 5.2; Mip-NeRF, 3.1."""
+        """Inverse transform sampling of the coarse weights.  NeRF 2020, section 5.2."""
         final, padding = self.sampler.final, self.sampler.padding
         if self.config.field.encoding == "ipe":
             u = stratified_levels(len(s), final + 1, generator, s)

@@ -13,7 +13,6 @@ from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, to_distance
 from plnerf.render.ray_ops import Rendered, render_rays
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
-from plnerf.render.volume import composite
 
 
 class DeepNeRF(RadianceSystem):
@@ -64,13 +63,11 @@ class DeepNeRF(RadianceSystem):
                 from_density = density_normals(self.field, rays[:q], t[:q])
             predicted = self.field.predicted_normals(feature[:q])
             samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
-        return RenderedRays(
-            colour=seen.colour,
-            accumulation=seen.accumulation,
-            depth=seen.depth,
-            depth_median=seen.depth_median,
-            normals=composite(seen.w, self.field.predicted_normals(feature)) if normals else None,
-            histograms=(*history, Histogram(s, seen.w)),
+        return RenderedRays.of(
+            seen,
+            s,
+            history,
+            normals=self.field.predicted_normals(feature) if normals else None,
             normal_samples=samples,
             coarse_colour=coarse_colour,
         )

@@ -24,10 +24,9 @@ from plnerf.ops.dispatch import Backend
 from plnerf.rays.contraction import axis_factors, ball_sizes, contract, pull_back
 from plnerf.rays.frustums import frustum_moments, ray_frustums
 from plnerf.rays.rays import Rays
-from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays, to_distance
+from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
-from plnerf.render.volume import composite
 from plnerf.wires.guides import Guides, Windows, windows
 
 
@@ -99,8 +98,8 @@ class PLNeRF(RadianceSystem):
         ops = TORCH if rays.origins.requires_grad else ray_ops(self.backend)
         densities = [partial(self._proposal_density, ops, field) for field in self.proposals]
         near = self.windows(rays)
-        s, history = sample_along_rays(rays, densities, self.config.sampler, anneal, generator, ops, near)
-        t = to_distance(s, self.config.sampler, ops)
+        s, history = sample_along_rays(rays, densities, self.sampler, anneal, generator, ops, near)
+        t = to_distance(s, self.sampler, ops)
         unit, ipe = self._features(ops, rays, t, self.field.octaves)
         size = self.frustum_sizes(rays, t, unit)
         density, feature = self.field.density(unit, size)
@@ -114,19 +113,17 @@ class PLNeRF(RadianceSystem):
                 from_density = self._density_normals(rays[:q], t[:q], None if size is None else size[:q])
             predicted = self.field.predicted_normals(feature[:q])
             normal_samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
-        return RenderedRays(
-            colour=seen.colour,
-            accumulation=seen.accumulation,
-            depth=seen.depth,
-            depth_median=seen.depth_median,
-            normals=composite(seen.w, self.field.predicted_normals(feature)) if normals else None,
-            histograms=(*history, Histogram(s, seen.w)),
+        return RenderedRays.of(
+            seen,
+            s,
+            history,
+            normals=self.field.predicted_normals(feature) if normals else None,
             normal_samples=normal_samples,
         )
 
     def windows(self, rays: Rays) -> Windows | None:
         """Where rays pass near the curves that guide this model; None where there are none."""
-        return None if self.guides is None else windows(rays, self.guides, self.config.sampler.near)
+        return None if self.guides is None else windows(rays, self.guides, self.sampler.near)
 
     def _features(
         self, ops: RayOps, rays: Rays, t: Float[Tensor, "r E"], octaves: int

@@ -18,7 +18,7 @@ from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges
-from plnerf.render.proposals import Histogram, SamplerConfig, to_distance
+from plnerf.render.proposals import SamplerConfig, to_distance
 from plnerf.render.ray_ops import TORCH, ray_ops
 from plnerf.render.system import RadianceSystem, RenderedRays
 
@@ -86,15 +86,7 @@ class OccupiedNeRF(RadianceSystem):
         density = unit.new_zeros(full.shape).index_put((ray, sample), own_density[:, 0])
         colours = unit.new_zeros(*full.shape, 3).index_put((ray, sample), own_colours[:, 0])
         seen = ops.render_rays(density, t, colours)
-        return RenderedRays(
-            colour=seen.colour,
-            accumulation=seen.accumulation,
-            depth=seen.depth,
-            depth_median=seen.depth_median,
-            normals=None,
-            histograms=(Histogram(s, seen.w),),
-            normal_samples=None,
-        )
+        return RenderedRays.of(seen, s)
 
     def looked_at(self, unit: Float[Tensor, "r S 3"], t: Float[Tensor, "r S+1"]) -> Bool[Tensor, "r S"]:
         """Which intervals the field is asked about."""

@@ -19,10 +19,9 @@ from plnerf.rays.rays import Rays
 from plnerf.render import look
 from plnerf.render.look import Looked
 from plnerf.render.model import PLNeRF
-from plnerf.render.proposals import Histogram, sample_along_rays, to_distance
+from plnerf.render.proposals import sample_along_rays, to_distance
 from plnerf.render.ray_ops import ray_ops
 from plnerf.render.system import RadianceSystem, RenderedRays
-from plnerf.render.volume import composite
 
 
 @dataclass(frozen=True)
@@ -87,15 +86,7 @@ def render_pruned(
         t = to_distance(s, sampler, ops)
         looked = twin.look(model, rays, t, appearance, pruning.light, normals)
         seen = ops.render_rays(looked.density, t, looked.colours)
-        rendered = RenderedRays(
-            colour=seen.colour,
-            accumulation=seen.accumulation,
-            depth=seen.depth,
-            depth_median=seen.depth_median,
-            normals=None if looked.normals is None else composite(seen.w, looked.normals),
-            histograms=(*history, Histogram(s, seen.w)),
-            normal_samples=None,
-        )
+        rendered = RenderedRays.of(seen, s, history, normals=looked.normals)
     return PrunedRays(rendered, looked.computed)
 
 

@@ -13,6 +13,8 @@ from plnerf.field.poses import PoseCorrections
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig
+from plnerf.render.ray_ops import Rendered
+from plnerf.render.volume import composite
 from plnerf.wires.guides import Guides
 
 
@@ -40,6 +42,29 @@ class RenderedRays:
     normal_samples: NormalSamples | None
     coarse_colour: Float[Tensor, "r 3"] | None = None
     """What the coarse samples alone show, where a system renders them."""
+
+    @classmethod
+    def of(
+        cls,
+        seen: Rendered,
+        s: Float[Tensor, "r E"],
+        history: tuple[Histogram, ...] = (),
+        *,
+        normals: Float[Tensor, "r E-1 3"] | None = None,
+        normal_samples: NormalSamples | None = None,
+        coarse_colour: Float[Tensor, "r 3"] | None = None,
+    ) -> "RenderedRays":
+        """From what is seen between the edges s, after the rounds of `history`; normals are the samples'."""
+        return cls(
+            seen.colour,
+            seen.accumulation,
+            seen.depth,
+            seen.depth_median,
+            None if normals is None else composite(seen.w, normals),
+            (*history, Histogram(s, seen.w)),
+            normal_samples,
+            coarse_colour,
+        )
 
 
 class RadianceSystem(nn.Module):
