@@ -13,6 +13,7 @@ from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig, to_distance
 from plnerf.render.ray_ops import Rendered, render_rays
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
+from plnerf.render.volume import composite
 
 
 class DeepNeRF(RadianceSystem):
@@ -67,7 +68,7 @@ class DeepNeRF(RadianceSystem):
             seen,
             s,
             history,
-            normals=self.field.predicted_normals(feature) if normals else None,
+            normals=composite(seen.w, self.field.predicted_normals(feature)) if normals else None,
             normal_samples=samples,
             coarse_colour=coarse_colour,
         )

@@ -27,6 +27,7 @@ from plnerf.rays.rays import Rays
 from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
+from plnerf.render.volume import composite
 from plnerf.wires.guides import Guides, Windows, windows
 
 
@@ -117,7 +118,7 @@ class PLNeRF(RadianceSystem):
             seen,
             s,
             history,
-            normals=self.field.predicted_normals(feature) if normals else None,
+            normals=composite(seen.w, self.field.predicted_normals(feature)) if normals else None,
             normal_samples=normal_samples,
         )
 

@@ -22,6 +22,7 @@ from plnerf.render.model import PLNeRF
 from plnerf.render.proposals import sample_along_rays, to_distance
 from plnerf.render.ray_ops import ray_ops
 from plnerf.render.system import RadianceSystem, RenderedRays
+from plnerf.render.volume import composite
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ def render_pruned(
         t = to_distance(s, sampler, ops)
         looked = twin.look(model, rays, t, appearance, pruning.light, normals)
         seen = ops.render_rays(looked.density, t, looked.colours)
-        rendered = RenderedRays.of(seen, s, history, normals=looked.normals)
+        normal = None if looked.normals is None else composite(seen.w, looked.normals)
+        rendered = RenderedRays.of(seen, s, history, normals=normal)
     return PrunedRays(rendered, looked.computed)
 
 

@@ -14,7 +14,6 @@ from plnerf.ops.dispatch import Backend
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig
 from plnerf.render.ray_ops import Rendered
-from plnerf.render.volume import composite
 from plnerf.wires.guides import Guides
 
 
@@ -50,17 +49,17 @@ class RenderedRays:
         s: Float[Tensor, "r E"],
         history: tuple[Histogram, ...] = (),
         *,
-        normals: Float[Tensor, "r E-1 3"] | None = None,
+        normals: Float[Tensor, "r 3"] | None = None,
         normal_samples: NormalSamples | None = None,
         coarse_colour: Float[Tensor, "r 3"] | None = None,
     ) -> "RenderedRays":
-        """From what is seen between the edges s, after the rounds of `history`; normals are the samples'."""
+        """From what is seen between the edges s, after the rounds of `history`."""
         return cls(
             seen.colour,
             seen.accumulation,
             seen.depth,
             seen.depth_median,
-            None if normals is None else composite(seen.w, normals),
+            normals,
             (*history, Histogram(s, seen.w)),
             normal_samples,
             coarse_colour,
