@@ -15,6 +15,7 @@ from conftest import look_at
 from plnerf.cli import main
 from plnerf.errors import SceneError
 from plnerf.pipeline import bundled_span
+from plnerf.wires.curves import CERTAIN_PX
 from plnerf.wires.doctor import ADVICE, Diagnosis
 from plnerf.wires.doctor_report import examine, table, to_json
 
@@ -121,6 +122,23 @@ def test_an_unscaled_scene_is_judged_by_shares_of_the_distance(tmp_path: Path) -
     pairs = zip(found.stretches, larger.stretches, strict=True)
     assert all((b.sigma_m or 0) == pytest.approx(7 * (a.sigma_m or 0), rel=1e-3) for a, b in pairs)
     assert all(stretch.wire_px is None for stretch in found.stretches)
+
+
+def test_what_the_search_would_not_trust_is_not_called_good(tmp_path: Path) -> None:
+    """A second pass that hardly differs: known to centimetres, which is several pixels so near to the wire."""
+    near = {"span_min": [-20, -0.001, 4.5], "span_max": [20, 0.001, 10.9]}
+    scene = flight(tmp_path / "a", (3.0, 9.0), (3.0, 9.4), plnerf=near, turn_rad=0.0)
+    sharp, coarse = (
+        examine(scene, wire_diameter_m=0.1, sigma_px=px, console=Console(quiet=True)) for px in (0.02, 1.0)
+    )
+    for one, other in zip(sharp.stretches[2:-2], coarse.stretches[2:-2], strict=True):
+        assert (other.sigma_px or 0) == pytest.approx(50 * (one.sigma_px or 0), rel=1e-3)
+        assert (other.sigma_m or 0) < 1 and (other.sigma_px or 0) > CERTAIN_PX and other.verdict == "poor"
+        assert one.verdict == "good" and one.wire_px is not None
+        footprint = 0.1 / one.wire_px  # of a pixel
+        assert one.sigma_px == pytest.approx((one.sigma_m or 0) / footprint, rel=0.3)  # medians of points
+    assert sharp.usable and not coarse.usable
+    assert "too little to place a wire within 3 px" in table(coarse)
 
 
 def test_the_bundled_span_is_good_and_its_json_is_strict() -> None:

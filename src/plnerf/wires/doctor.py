@@ -17,12 +17,13 @@ from plnerf.scene.listing import Listing
 from plnerf.scene.orientation import frames_for
 from plnerf.scene.scene import scene_cameras
 from plnerf.scene.transforms import Frames
+from plnerf.wires.curves import CERTAIN_PX
 from plnerf.wires.observability import SIGMA_PX, Observability, observe_wire
 
-POOR_M, UNOBSERVABLE_M = 0.25, 1.0
+UNOBSERVABLE_M = 1.0
 DISTANCE_M = 10.0
 """Between cameras and wires, where the scene names no span box.  In an unscaled scene it stands for the
-distance that is assumed there, so that the thresholds are shares of it: 2.5 % and 10 %."""
+distance that is assumed there, so that what is unobservable is a share of it: 10 %."""
 SPACINGS = 10.0
 """That assumption: as many times the typical way between two photos."""
 LEAST_PX = 0.5
@@ -40,7 +41,10 @@ _SECOND = (
 )
 ADVICE: dict[Verdict, str] = {
     "good": "",
-    "poor": f"the views differ too little: {_SECOND}",
+    "poor": (
+        f"the views differ too little to place a wire within {CERTAIN_PX:g} px, and where the rest of its "
+        f"span does not either, training loses it: {_SECOND}"
+    ),
     "unobservable": (
         "all views (or the only one) lie in one plane with the wire, as those of a camera that moves along "
         f"it: {_SECOND}"
@@ -59,6 +63,8 @@ class Stretch:
     verdict: Verdict
     sigma_m: float | None
     """Of a wire's position across its direction, in the worse direction."""
+    sigma_px: float | None
+    """The same in pixels of the view that magnifies it most: what the search for curves trusts, or not."""
     sigma_best_m: float | None
     """At the point of the grid that is known best; likewise worst."""
     sigma_worst_m: float | None
@@ -80,7 +86,7 @@ class Diagnosis:
 
     stretches: tuple[Stretch, ...]
     usable: bool
-    """Whether in half of the stretches or more a wire's position is observable."""
+    """Whether half of the stretches or more are good."""
     unit: str
     box: str
     """Where the wires are looked for, in words."""
@@ -138,7 +144,7 @@ def diagnose(
         track = _track_deg(cameras, points[inside], 2 * distance * frames.scale)
         mm = wire_diameter_m if metric else None
         stretches.append(_stretch(i * width, (i + 1) * width, known[inside], frames, limit, mm, track))
-    fine = sum(stretch.verdict in {"good", "poor"} for stretch in stretches)
+    fine = sum(stretch.verdict == "good" for stretch in stretches)
     return Diagnosis(
         stretches=tuple(stretches),
         usable=2 * fine >= len(stretches),
@@ -194,7 +200,8 @@ def _stretch(
     seen = known[known.views > 0]
     sigma = seen.worst / frames.scale
     typical = float(np.median(sigma)) if len(sigma) else math.inf
-    verdict: Verdict = "good" if typical <= POOR_M * limit else "poor"
+    in_pixels = float(np.median(seen.worst * seen.px_per_length)) if len(sigma) else math.inf
+    verdict: Verdict = "good" if in_pixels <= CERTAIN_PX else "poor"
     if typical > UNOBSERVABLE_M * limit:
         verdict = "unobservable"
     if not len(sigma):
@@ -204,6 +211,7 @@ def _stretch(
         to_m=end,
         verdict=verdict,
         sigma_m=typical if len(sigma) else None,
+        sigma_px=in_pixels if len(sigma) else None,
         sigma_best_m=float(sigma.min()) if len(sigma) else None,
         sigma_worst_m=float(sigma.max()) if len(sigma) else None,
         spread_deg=float(np.median(seen.spread_deg)) if len(sigma) else 0.0,

@@ -12,7 +12,8 @@ from rich.console import Console
 from plnerf.errors import SceneError
 from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
-from plnerf.wires.doctor import ADVICE, DISTANCE_M, POOR_M, UNOBSERVABLE_M, Diagnosis, Stretch, diagnose
+from plnerf.wires.curves import CERTAIN_PX
+from plnerf.wires.doctor import ADVICE, DISTANCE_M, UNOBSERVABLE_M, Diagnosis, Stretch, diagnose
 from plnerf.wires.observability import SIGMA_PX
 
 FORMAT_VERSION = 1
@@ -53,7 +54,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         for key, value in stretch.items():
             stretch[key] = None if isinstance(value, float) and math.isinf(value) else value
         stretch["advice"] = ADVICE[stretch["verdict"]]
-    thresholds = {"poor_m": POOR_M, "unobservable_m": UNOBSERVABLE_M, "distance_if_unscaled": DISTANCE_M}
+    thresholds = {"poor_px": CERTAIN_PX, "unobservable_m": UNOBSERVABLE_M, "distance_if_unscaled": DISTANCE_M}
     return {"format_version": FORMAT_VERSION, **content, "thresholds": thresholds}
 
 
@@ -61,9 +62,9 @@ def table(diagnosis: Diagnosis) -> str:
     """The stretches in Markdown, neighbours of one verdict together, and what to do."""
     unit = "m" if diagnosis.unit == "m" else "(unscaled)"
     lines = [
-        f"| along the line {unit} | verdict | sigma {unit} (best to worst) | planes differ by | "
+        f"| along the line {unit} | verdict | sigma {unit} (best to worst) | sigma px | planes differ by | "
         "track to line | views | wire px |",
-        "| ---: | --- | ---: | ---: | ---: | ---: | ---: |",
+        "| ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for run in _runs(diagnosis.stretches):
         finite = [stretch for stretch in run if stretch.sigma_m is not None]
@@ -77,6 +78,7 @@ def table(diagnosis: Diagnosis) -> str:
             f"{run[0].from_m:.0f} to {run[-1].to_m:.0f}",
             run[0].verdict,
             sigma,
+            _median([stretch.sigma_px for stretch in run], "{:.1f}").replace("inf", "-"),
             f"{np.median([stretch.spread_deg for stretch in run]):.1f}°",
             _median([stretch.baseline_deg for stretch in run], "{:.0f}°"),
             f"{np.median([stretch.views for stretch in run]):.0f}",
@@ -93,7 +95,7 @@ def table(diagnosis: Diagnosis) -> str:
         f"{verdict}: {ADVICE[verdict]}." for verdict in ADVICE if verdict in verdicts and ADVICE[verdict]
     ]
     if not diagnosis.usable:
-        lines.append("Not usable for wires: in more than half of the line their position is not observable.")
+        lines.append("Not usable for wires: in more than half of the line the views do not fix their position.")
     return "\n".join(lines)
 
 
