@@ -11,7 +11,7 @@ from functools import cache
 import pytest
 
 from conftest import ROOT
-from plnerf.presets import PRESETS
+from plnerf.presets import preset_names
 
 COMMANDS = ("", "demo", "train", "eval", "render", "synth", "survey", "score", "doctor", "bench", "compare")
 HEAVY = (
@@ -82,9 +82,10 @@ def test_every_option_says_what_it_is_and_its_default() -> None:
 
 
 def test_presets_in_the_help_are_those_there_are() -> None:
-    named = re.search(r"Named settings to start from: ([\w, -]+)\.", plain(text_of("train")))
-    assert named is not None
-    assert named[1].split(", ") == list(PRESETS)
+    for command in ("train", "bench", "compare"):
+        named = re.search(r"\(default: (?:pl-nerf|all); there are ([\w, -]+)\)", plain(text_of(command)))
+        assert named is not None, command
+        assert tuple(named[1].split(", ")) == preset_names()
 
 
 def test_the_readme_uses_commands_and_options_that_exist() -> None:
@@ -96,7 +97,7 @@ def test_the_readme_uses_commands_and_options_that_exist() -> None:
         for option in re.findall(r"(?<=\s)--?[a-z-]+", arguments):
             assert re.search(rf"(?<=\s){option}\b", plain(text_of(name))), f"plnerf {name} has no {option}"
         for preset in re.findall(r"--preset (\S+)", arguments):
-            assert preset in PRESETS
+            assert preset in preset_names()
 
 
 def plain(text: str) -> str:

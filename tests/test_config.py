@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from plnerf.errors import ConfigError
-from plnerf.presets import PL_NERF, PRESETS
+from plnerf.pipeline import find_preset
+from plnerf.presets import preset_names
+from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.scene.scene import load_scene
 from plnerf.train.config import RunConfig, TrainConfig, fit_to_scene
 from plnerf.train.losses import LossWeights
@@ -115,7 +117,7 @@ def test_a_blur_without_its_proposal_round_is_refused(blur: tuple[float, ...]) -
 
 
 def test_the_kind_of_a_system_is_told_apart_and_an_unknown_one_refused() -> None:
-    for preset in PRESETS.values():
+    for preset in map(find_preset, preset_names()):
         run = RunConfig(**GOOD, model=preset.model, train=preset.train, steps=1)
         assert from_json(RunConfig, to_json(run), "x") == run
     data = to_json(RunConfig(**GOOD, model=PL_NERF.model, steps=1))

@@ -125,7 +125,7 @@ def test_an_unscaled_scene_is_judged_by_shares_of_the_distance(tmp_path: Path) -
 
 
 def test_what_the_search_would_not_trust_is_not_called_good(tmp_path: Path) -> None:
-    """A second pass that hardly differs: known to centimetres, which is several pixels so near to the wire."""
+    """A second pass that hardly differs: known to centimetres, which is several pixels so near by."""
     near = {"span_min": [-20, -0.001, 4.5], "span_max": [20, 0.001, 10.9]}
     scene = flight(tmp_path / "a", (3.0, 9.0), (3.0, 9.4), plnerf=near, turn_rad=0.0)
     sharp, coarse = (

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from plnerf.errors import CheckpointError, TrainingError
-from plnerf.presets import PL_NERF
+from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.render.model import PLNeRF
 from plnerf.train import loop
 from plnerf.train import step as training_step

@@ -1,5 +1,7 @@
 """The occupancy grid: what is empty is passed over, the picture stays, what was never met is looked at."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
@@ -107,5 +109,29 @@ def test_wrong_settings_are_told() -> None:
         OccupiedConfig(FIELD, SamplerConfig())
     with pytest.raises(ConfigError, match="least > 0"):
         OccupancyConfig(least=0.0)
-    with pytest.raises(ConfigError, match="predicts no normals"):
+    with pytest.raises(ConfigError, match="it predicts none"):
         a_system()(some_rays(2), appearance=torch.zeros(2, 2), normals=True)
+
+
+def test_normals_are_those_of_what_is_seen() -> None:
+    """With the normal network of its field; an interval that was passed over has none, and no weight."""
+    config = replace(CONFIG, field=replace(FIELD, normals=True))
+    system, rays = OccupiedNeRF(config, 3, "torch", torch.Generator().manual_seed(0)), some_rays(50)
+    assert system.predicts_normals and not a_system().predicts_normals
+    system.update(0, torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        system.occupancy.density *= torch.rand(len(system.occupancy.density)) < 0.5
+    out = system(rays, appearance=torch.zeros(50, 2), normals=True, normal_rays=20)
+    samples = out.normal_samples
+    assert samples is not None and out.normals is not None
+    assert samples.predicted.shape == samples.from_density.shape == (20, 64, 3)
+    passed_over = samples.predicted.norm(dim=-1) == 0
+    assert 0.1 < passed_over.float().mean() < 0.9
+    assert not samples.weights[passed_over].any()
+    assert torch.allclose(samples.predicted.norm(dim=-1)[~passed_over], torch.ones(()))
+    expected = (samples.weights[..., None] * samples.predicted).sum(1)
+    assert torch.allclose(out.normals[:20], expected, atol=1e-5)
+    (samples.weights[..., None] * (samples.predicted - samples.from_density)).square().sum().backward()
+    for key in ("grid.table", "normal_network.0.weight"):
+        gradient = system.field.get_parameter(key).grad
+        assert gradient is not None and gradient.abs().max() > 0, key

@@ -14,20 +14,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plnerf.errors import ConfigError
-from plnerf.presets import PRESETS
+from plnerf.pipeline import find_preset
+from plnerf.presets import preset_names
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.losses import LossWeights
 from plnerf.train.settings import from_json, override, to_json
 
 
 def a_run(preset: str = "pl-nerf") -> RunConfig:
-    chosen = PRESETS[preset]
+    chosen = find_preset(preset)
     return RunConfig(
         "/data/span", 2, preset, "numba", "cpu", chosen.model, chosen.train, seconds=1 / 3, seed=5
     )
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", preset_names())
 def test_every_preset_comes_back_from_json_as_it_went(preset: str) -> None:
     config = a_run(preset)
     text = json.dumps(to_json(config))

@@ -11,7 +11,7 @@ from plnerf.bench import span_suite
 from plnerf.bench.config import BenchConfig
 from plnerf.errors import ConfigError
 from plnerf.pipeline import bundled_span
-from plnerf.presets import PRESETS
+from plnerf.presets import preset_names
 from tiny_run import SMALL
 
 
@@ -41,7 +41,7 @@ def test_every_preset_has_a_row_and_is_not_run_again(
     bench = bench_of(tmp_path / "bench", give_truth(tiny_scene))
     results = span_suite.measure_spans(bench, Console(quiet=True))
     presets = list(span_suite.PRESETS)
-    assert trained == presets == [one["preset"] for one in results] and set(presets) <= set(PRESETS)
+    assert trained == presets == [one["preset"] for one in results] and set(presets) <= set(preset_names())
     for one in results:
         assert (one["scene"], one["steps"], one["views"]) == ("tiny", 2, 1)
         assert {"recall_5cm", "recall_10cm", "recall_25cm", "precision_10cm"} <= one["score"][

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from no_sync import Watch
 from plnerf.ops import cuda_hash
-from plnerf.presets import PL_NERF
+from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.render.model import PLNeRF
 from plnerf.scene.cameras import Cameras
 from plnerf.train.config import RunConfig

@@ -12,7 +12,7 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
-from plnerf.presets import PL_NERF
+from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import RunConfig

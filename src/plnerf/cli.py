@@ -20,6 +20,17 @@ Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 Output = Literal["rgb", "depth", "normals", "accumulation"]
 
 
+def _presets(default: str) -> str:
+    """What help says after the option's text."""
+    from plnerf.presets import preset_names
+
+    return f"(default: {default or 'all'}; there are {', '.join(preset_names())})"
+
+
+PresetName = Annotated[str, tyro.conf.arg(help_behavior_hint=_presets)]
+PresetNames = Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=_presets)]
+
+
 @app.command
 def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = False) -> None:
     """Train on the bundled span, evaluate it and render a fly-along; no data and no options needed.
@@ -39,7 +50,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     scene: tyro.conf.Positional[Path],
     *,
     out: Out,
-    preset: str = "pl-nerf",
+    preset: PresetName = "pl-nerf",
     seconds: float | None = None,
     steps: int | None = None,
     downscale: int = 1,
@@ -54,8 +65,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
-        preset: Named settings to start from: nerf, mip-nerf, instant-ngp, mip-nerf-360, nerfacto,
-            pl-nerf, pl-nerf-wire.
+        preset: Named settings to start from.
         seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
@@ -242,7 +252,7 @@ def bench(  # noqa: PLR0913 (an argument is an option)
     out: Out = Path("runs/bench"),
     scene: Path | None = None,
     run: Path | None = None,
-    preset: str = "pl-nerf",
+    preset: PresetName = "pl-nerf",
     downscale: int = 1,
     seconds: float = 60.0,
     targets: tuple[float, ...] = (18.0, 20.0, 22.0),
@@ -283,7 +293,7 @@ def compare(  # noqa: PLR0913 (an argument is an option)
     scene: tyro.conf.Positional[Path],
     *,
     out: Out = Path("runs/compare"),
-    presets: tuple[str, ...] = (),
+    presets: PresetNames = (),
     steps: int | None = None,
     seconds: float | None = None,
     downscale: int = 1,
@@ -297,8 +307,7 @@ def compare(  # noqa: PLR0913 (an argument is an option)
     Args:
         scene: Scene folder.
         out: Folder for the runs, compare.md, compare.html, compare.json, curves.svg and sheet.png.
-        presets: Systems to compare, in this order; all when left out: nerf, mip-nerf, instant-ngp,
-            mip-nerf-360, nerfacto, pl-nerf, pl-nerf-wire.
+        presets: Systems to compare, in this order.
         steps: Budget of each in steps.
         seconds: Budget of each in seconds of training; 240 when neither this nor --steps is given.
         downscale: Integer factor by which images are made smaller.
@@ -309,12 +318,12 @@ def compare(  # noqa: PLR0913 (an argument is an option)
     """
     from plnerf.bench.compare import CompareConfig
     from plnerf.bench.compare import compare as run_comparison
-    from plnerf.presets import PRESETS
+    from plnerf.pipeline import presets_by_year
 
     if steps is None and seconds is None:
         seconds = 240.0
     config = CompareConfig(
-        scene, out, presets or tuple(PRESETS), steps, seconds, downscale, set, seed, device, backend
+        scene, out, presets or presets_by_year(), steps, seconds, downscale, set, seed, device, backend
     )
     console = Console()
     page = run_comparison(config, console).parent / "compare.html"

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
@@ -16,13 +17,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import BackendChoice, resolve_backend
-from plnerf.presets import find_preset
+from plnerf.presets import preset_names
+from plnerf.render.systems import SystemConfig
 from plnerf.scene.scene import load_scene
 from plnerf.survey.survey import survey_run
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import summary, synthesize
 from plnerf.train.checkpoint import list_checkpoints
-from plnerf.train.config import RunConfig, fit_to_scene
+from plnerf.train.config import Preset, RunConfig, fit_to_scene
 from plnerf.train.evaluate import evaluate_run
 from plnerf.train.loop import train
 from plnerf.train.render_run import Output, Views, render_run
@@ -49,6 +51,19 @@ SPAN_SETTINGS = (
     "train.detail_part=0.05",
     "train.loss.distortion=0.0003",
 )
+
+
+def find_preset(name: str) -> Preset[SystemConfig]:
+    """The preset of a name.  Raises ConfigError naming the ones there are."""
+    if name not in preset_names():
+        raise ConfigError(f"There is no preset {name!r}. Presets: {', '.join(preset_names())}.")
+    preset: Preset[SystemConfig] = import_module(f"plnerf.presets.{name.replace('-', '_')}").PRESET
+    return preset
+
+
+def presets_by_year() -> tuple[str, ...]:
+    """The names of all presets, the oldest method first."""
+    return tuple(sorted(preset_names(), key=lambda name: (find_preset(name).year, name)))
 
 
 def bundled_span() -> Path:

@@ -18,8 +18,7 @@ from plnerf.bench.machine import circumstances, peak_resident_bytes
 from plnerf.bench.suites import in_fresh_process
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.ops.dispatch import BackendChoice
-from plnerf.pipeline import Device, bar, choose_device, resume_run, train_scene
-from plnerf.presets import PRESETS, find_preset
+from plnerf.pipeline import Device, bar, choose_device, find_preset, resume_run, train_scene
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
 from plnerf.render.pictures import world_depth
@@ -38,7 +37,7 @@ class CompareConfig:
 
     scene: Path
     out: Path
-    presets: tuple[str, ...] = tuple(PRESETS)
+    presets: tuple[str, ...]
     steps: int | None = None
     """Budget of every preset in steps, or in seconds."""
     seconds: float | None = None

@@ -36,8 +36,7 @@ from plnerf.bench.tables import Table
 from plnerf.bench.train_suite import measure_training, train_json, train_tables
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.ops.dispatch import resolve_backend
-from plnerf.pipeline import bar, choose_device
-from plnerf.presets import find_preset
+from plnerf.pipeline import bar, choose_device, find_preset
 from plnerf.render.files import write_text
 from plnerf.train.protocol import plain
 

@@ -1,4 +1,4 @@
-"""The PL-NeRF field (seed 4.2.2, fig. 18): position by hash encoding, direction by IPE, two networks.
+"""The PL-NeRF field (paper 4.2.2, fig. 18): position by hash encoding, direction by IPE, two networks.
 
     density network:  hash(x), damped by the frustum's size      -> density, feature
     colour network:   feature, direction encoding, appearance    -> colour

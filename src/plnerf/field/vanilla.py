@@ -1,4 +1,4 @@
-"""The field of NeRF 2020 (seed 4.2.1, fig. 17), Mip-NeRF and Mip-NeRF 360: a deep network and no table.
+"""The field of NeRF 2020 (paper 4.2.1, fig. 17), Mip-NeRF and Mip-NeRF 360: a deep network and no table.
 
     encoding(x) -> `depth` layers, the encoding joined again in between -> density, feature
     feature, encoding(d), appearance -> one layer -> colour

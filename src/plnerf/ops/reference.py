@@ -16,7 +16,7 @@ def interpolation_weight(u: Float[Tensor, "*n"], interpolation: Interpolation) -
     """Weight of the upper of two vertices at fraction u in [0, 1] of the cell between them.
 
     linear: u.  cubic: the Hermite weight u^2 (3 - 2u), whose derivative vanishes at the vertices, so that
-    encoded features have a continuous first derivative (seed 4.2.2, "cubic interpolation"; Instant-NGP,
+    encoded features have a continuous first derivative (paper 4.2.2, "cubic interpolation"; Instant-NGP,
     appendix A).
     """
     return u * u * (3 - 2 * u) if interpolation == "cubic" else u

@@ -1,4 +1,4 @@
-"""All of space in a cube: the L-infinity contraction.  Mip-NeRF 360 eq. 10, other norm (seed 4.2.2, fig. 19).
+"""All of space in a cube: the L-infinity contraction.  Mip-NeRF 360 eq. 10, other norm (paper, fig. 19).
 
 Letters: m = max_k |x_k|, reached at axis k (the first one where several tie: a set of measure zero).
     f(x) = x                       where m <= 1

@@ -1,6 +1,6 @@
 """Hierarchical sampling: what a coarse look finds decides where a fine look samples.
 
-    NeRF 2020 (seed 4.2.1): points, stratified; a network for each look; the fine one sees the points of both
+    NeRF 2020 (paper 4.2.1): points, stratified; a network for each look; the fine one sees the points of both
     Mip-NeRF: intervals; one network for both looks; the fine one sees intervals of its own, spread a little
 
 Both looks have a colour, and both are trained on it.

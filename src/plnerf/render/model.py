@@ -1,4 +1,6 @@
-"""PL-NeRF on one page: rays in, colours, depths and normals out.  Seed 4.2.2, figures 18 and 20.
+"""PL-NeRF on one page: rays in, colours, depths and normals out.
+
+The paper, here and elsewhere: Sensors 2023, 23(23), 9537.  Its 4.2.2, figures 18 and 20:
 
     cone ─▶ frustums ─▶ L-inf contraction ─▶ hash encoding ─▶ density ───┬─▶ weights ─▶ colour, depth, normals
       ▲                                  └─▶ IPE, direction, appearance ─┴─▶ colour
@@ -21,9 +23,10 @@ from plnerf.field.density import DensityConfig, DensityField
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.field.tubes import TubeConfig, TubeField
 from plnerf.ops.dispatch import Backend
-from plnerf.rays.contraction import axis_factors, ball_sizes, contract, pull_back
-from plnerf.rays.frustums import frustum_moments, ray_frustums
+from plnerf.rays.contraction import ball_sizes
+from plnerf.rays.frustums import frustum_moments
 from plnerf.rays.rays import Rays
+from plnerf.render.normals import density_normals
 from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
@@ -111,7 +114,10 @@ class PLNeRF(RadianceSystem):
         normal_samples = None
         if q := normal_rays:
             with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
-                from_density = self._density_normals(rays[:q], t[:q], None if size is None else size[:q])
+                from_density = density_normals(
+                    self.field, rays[:q], t[:q], None if size is None else size[:q],
+                    stretch=self.config.stretch, contraction=self.config.contraction,
+                )  # fmt: skip
             predicted = self.field.predicted_normals(feature[:q])
             normal_samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
         return RenderedRays.of(
@@ -149,23 +155,3 @@ class PLNeRF(RadianceSystem):
             radius = rays.radius[:, None].expand(-1, t.shape[1] - 1)
             _, var_t, var_r = frustum_moments(t[:, :-1], t[:, 1:], radius)
             return ball_sizes(var_t, var_r, 4 * unit - 2, config.stretch, config.contraction) / 4
-
-    def _density_normals(
-        self, rays: Rays, t: Float[Tensor, "q E"], size: Float[Tensor, "q E-1"] | None
-    ) -> Float[Tensor, "q E-1 3"]:
-        """Normals as the density says, n = -grad sigma / |grad sigma|.  Ref-NeRF eq. 3.
-
-        The log density has a gradient of the same direction, without the range of exp.
-        """
-        mean = ray_frustums(rays, t).mean.detach()
-        stretch = axis_factors(self.config.stretch, mean)
-        stretched = mean * stretch
-        bounded = contract(stretched) if self.config.contraction else stretched.clamp(-2, 2)
-        gradient = self.field.log_density_gradient((bounded + 2) / 4, size)
-        if self.config.contraction:
-            gradient = pull_back(gradient, stretched)
-        else:
-            gradient = gradient * (stretched.abs() <= 2)  # clamped: nothing changes beyond
-        gradient = gradient * stretch / 4
-        length = (gradient.square().sum(-1, keepdim=True) + 1e-6).sqrt()
-        return -gradient / length

@@ -18,11 +18,11 @@ from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges
+from plnerf.render.normals import UNSTRETCHED, density_normals
 from plnerf.render.proposals import SamplerConfig, to_distance
 from plnerf.render.ray_ops import TORCH, ray_ops
-from plnerf.render.system import RadianceSystem, RenderedRays
-
-UNSTRETCHED = (1.0, 1.0, 1.0)
+from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
+from plnerf.render.volume import composite
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class OccupiedConfig:
     kind: Literal["occupied"] = "occupied"
 
     def __post_init__(self) -> None:
-        if self.sampler.proposals or self.field.normals:
+        if self.sampler.proposals:
             raise ConfigError(
-                "Samples by an occupancy grid have no proposal rounds and no normals, but got "
-                f"sampler.proposals={list(self.sampler.proposals)}, field.normals={self.field.normals}."
+                "Samples by an occupancy grid have no proposal rounds, but got "
+                f"sampler.proposals={list(self.sampler.proposals)}. Give none: []."
             )
 
 
@@ -54,6 +54,11 @@ class OccupiedNeRF(RadianceSystem):
         self.occupancy = OccupancyGrid(config.occupancy)
         self.skips = True
         """Whether empty intervals are passed over; turned off, all are looked at."""
+
+    @property
+    def predicts_normals(self) -> bool:
+        """As its field was told."""
+        return self.config.field.normals
 
     def update(self, step: int, generator: Generator) -> None:
         """Brings the grid up to date where its turn has come."""
@@ -71,8 +76,6 @@ class OccupiedNeRF(RadianceSystem):
         normal_rays: int = 0,
         normals_shape_density: bool = True,
     ) -> RenderedRays:
-        if normals or normal_rays:
-            raise ConfigError("This system predicts no normals. Ask for none.")
         ops = TORCH if rays.origins.requires_grad else ray_ops(self.backend)
         s = even_edges(len(rays), self.sampler.final, generator, rays.origins)
         t = to_distance(s, self.sampler, ops)
@@ -86,7 +89,18 @@ class OccupiedNeRF(RadianceSystem):
         density = unit.new_zeros(full.shape).index_put((ray, sample), own_density[:, 0])
         colours = unit.new_zeros(*full.shape, 3).index_put((ray, sample), own_colours[:, 0])
         seen = ops.render_rays(density, t, colours)
-        return RenderedRays.of(seen, s)
+        samples = None
+        predicted = unit.new_zeros(*full.shape, 3)  # none where nothing is seen
+        if normals or normal_rays:
+            own_normals = self.field.predicted_normals(feature)
+            predicted = predicted.index_put((ray, sample), own_normals[:, 0])
+        if q := normal_rays:
+            with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
+                from_density = density_normals(self.field, rays[:q], t[:q])
+            samples = NormalSamples(seen.w[:q], from_density, predicted[:q], rays.directions[:q])
+        return RenderedRays.of(
+            seen, s, normals=composite(seen.w, predicted) if normals else None, normal_samples=samples
+        )
 
     def looked_at(self, unit: Float[Tensor, "r S 3"], t: Float[Tensor, "r S+1"]) -> Bool[Tensor, "r S"]:
         """Which intervals the field is asked about."""

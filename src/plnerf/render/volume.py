@@ -1,4 +1,4 @@
-"""The volume rendering equations, one function each.  NeRF 2020, section 4 (seed eq. 7, 8).
+"""The volume rendering equations, one function each.  NeRF 2020, section 4 (paper eq. 7, 8).
 
 Letters: r rays, S intervals; t the S+1 edges along a ray, sigma the density in 1/length, d_i = t_{i+1} - t_i,
 w the weights; all lengths in the scene frame.

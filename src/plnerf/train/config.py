@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar
+from typing import Generic, Literal, TypeVar
 
 from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import Backend
@@ -14,6 +14,7 @@ from plnerf.train.losses import LossWeights
 from plnerf.train.pixels import DetailMap
 
 S = TypeVar("S", bound=SystemConfig)
+S_co = TypeVar("S_co", bound=SystemConfig, covariant=True)
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,20 @@ class RunConfig:
             )
         if not 0 <= self.seed < 1 << 63:
             raise ConfigError(f"The seed must be from 0 to 2^63 - 1, but is {self.seed}.")
+
+
+@dataclass(frozen=True)
+class Preset(Generic[S_co]):
+    """Settings of a system before they are fitted to a scene."""
+
+    model: S_co
+    train: TrainConfig
+    year: int
+    """Of its publication: comparisons go from the oldest to the newest."""
+    cells_per_pixel: float = 1.0
+    """Cells of the finest level per pixel's width at a distance of one scene unit; decides
+    field.grid.finest.
+    """
 
 
 def fit_to_scene(model: S, scene: Scene, cells_per_pixel: float) -> S:

@@ -95,7 +95,7 @@ def table(diagnosis: Diagnosis) -> str:
         f"{verdict}: {ADVICE[verdict]}." for verdict in ADVICE if verdict in verdicts and ADVICE[verdict]
     ]
     if not diagnosis.usable:
-        lines.append("Not usable for wires: in more than half of the line the views do not fix their position.")
+        lines.append("Not usable for wires: over more than half of the line the views do not place them.")
     return "\n".join(lines)
 
 

@@ -1,0 +1,146 @@
+"""What NeRF 2020's fine look gains, at equal evaluations of its networks, on a small closed scene.
+
+    python benchmarks/coarse_fine.py -o runs/coarse-fine [--steps 2000] [--width 128]
+
+A room with chequered walls, three balls and a thin post is drawn exactly; `nerf` learns it with a coarse look
+of 32 intervals and a fine one of those and 32 more, 96 evaluations a ray in all, and with one look of 96.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from jaxtyping import Float, UInt8
+from PIL import Image
+from rich.console import Console
+
+from plnerf.pipeline import evaluate, train_scene
+from plnerf.render.files import write_text
+
+SIZE, FINER, FOCAL, VIEWS, EVERY = 96, 3, 80.0, 48, 8
+BALLS = ((0.35, 0.3, -0.75, 0.25), (-0.4, 0.1, -0.8, 0.2), (0.05, -0.45, -0.7, 0.3))
+"""Centre and radius, in a room from -1 to 1."""
+POST = (-0.15, 0.45, 0.03)
+"""Place on the floor and radius; it reaches the ceiling."""
+LOOKS = {
+    "32 coarse, 32 + 32 fine": ("model.sampler.proposals=[32]", "model.sampler.final=32"),
+    "one look of 96": ("model.sampler.proposals=[]", "model.sampler.final=96", "model.networks=1"),
+}
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Coarse and fine looks against one look, at equal evaluations."""
+
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for the scene, the runs and table.md."""
+    steps: int = 2000
+    """Steps of each run, of 256 rays."""
+    width: int = 128
+    """Of the networks' layers; NeRF's own are 256."""
+    seeds: tuple[int, ...] = (0, 1)
+
+
+def main(arguments: Arguments) -> None:
+    """Trains and measures both, and writes the table."""
+    scene, console = arguments.out / "room", Console()
+    if not (scene / "transforms.json").exists():
+        write_room(scene)
+    lines = ["| looks | seed | PSNR dB | SSIM | training s |", "| --- | ---: | ---: | ---: | ---: |"]
+    for name, looks in LOOKS.items():
+        for seed in arguments.seeds:
+            run = arguments.out / f"{name.replace(' ', '-')}-{seed}"
+            if not (run / "eval/metrics.json").exists():
+                settings = (
+                    *looks,
+                    f"model.field.width={arguments.width}",
+                    "model.sampler.far=4",
+                    "model.sampler.knee=4",
+                    "train.rays=256",
+                )
+                train_scene(
+                    scene, run, preset="nerf", steps=arguments.steps, settings=settings, seed=seed,
+                    console=console,
+                )  # fmt: skip
+                evaluate(run, console=console)
+            metrics = json.loads((run / "eval/metrics.json").read_text())
+            mean, seconds = metrics["mean"], metrics["protocol"]["training_seconds"]
+            lines.append(f"| {name} | {seed} | {mean['psnr_db']:.2f} | {mean['ssim']:.3f} | {seconds:.0f} |")
+    write_text(arguments.out / "table.md", "\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+def write_room(folder: Path) -> None:
+    """Cameras on a ring in the upper half of the room, each looking across it and down."""
+    (folder / "images").mkdir(parents=True)
+    frames = []
+    for i in range(VIEWS):
+        angle = 2 * np.pi * i / VIEWS
+        centre = np.array([0.8 * np.cos(angle), 0.8 * np.sin(angle), 0.25 + 0.3 * np.sin(5 * angle)])
+        pose = look_at(centre, np.array([-0.2 * np.cos(angle), -0.2 * np.sin(angle), -0.5]))
+        name = f"images/{i:03d}.png"
+        Image.fromarray(picture(pose)).save(folder / name)
+        opengl = pose @ np.diag([1.0, -1.0, -1.0, 1.0])
+        frames.append({"file_path": name, "transform_matrix": opengl.tolist()})
+    box = {"span_min": [-1, -1, -1], "span_max": [1, 1, 1], "line_axis": [1, 0, 0]}
+    data = {
+        "w": SIZE, "h": SIZE, "fl_x": FOCAL, "fl_y": FOCAL, "cx": SIZE / 2, "cy": SIZE / 2,
+        "plnerf": {"format_version": 1, "unit": "m", "up": [0, 0, 1], **box},
+        "frames": frames,
+    }  # fmt: skip
+    write_text(folder / "transforms.json", json.dumps(data))
+
+
+def look_at(centre: Float[np.ndarray, "3"], target: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
+    """Camera to world, OpenCV axes, level."""
+    z = (target - centre) / np.linalg.norm(target - centre)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3] = np.stack([x, np.cross(z, x), z, centre], 1)
+    return pose
+
+
+def picture(pose: Float[np.ndarray, "4 4"]) -> UInt8[np.ndarray, "h w 3"]:
+    """What a camera sees: the mean over FINER^2 rays a pixel."""
+    at = (np.arange(SIZE * FINER) + 0.5) / FINER - SIZE / 2
+    x, y = np.meshgrid(at / FOCAL, at / FOCAL)
+    d = np.stack([x, y, np.ones_like(x)], -1) @ pose[:3, :3].T
+    colour = shade(pose[:3, 3], d / np.linalg.norm(d, axis=-1, keepdims=True))
+    mean = colour.reshape(SIZE, FINER, SIZE, FINER, 3).mean((1, 3))
+    return np.round(255 * mean).astype(np.uint8)
+
+
+def shade(o: Float[np.ndarray, "3"], d: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
+    """Colour of the nearest thing along unit directions from a point in the room."""
+    t = np.where(d > 0, (1 - o) / np.maximum(d, 1e-9), (-1 - o) / np.minimum(d, -1e-9))
+    side, nearest = t.argmin(-1), t.min(-1)
+    at = o + nearest[..., None] * d
+    squares = np.floor(4 * at + 1e-6)
+    dark = (squares.sum(-1) - np.take_along_axis(squares, side[..., None], -1)[..., 0]) % 2
+    walls = np.array([[0.8, 0.5, 0.4], [0.4, 0.7, 0.5], [0.5, 0.55, 0.8]])[side]
+    colour = walls * (0.55 + 0.45 * dark)[..., None]
+    for x, y, z, radius in BALLS:
+        hit = first_hit(o - np.array([x, y, z]), d, radius)
+        normal = (o + np.where(np.isfinite(hit), hit, 0)[..., None] * d - np.array([x, y, z])) / radius
+        light = 0.6 + 0.4 * normal @ np.array([0.3, 0.4, 0.866])
+        colour = np.where((hit < nearest)[..., None], light[..., None] * np.array([0.9, 0.75, 0.2]), colour)
+        nearest = np.minimum(nearest, hit)
+    flat = d[..., :2] / np.linalg.norm(d[..., :2], axis=-1, keepdims=True).clip(1e-9)
+    hit = first_hit(o[:2] - np.array(POST[:2]), flat, POST[2]) / np.linalg.norm(d[..., :2], axis=-1)
+    return np.where((hit < nearest)[..., None], np.array([0.1, 0.1, 0.12]), colour)
+
+
+def first_hit(o: np.ndarray, d: np.ndarray, radius: float) -> np.ndarray:
+    """Distance along unit directions to a ball, or in a plane to a circle, around 0; infinite for none."""
+    b, c = d @ o, o @ o - radius**2
+    root = b * b - c
+    hit = -b - np.sqrt(np.maximum(root, 0))
+    return np.where((root > 0) & (hit > 0), hit, np.inf)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))

@@ -1,0 +1,22 @@
+"""Mip-NeRF (Barron et al. 2021): IPE of cones in place of points, one network for both looks.
+
+Sizes and training are those of `nerf`.
+"""
+
+from dataclasses import replace
+
+from plnerf.field.vanilla import VanillaConfig
+from plnerf.presets.nerf import PRESET as NERF
+from plnerf.render.coarse_fine import CoarseFineConfig
+from plnerf.render.proposals import SamplerConfig
+from plnerf.train.config import Preset
+
+PRESET = Preset(
+    model=CoarseFineConfig(
+        field=VanillaConfig(encoding="ipe", octaves=16),
+        sampler=SamplerConfig(proposals=(32,), final=32, padding=0.01),
+        networks=1,
+    ),
+    train=replace(NERF.train, loss=replace(NERF.train.loss, coarse=0.1)),
+    year=2021,
+)

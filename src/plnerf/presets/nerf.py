@@ -1,0 +1,24 @@
+"""NeRF (Mildenhall et al. 2020; paper 4.2.1): the networks as published.
+
+For a CPU, 32 + 32 samples in place of 64 + 128, and 512 rays in place of 4096.  Samples reach to infinity as
+those of the other presets do, in place of normalised device coordinates, which only face forward.  The
+published learning rate and its tenth at the end, pixels drawn uniformly, and the colour as only loss.
+"""
+
+from plnerf.render.coarse_fine import CoarseFineConfig
+from plnerf.render.proposals import SamplerConfig
+from plnerf.train.config import Preset, TrainConfig
+from plnerf.train.losses import LossWeights
+
+PRESET = Preset(
+    model=CoarseFineConfig(sampler=SamplerConfig(proposals=(32,), final=32, padding=1e-5)),
+    train=TrainConfig(
+        detail_share=0.0,
+        normal_rays=0,
+        anneal_steps=1,
+        network_rate=5e-4,
+        final_rate=0.1,
+        loss=LossWeights(interlevel=0.0, distortion=0.0),
+    ),
+    year=2020,
+)
