@@ -12,6 +12,10 @@ class SceneError(PlnerfError):
     """The scene folder, its images or its camera poses cannot be used."""
 
 
+class CaptureError(PlnerfError):
+    """Photos, a video or their positions cannot be made into a scene."""
+
+
 class SurveyError(PlnerfError):
     """Points or curves of wires, or the truth to compare them with, cannot be read."""
 

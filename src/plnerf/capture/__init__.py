@@ -1,0 +1,1 @@
+"""From photos or video to a posed, georeferenced scene."""

@@ -1,0 +1,86 @@
+"""A reconstruction in metres on the earth: the similarity that its cameras' stated positions ask for.
+
+Where the positions lie on a line they leave the turn about it free; then gravity has to say which way is up,
+and where nothing says so, that is reported and not guessed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.capture.gravity import Gravity
+from plnerf.capture.local_frame import LocalFrame, local_frame
+from plnerf.capture.references import References
+from plnerf.capture.similarity import RobustFit, robust_similarity
+from plnerf.errors import CaptureError
+
+ROLL_LIMIT_DEG = 1.0
+"""Turn about the track known worse than this: 20 m beside it, things are 35 cm off."""
+Held = Literal["positions", "positions and gravity", "positions alone, the roll is open"]
+
+
+@dataclass(frozen=True, eq=False)
+class Georeference:
+    """How a reconstruction lies on the earth, and how well."""
+
+    frame: LocalFrame
+    fit: RobustFit
+    names: tuple[str, ...]
+    """Images whose positions were compared, in the order of the fit's residuals."""
+    source: str
+    held_by: Held
+    gravity_scatter_deg: float | None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values: residuals in metres (all, and those that were trusted), and what holds the turn."""
+        off = np.linalg.norm(self.fit.residual, axis=1)
+        flat = np.linalg.norm(self.fit.residual[:, :2], axis=1)
+        trusted = self.fit.inlier
+        roll = self.fit.roll_sigma_deg
+        return {
+            **self.frame.to_json(),
+            "source": self.source,
+            "positions": len(off),
+            "positions_trusted": int(trusted.sum()),
+            "not_trusted": [name for name, good in zip(self.names, trusted, strict=True) if not good],
+            "residual_median_m": float(np.median(off[trusted])),
+            "residual_worst_m": float(off[trusted].max()),
+            "residual_horizontal_median_m": float(np.median(flat[trusted])),
+            "residual_vertical_median_m": float(np.median(np.abs(self.fit.residual[trusted, 2]))),
+            "metres_per_unit": self.fit.similarity.scale,
+            "held_by": self.held_by,
+            "roll_sigma_deg": None if np.isinf(roll) else roll,
+            "gravity_scatter_deg": self.gravity_scatter_deg,
+        }
+
+
+def georeference(
+    centres: Mapping[str, Float[np.ndarray, "3"]], references: References, gravity: Gravity | None = None
+) -> Georeference:
+    """The similarity from the reconstruction to metres east, north and up.
+
+    centres: of the cameras that have a pose, by name.  Raises CaptureError where too few of them have a
+    stated position, or these do not agree with the reconstruction.
+    """
+    names = tuple(name for name in centres if name in references.by_name)
+    if not names:
+        raise CaptureError(
+            f"None of the {len(centres)} images with a pose has a position from {references.source}. Give a "
+            "geo.txt with positions, or go on without: lengths are then unscaled."
+        )
+    stated = np.array([references.by_name[name].xyz for name in names])
+    sigma = np.array([references.by_name[name].sigma_m for name in names])
+    frame = local_frame(references.crs, stated)
+    x, y = np.stack([centres[name] for name in names]), frame.to_local(stated)
+    fit = robust_similarity(x, y, sigma)
+    held: Held = "positions"
+    if fit.roll_sigma_deg > ROLL_LIMIT_DEG and gravity is not None:
+        fit, held = robust_similarity(x, y, sigma, gravity.up), "positions and gravity"
+    elif fit.roll_sigma_deg > ROLL_LIMIT_DEG:
+        held = "positions alone, the roll is open"
+    return Georeference(
+        frame, fit, names, references.source, held, None if gravity is None else gravity.scatter_deg
+    )

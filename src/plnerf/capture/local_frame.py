@@ -1,0 +1,130 @@
+"""East, north and up about a point of the earth, and the coordinates of a survey.
+
+Everything here is float64: a UTM coordinate in float32 is half a metre off.  Between a survey's CRS and the
+local frame lie geocentric coordinates (EPSG:4978), and no plane: far from the origin the local frame stays
+exact, and its z leaves the earth's surface by d^2 / 12,700 km.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError, ProjError
+
+from plnerf.errors import CaptureError
+
+GEOCENTRIC, GEOGRAPHIC = "EPSG:4978", "EPSG:4979"
+
+
+@dataclass(frozen=True)
+class LocalFrame:
+    """Metres east, north and up of an origin."""
+
+    crs: str
+    """Of the survey: what pyproj understands, such as EPSG:25832.  Without a height of its own, heights are
+    above the ellipsoid."""
+    origin: tuple[float, float, float]
+    """Longitude and latitude in degrees, height above the WGS 84 ellipsoid in metres."""
+
+    def to_local(self, xyz: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Coordinates of the CRS, x or longitude first, to metres.  Raises CaptureError where it has none."""
+        local: Float[np.ndarray, "n 3"] = (_geocentric(self.crs, xyz) - self._centre) @ self._axes.T
+        return local
+
+    def to_crs(self, local: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """The inverse of `to_local`."""
+        return _from_geocentric(self.crs, local @ self._axes + self._centre)
+
+    @property
+    def _centre(self) -> Float[np.ndarray, "3"]:
+        return _geocentric(GEOGRAPHIC, np.array([self.origin]))[0]
+
+    @property
+    def _axes(self) -> Float[np.ndarray, "3 3"]:
+        """Rows: east, north and up at the origin, in geocentric axes."""
+        longitude, latitude = np.radians(self.origin[:2])
+        (s, c), (sp, cp) = ((np.sin(a), np.cos(a)) for a in (longitude, latitude))
+        return np.array([[-s, c, 0.0], [-sp * c, -sp * s, cp], [cp * c, cp * s, sp]])
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {"crs": self.crs, "origin_lon_lat_height": list(self.origin)}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "LocalFrame":
+        """The inverse of `to_json`.  Raises CaptureError for anything else."""
+        try:
+            longitude, latitude, height = (float(value) for value in data["origin_lon_lat_height"])
+            frame = cls(str(data["crs"]), (longitude, latitude, height))
+        except (KeyError, TypeError, ValueError) as error:
+            raise CaptureError(
+                "A georeference needs crs and origin_lon_lat_height (three numbers), but holds "
+                f"{dict(data)} ({error!r}). Capture the scene again."
+            ) from error
+        check_crs(frame.crs)
+        return frame
+
+
+def local_frame(crs: str, xyz: Float[np.ndarray, "n 3"]) -> LocalFrame:
+    """The frame whose origin is the median of some coordinates of a CRS."""
+    middle = np.median(_geocentric(crs, xyz), axis=0, keepdims=True)
+    longitude, latitude, height = _from_geocentric(GEOGRAPHIC, middle)[0]
+    # Rounded, so that files say the same wherever they are made: 1e-7 degrees are a centimetre.
+    return LocalFrame(crs, (round(longitude, 7), round(latitude, 7), round(height, 3)))
+
+
+def check_crs(crs: str) -> None:
+    """Raises CaptureError for a CRS that coordinates cannot be turned from or into."""
+    _to_geocentric(crs), _of_geocentric(crs)
+
+
+def utm_crs(longitude: float, latitude: float) -> str:
+    """The WGS 84 UTM zone of a place, as an EPSG code; without the exceptions of Norway and Svalbard."""
+    zone = int((longitude + 180) // 6) % 60 + 1
+    return f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
+
+
+@cache
+def _to_geocentric(crs: str) -> Transformer:
+    return _transformer(crs, GEOCENTRIC, crs)
+
+
+@cache
+def _of_geocentric(crs: str) -> Transformer:
+    return _transformer(GEOCENTRIC, crs, crs)
+
+
+def _transformer(source: str, target: str, crs: str) -> Transformer:
+    try:
+        there, here = (CRS.from_user_input(part).to_3d() for part in (source, target))
+        return Transformer.from_crs(there, here, always_xy=True, allow_ballpark=False)
+    except (CRSError, ProjError) as error:
+        raise CaptureError(
+            f"The coordinate reference system {crs!r} cannot be used ({error}). Give an EPSG code such as "
+            "EPSG:25832, a PROJ string or WKT; a vertical datum needs its grid installed (`projsync`)."
+        ) from error
+
+
+def _geocentric(crs: str, xyz: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return _transformed(_to_geocentric(crs), crs, xyz)
+
+
+def _from_geocentric(crs: str, xyz: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return _transformed(_of_geocentric(crs), crs, xyz)
+
+
+def _transformed(
+    transformer: Transformer, crs: str, xyz: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    found: Float[np.ndarray, "n 3"] = np.stack(transformer.transform(*xyz.astype(np.float64).T), 1)
+    bad = np.nonzero(~np.isfinite(found).all(1))[0]
+    if len(bad):
+        raise CaptureError(
+            f"{len(bad)} of {len(xyz)} coordinates lie outside of what {crs} can say, the first of them "
+            f"{xyz[bad[0]].tolist()}. Is it the right CRS, and x (or longitude) before y?"
+        )
+    return found

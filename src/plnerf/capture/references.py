@@ -1,0 +1,116 @@
+"""Where photos were taken: from the photos themselves, or from a table beside them (ODM's geo.txt).
+
+geo.txt     line 1     EPSG:<code>, a PROJ string or WKT
+            then       image x y z [yaw pitch roll [horizontal accuracy [vertical accuracy]]]
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from plnerf.capture.exif import HORIZONTAL_M, VERTICAL_M, PhotoFacts
+from plnerf.capture.local_frame import GEOGRAPHIC, check_crs
+from plnerf.errors import CaptureError
+
+GEO_TXT = "geo.txt"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The stated position of a camera."""
+
+    xyz: tuple[float, float, float]
+    """In the references' CRS; x or longitude first."""
+    sigma_m: tuple[float, float, float]
+    """Standard deviations east, north and up."""
+
+
+@dataclass(frozen=True)
+class References:
+    """Positions of some images, by the images' names, in one CRS."""
+
+    crs: str
+    by_name: Mapping[str, Reference]
+    source: str
+    """Where they are from, in words."""
+    problems: tuple[str, ...] = ()
+    """What could not be used, and why."""
+
+
+def from_photos(facts: Mapping[str, PhotoFacts]) -> References:
+    """The photos' own positions, those with a height.  Without any, `by_name` is empty."""
+    found, problems = {}, []
+    for name, fact in facts.items():
+        if fact.fix_problem:
+            problems.append(f"{name}: its GPS position is not used: {fact.fix_problem}")
+        if fact.fix is None:
+            continue
+        if fact.fix.height_m is None:
+            problems.append(f"{name}: its GPS position is not used: it has no height")
+            continue
+        fix = fact.fix
+        found[name] = Reference(
+            (fix.longitude_deg, fix.latitude_deg, fact.fix.height_m),
+            (fix.horizontal_m, fix.horizontal_m, fix.vertical_m),
+        )
+    return References(GEOGRAPHIC, found, "the photos' GPS tags", tuple(problems))
+
+
+def read_geo_txt(path: Path, names: Sequence[str]) -> References:
+    """Positions from ODM's geo.txt, for those of the images that it names.
+
+    Raises CaptureError where the file cannot be read, a line is malformed, or none of the images is named.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaptureError(f"{path} cannot be read as text ({error}). Save it as UTF-8.") from error
+    rows = [(number, line.strip()) for number, line in enumerate(lines, start=1) if line.strip()]
+    if len(rows) < 2:
+        raise CaptureError(
+            f"{path} needs a first line with a coordinate reference system, such as EPSG:25832, and then a "
+            f"line `image x y z` for each image, but has {len(rows)} lines that are not empty."
+        )
+    crs = _crs(rows[0][1])
+    check_crs(crs)
+    by_stem = {Path(name).name.lower(): name for name in names}
+    found, strangers = {}, []
+    for number, line in rows[1:]:
+        image, reference = _row(line, f"{path}, line {number}")
+        name = by_stem.get(Path(image).name.lower())
+        if name is None:
+            strangers.append(f"{image}: named in {path.name}, but there is no such image")
+        else:
+            found[name] = reference
+    if not found:
+        raise CaptureError(
+            f"{path} gives positions of {len(rows) - 1} images, the first of them {rows[1][1].split()[0]!r}, "
+            f"but none is among the {len(names)} images here, such as {next(iter(names), None)!r}. Are the "
+            "names the same?"
+        )
+    return References(crs, found, str(path), tuple(strangers))
+
+
+def _crs(line: str) -> str:
+    """ODM also writes `WGS84 UTM 32N`."""
+    words = line.upper().split()
+    if len(words) == 3 and words[0] == "WGS84" and words[1] == "UTM" and words[2][:-1].isdigit():
+        return f"EPSG:{(32600 if words[2].endswith('N') else 32700) + int(words[2][:-1])}"
+    return line
+
+
+def _row(line: str, where: str) -> tuple[str, Reference]:
+    words = line.replace(",", " ").split()
+    try:
+        numbers = [float(word) for word in words[1:]]
+    except ValueError:
+        numbers = []
+    if len(numbers) < 3 or not all(map(math.isfinite, numbers[:3])):
+        raise CaptureError(
+            f"{where} should be `image x y z [yaw pitch roll [horizontal [vertical accuracy]]]`, but is "
+            f"{line!r}. Correct it; a name with spaces is not possible."
+        )
+    horizontal = numbers[6] if len(numbers) > 6 and numbers[6] > 0 else HORIZONTAL_M
+    vertical = numbers[7] if len(numbers) > 7 and numbers[7] > 0 else VERTICAL_M
+    return words[0], Reference((numbers[0], numbers[1], numbers[2]), (horizontal, horizontal, vertical))
