@@ -1,0 +1,277 @@
+"""Structure from motion by COLMAP: features, matches, and a model of as many images as hang together.
+
+Each stage is kept in the work folder and goes on where it was cut off: images with features and pairs with
+matches are not done again, and a finished model is read.
+"""
+
+import hashlib
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import pycolmap
+
+from plnerf.capture.exif import PhotoFacts
+from plnerf.capture.pairs import Pair, PairConfig
+from plnerf.errors import CaptureError, ConfigError
+from plnerf.scene.files import write_text
+
+DATABASE, MODELS, INPUTS = "database.db", "models", "inputs.sha256"
+LEAST_IMAGES, LEAST_FEATURES, LEAST_MATCHES = 3, 50, 15
+BATCH, PAIRS = 8, 50
+"""Images, and pairs, between two marks of progress: what is done by then is not done again."""
+Model = Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"]
+Tell = Callable[[str, int, int], object]
+"""Hears the stage, how much of it is done, and how much there is."""
+
+
+@dataclass(frozen=True)
+class SfmConfig:
+    """What structure from motion is told."""
+
+    camera_model: Model = "OPENCV"
+    intrinsics: Literal["shared", "per-image"] = "shared"
+    """Whether images of one camera and size share their lens; drones' do."""
+    max_image_px: int = 1600
+    """Longer side of the images in which features are looked for."""
+    features: int = 4096
+    """Most features of an image."""
+    pairs: PairConfig = field(default_factory=PairConfig)
+    seed: int = 0
+    threads: int = -1
+    """-1: as many as there are cores."""
+
+    def __post_init__(self) -> None:
+        if self.max_image_px < 64 or self.features < 64:
+            raise ConfigError(
+                "Structure from motion needs max_image_px and features of 64 or more, but got "
+                f"max_image_px={self.max_image_px}, features={self.features}."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class SfmResult:
+    """The model with the most images."""
+
+    reconstruction: Any
+    """pycolmap.Reconstruction."""
+    registered: tuple[str, ...]
+    failed: dict[str, str]
+    """Images without a pose, each with the reason."""
+    reprojection_px: float
+    points: int
+    seconds: dict[str, float]
+
+
+def reconstruct(
+    images: Path,
+    facts: Mapping[str, PhotoFacts],
+    work: Path,
+    pairs: Sequence[Pair],
+    config: SfmConfig,
+    *,
+    masks: Path | None = None,
+    tell: Tell = lambda stage, done, of: None,
+) -> SfmResult:
+    """Runs all stages on the images of a folder that `facts` names, in their order.
+
+    pairs: of places in that order.  masks: a folder of COLMAP's masks, NAME.png, black where features are
+    not looked for.  Raises CaptureError where fewer than three images hang together.
+    """
+    if len(facts) < LEAST_IMAGES:
+        raise CaptureError(
+            f"Structure from motion needs {LEAST_IMAGES} images or more, but got {len(facts)} in {images}. "
+            "Take more, with two thirds of each seen in the next."
+        )
+    work.mkdir(parents=True, exist_ok=True)
+    _forget_if_changed(images, facts, pairs, config, masks, work)
+    pycolmap.set_random_seed(config.seed)
+    pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value  # it tells of every image; `tell` does
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "features"):
+        _extract(images, facts, work / DATABASE, config, masks, tell)
+    with _timed(seconds, "matches"):
+        _match(list(facts), pairs, work, config, tell)
+    with _timed(seconds, "model"):
+        models = _map(images, len(facts), work, config, tell)
+    return _best(models, list(facts), work / DATABASE, seconds)
+
+
+def _forget_if_changed(
+    images: Path, facts: Mapping[str, PhotoFacts], pairs: Sequence[Pair], config: SfmConfig,
+    masks: Path | None, work: Path,
+) -> None:  # fmt: skip
+    """Removes what other images or settings left: a name with other pixels behind it has other features."""
+    stamps = [(name, (images / name).stat().st_size, (images / name).stat().st_mtime_ns) for name in facts]
+    inputs = hashlib.sha256(repr((stamps, list(pairs), config, str(masks))).encode()).hexdigest()
+    path = work / INPUTS
+    if not path.exists() or path.read_text() != inputs:
+        (work / DATABASE).unlink(missing_ok=True)
+        shutil.rmtree(work / MODELS, ignore_errors=True)
+    write_text(path, inputs)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    clock = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - clock
+
+
+def _extract(
+    images: Path, facts: Mapping[str, PhotoFacts], database: Path, config: SfmConfig, masks: Path | None,
+    tell: Tell,
+) -> None:  # fmt: skip
+    """Features of the images that have none yet; images that share a lens share a camera."""
+    with pycolmap.Database.open(database) as db:
+        there = {image.name: image for image in db.read_all_images()}
+        lens = {image.name: image.camera_id for image in there.values()}
+        left = [name for name in facts if name not in there or not db.exists_keypoints(there[name].image_id)]
+        shared: dict[str, int] = {facts[name].camera: lens[name] for name in lens if name in facts}
+        camera: dict[str, int] = {}
+        for name in left:
+            known = shared.get(facts[name].camera) if config.intrinsics == "shared" else None
+            camera[name] = db.write_camera(_camera(facts[name], config)) if known is None else known
+            shared[facts[name].camera] = camera[name]
+    extraction = pycolmap.FeatureExtractionOptions(
+        max_image_size=config.max_image_px, num_threads=config.threads, use_gpu=pycolmap.has_cuda
+    )
+    extraction.sift.max_num_features = config.features
+    done = len(facts) - len(left)
+    tell("features", done, len(facts))
+    for number, batch in _batches(left, camera):
+        reader = pycolmap.ImageReaderOptions(camera_model=config.camera_model, existing_camera_id=number)
+        if masks is not None:
+            reader.mask_path = masks
+        pycolmap.extract_features(
+            database, images, image_names=batch, reader_options=reader, extraction_options=extraction
+        )
+        done += len(batch)
+        tell("features", done, len(facts))
+
+
+def _camera(facts: PhotoFacts, config: SfmConfig) -> Any:
+    """A lens to begin with: as long as the photo says, else 1.2 times the longer side (some 45 degrees)."""
+    w, h = facts.width_px, facts.height_px
+    camera = pycolmap.Camera.create_from_model_name(
+        camera_id=pycolmap.INVALID_CAMERA_ID, model_name=config.camera_model,
+        focal_length=facts.focal_px or 1.2 * max(w, h), width=w, height=h,
+    )  # fmt: skip
+    camera.has_prior_focal_length = facts.focal_px is not None
+    return camera
+
+
+def _batches(names: Sequence[str], camera: Mapping[str, int]) -> Iterator[tuple[int, list[str]]]:
+    """Some images of one camera at a time: small, so that progress is seen and kept."""
+    by_camera: dict[int, list[str]] = {}
+    for name in names:
+        by_camera.setdefault(camera[name], []).append(name)
+    for number, own in by_camera.items():
+        for first in range(0, len(own), BATCH):
+            yield number, own[first : first + BATCH]
+
+
+def _match(names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmConfig, tell: Tell) -> None:
+    """Matches and verifies the pairs that were not yet."""
+    with pycolmap.Database.open(work / DATABASE) as db:
+        number = {image.name: image.image_id for image in db.read_all_images()}
+        left = [
+            (names[i], names[j])
+            for i, j in pairs
+            if not db.exists_matches(number[names[i]], number[names[j]])
+        ]
+    matching = pycolmap.FeatureMatchingOptions(num_threads=config.threads, use_gpu=pycolmap.has_cuda)
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = config.seed
+    tell("matches", len(pairs) - len(left), len(pairs))
+    listing = work / "pairs.txt"
+    for first in range(0, len(left), PAIRS):
+        block = left[first : first + PAIRS]
+        write_text(listing, "".join(f"{a} {b}\n" for a, b in block))
+        pycolmap.match_image_pairs(
+            work / DATABASE, matching_options=matching, verification_options=verification,
+            pairing_options=pycolmap.ImportedPairingOptions(match_list_path=listing),
+        )  # fmt: skip
+        tell("matches", len(pairs) - len(left) + first + len(block), len(pairs))
+
+
+def _map(images: Path, count: int, work: Path, config: SfmConfig, tell: Tell) -> list[Any]:
+    """All models, from the disk where they are there."""
+    models = work / MODELS
+    if not models.is_dir():
+        part = work / f"{MODELS}.part"
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir()
+        options = pycolmap.IncrementalPipelineOptions(
+            min_model_size=LEAST_IMAGES, num_threads=config.threads, random_seed=config.seed
+        )
+        options.mapper.random_seed = options.triangulation.random_seed = config.seed
+        registered = [0]
+
+        def one_more() -> None:
+            registered[0] += 1
+            tell("model", min(registered[0], count), count)
+
+        pycolmap.incremental_mapping(
+            work / DATABASE, images, part, options=options, next_image_callback=one_more
+        )
+        part.replace(models)
+    tell("model", count, count)
+    return [pycolmap.Reconstruction(folder) for folder in sorted(models.iterdir()) if folder.is_dir()]
+
+
+def _best(
+    models: Sequence[Any], names: Sequence[str], database: Path, seconds: dict[str, float]
+) -> SfmResult:
+    """The model with the most images, and why the others are not in it."""
+    best = max(models, key=lambda model: model.num_reg_images(), default=None)
+    registered = _registered(best) if best is not None else set()
+    elsewhere = {name: model for model in models if model is not best for name in _registered(model)}
+    failed = {}
+    with pycolmap.Database.open(database) as db:
+        images = {image.name: image.image_id for image in db.read_all_images()}
+        partners = _partners(db)
+        for name in names:
+            if name in registered:
+                continue
+            features = db.num_keypoints_for_image(images[name])
+            failed[name] = _reason(features, partners.get(images[name], 0), elsewhere.get(name))
+    if best is None or len(registered) < LEAST_IMAGES:
+        reasons = [f"{count} {reason}" for reason, count in Counter(failed.values()).items()]
+        raise CaptureError(
+            f"Of {len(names)} images fewer than {LEAST_IMAGES} could be put together ({'; '.join(reasons)}). "
+            "Take photos that share two thirds of what they show with the next, of something with texture."
+        )
+    return SfmResult(
+        best, tuple(name for name in names if name in registered), failed,
+        best.compute_mean_reprojection_error(), best.num_points3D(), seconds,
+    )  # fmt: skip
+
+
+def _registered(model: Any) -> set[str]:
+    return {model.image(number).name for number in model.reg_image_ids()}
+
+
+def _partners(db: Any) -> dict[int, int]:
+    """With how many images an image shares a verified motion."""
+    counts: dict[int, int] = {}
+    for pair, inliers in zip(*db.read_two_view_geometry_num_inliers(), strict=True):
+        if inliers >= LEAST_MATCHES:
+            for number in pycolmap.pair_id_to_image_pair(pair):
+                counts[number] = counts.get(number, 0) + 1
+    return counts
+
+
+def _reason(features: int, partners: int, other: Any) -> str:
+    if features < LEAST_FEATURES:
+        return "hardly a feature: blurred, dark, or without texture"
+    if other is not None:
+        return "in a part of its own, which nothing joins to the largest"
+    if partners == 0:
+        return "matches no other image: too little overlap"
+    return "matches others, but its pose did not become certain"
