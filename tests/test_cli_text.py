@@ -13,7 +13,20 @@ import pytest
 from conftest import ROOT
 from plnerf.presets import preset_names
 
-COMMANDS = ("", "demo", "train", "eval", "render", "synth", "survey", "score", "doctor", "bench", "compare")
+COMMANDS = (
+    "",
+    "demo",
+    "capture",
+    "train",
+    "eval",
+    "render",
+    "synth",
+    "survey",
+    "score",
+    "doctor",
+    "bench",
+    "compare",
+)
 HEAVY = (
     "torch",
     "numba",

@@ -78,7 +78,7 @@ def test_a_straight_track_needs_gravity_and_says_so() -> None:
     assert gravity is not None and gravity.scatter_deg < 3
     assert np.degrees(np.arccos(gravity.up @ truth.R.T @ [0, 0, 1.0])) < 0.5
     found = georeference(centres, references, gravity)
-    assert found.held_by == "positions and gravity"
+    assert found.held_by == "positions and the gimbal's angles"
     beside = np.array([[100.0, 60.0, 10.0]])
     x = ((beside - truth.shift) @ truth.R) / truth.scale
     assert np.abs(PLACE.to_local(found.frame.to_crs(found.fit.similarity(x))) - beside).max() < 0.4

@@ -46,6 +46,38 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
 
 
 @app.command
+def capture(
+    source: tyro.conf.Positional[Path],
+    *,
+    out: Out,
+    camera_model: Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"] = "OPENCV",
+    intrinsics: Literal["shared", "per-image"] = "shared",
+    image_px: int = 1600,
+    features: int = 4096,
+    overlap: float = 0.75,
+    seed: int = 0,
+) -> None:
+    """Make a scene of photos or a video: poses by COLMAP, place by GPS; goes on where it was cut off.
+
+    Args:
+        source: Folder of photos (EXIF and DJI positions are read, or a geo.txt in it), or a video file.
+        out: Scene folder to write.
+        camera_model: Lens of COLMAP that is fitted.
+        intrinsics: Whether images of one camera share their lens.
+        image_px: Longer side in pixels of the images in which features are looked for.
+        features: Most features of an image.
+        overlap: Of a video: share of a picture that the next one chosen still shows.
+        seed: Decides the random draws of structure from motion.
+    """
+    from plnerf.capture.capture import CaptureConfig
+    from plnerf.capture.report import capture_and_tell
+    from plnerf.capture.sfm import SfmConfig
+
+    sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
+    capture_and_tell(source, out, CaptureConfig(sfm, least=overlap), Console())
+
+
+@app.command
 def train(  # noqa: PLR0913 (an argument is an option)
     scene: tyro.conf.Positional[Path],
     *,

@@ -6,7 +6,7 @@ and where nothing says so, that is reported and not guessed.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +19,6 @@ from plnerf.errors import CaptureError
 
 ROLL_LIMIT_DEG = 1.0
 """Turn about the track known worse than this: 20 m beside it, things are 35 cm off."""
-Held = Literal["positions", "positions and gravity", "positions alone, the roll is open"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,8 @@ class Georeference:
     names: tuple[str, ...]
     """Images whose positions were compared, in the order of the fit's residuals."""
     source: str
-    held_by: Held
+    held_by: str
+    """What holds the turn about the track, in words."""
     gravity_scatter_deg: float | None
 
     def summary(self) -> dict[str, Any]:
@@ -76,9 +76,9 @@ def georeference(
     frame = local_frame(references.crs, stated)
     x, y = np.stack([centres[name] for name in names]), frame.to_local(stated)
     fit = robust_similarity(x, y, sigma)
-    held: Held = "positions"
+    held = "positions"
     if fit.roll_sigma_deg > ROLL_LIMIT_DEG and gravity is not None:
-        fit, held = robust_similarity(x, y, sigma, gravity.up), "positions and gravity"
+        fit, held = robust_similarity(x, y, sigma, gravity.up), f"positions and {gravity.source}"
     elif fit.roll_sigma_deg > ROLL_LIMIT_DEG:
         held = "positions alone, the roll is open"
     return Georeference(

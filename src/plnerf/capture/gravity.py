@@ -1,4 +1,4 @@
-"""Which way is up in a reconstruction, from what the gimbal said when the photos were taken.
+"""Which way is up in a reconstruction: as the gimbal said when the photos were taken, or as cameras are held.
 
 Letters: n images; R (n 3 3) camera to reconstruction, OpenCV's camera axes (x right, y down, z forward).
 """
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+
+from plnerf.scene.orientation import estimate_up
 
 LEAST_IMAGES = 3
 
@@ -18,6 +20,15 @@ class Gravity:
     up: Float[np.ndarray, "3"]
     scatter_deg: float
     """Median angle between it and what single images say."""
+    source: str
+    """Who says so, in words."""
+
+
+def gravity_from_level_cameras(R: Float[np.ndarray, "n 3 3"], centres: Float[np.ndarray, "n 3"]) -> Gravity:
+    """As cameras are usually held, level: an assumption, and said to be one."""
+    up, how = estimate_up(R, centres)
+    tilt = np.degrees(np.arcsin(np.clip(np.abs(R[:, :, 0] @ up), 0, 1)))
+    return Gravity(up, float(np.median(tilt)), f"cameras taken for level ({how})")
 
 
 def up_in_camera(pitch_deg: float, roll_deg: float) -> Float[np.ndarray, "3"]:
@@ -42,4 +53,4 @@ def gravity_from_gimbal(
     up = said[near].mean(0)
     up /= np.linalg.norm(up)
     scatter = float(np.degrees(np.median(np.arccos(np.clip(said @ up, -1, 1)))))
-    return Gravity(up, scatter) if scatter < 20 else None
+    return Gravity(up, scatter, "the gimbal's angles") if scatter < 20 else None

@@ -1,0 +1,178 @@
+"""Photos or a video in, a scene folder out: chosen images, their poses, and where on the earth they are.
+
+OUT/images/           the images, upright
+OUT/sfm/              structure from motion's own files, from which it goes on
+OUT/sparse/0/         the COLMAP model, in metres where the scene is georeferenced
+OUT/transforms.json   the scene
+OUT/capture.json      what was used, left out, and how well it fits
+"""
+
+import json
+import os
+import shutil
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from jaxtyping import Float
+
+from plnerf.capture.exif import PhotoFacts, read_facts
+from plnerf.capture.frames import LEAST, MOST, Taken, choose_frames
+from plnerf.capture.georef import Georeference, georeference
+from plnerf.capture.gravity import Gravity, gravity_from_gimbal, gravity_from_level_cameras
+from plnerf.capture.local_frame import local_frame
+from plnerf.capture.pairs import choose_pairs
+from plnerf.capture.photos import bring_upright, find_photos
+from plnerf.capture.references import GEO_TXT, References, from_photos, read_geo_txt
+from plnerf.capture.sfm import SfmConfig, SfmResult, Tell, reconstruct
+from plnerf.capture.video import video_pictures, write_pictures
+from plnerf.errors import CaptureError, ConfigError
+from plnerf.scene.files import write_text
+from plnerf.scene.formats_colmap import read_colmap
+from plnerf.scene.write_transforms import write_transforms
+
+FORMAT_VERSION = 1
+VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mts", ".wmv"})
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """How a scene is made of images."""
+
+    sfm: SfmConfig = field(default_factory=SfmConfig)
+    most: float = MOST
+    """Of a video: overlap with the last picture kept above which the next is a near-duplicate."""
+    least: float = LEAST
+    """Of a video: overlap that is kept."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.least < self.most < 1:
+            raise ConfigError(
+                f"The overlap of a video's pictures must lie above 0 and below {self.most:g}, but is "
+                f"{self.least:g}."
+            )
+
+
+def capture(
+    source: Path, out: Path, config: CaptureConfig, tell: Tell = lambda stage, done, of: None
+) -> Path:
+    """Makes a scene folder of photos or a video; returns the path of its transforms.json.
+
+    Raises CaptureError where too little can be read or put together; what is there by then is kept, and a
+    further call goes on from it.
+    """
+    images = out / "images"
+    taken: list[Taken] = []
+    if source.suffix.lower() in VIDEOS or source.is_file():
+        taken, facts, problems = _from_video(source, images, config, tell)
+    else:
+        photos = find_photos(source, lambda done, of: tell("photos", done, of))
+        facts, problems = bring_upright(photos, images), photos.problems
+    references = _references(source, facts)
+    pairs = choose_pairs(len(facts), config.sfm.pairs, _positions(facts, references))
+    found = reconstruct(images, facts, out / "sfm", pairs, config.sfm, tell=tell)
+    gravity = _gravity(found, facts)
+    placed, why_not = _placed(found, references, gravity)
+    model = _write_model(found, placed, out / "sparse" / "0")
+    listing = replace(read_colmap(out), format="plnerf")
+    ours: dict[str, object] = {"order": list(found.registered)}
+    if placed is not None:
+        ours["georeference"] = placed.frame.to_json()
+        listing = replace(listing, unit="m", crs=placed.frame.crs, up=np.array([0.0, 0.0, 1.0]))
+    else:
+        listing = replace(listing, up=gravity.up)
+    write_transforms(listing, out / "transforms.json", ours)
+    report = {
+        "format_version": FORMAT_VERSION,
+        "source": str(source),
+        "model": str(model.relative_to(out)),
+        "images": len(facts),
+        "registered": len(found.registered),
+        "failed": found.failed,
+        "left_out": [*problems, *references.problems],
+        "frames": [asdict(one) for one in taken],
+        "reprojection_px": found.reprojection_px,
+        "points": found.points,
+        "seconds": found.seconds,
+        "up_from": gravity.source,
+        "georeference": None if placed is None else placed.summary(),
+        "not_georeferenced_because": why_not,
+    }
+    write_text(out / "capture.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
+    return out / "transforms.json"
+
+
+def _from_video(
+    source: Path, images: Path, config: CaptureConfig, tell: Tell
+) -> tuple[list[Taken], dict[str, PhotoFacts], tuple[str, ...]]:
+    """The chosen pictures of a video as files."""
+    taken = choose_frames(
+        video_pictures(source), most=config.most, least=config.least,
+        tell=lambda done: tell("video", done, 0),
+    )  # fmt: skip
+    kept = [one.name for one in taken if one.kept]
+    files = write_pictures(source, kept, images)
+    if len(files) < len(kept):
+        raise CaptureError(f"{source} gave {len(kept)} pictures at first and {len(files)} the second time.")
+    gaps = tuple(f"{one.name}: shares too little with the picture before" for one in taken if one.gap)
+    return taken, {path.name: read_facts(path) for path in files}, gaps
+
+
+def _references(source: Path, facts: dict[str, PhotoFacts]) -> References:
+    table = (source if source.is_dir() else source.parent) / GEO_TXT
+    return read_geo_txt(table, list(facts)) if table.is_file() else from_photos(facts)
+
+
+def _positions(facts: dict[str, PhotoFacts], references: References) -> Float[np.ndarray, "n 3"] | None:
+    """Stated positions in metres, in the order of the images; NaN where there is none."""
+    if not references.by_name:
+        return None
+    stated = np.array([reference.xyz for reference in references.by_name.values()])
+    local = dict(zip(references.by_name, local_frame(references.crs, stated).to_local(stated), strict=True))
+    return np.array([local.get(name, np.full(3, np.nan)) for name in facts])
+
+
+def _poses(found: SfmResult) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 3"]]:
+    """Camera to reconstruction, and centres, of the registered images."""
+    images = [found.reconstruction.find_image_with_name(name) for name in found.registered]
+    R = np.stack([image.cam_from_world().rotation.matrix().T for image in images])
+    return R, np.stack([image.projection_center() for image in images])
+
+
+def _gravity(found: SfmResult, facts: dict[str, PhotoFacts]) -> Gravity:
+    R, centres = _poses(found)
+    gimbals = [facts[name].gimbal_deg for name in found.registered]
+    said = np.array([gimbal is not None for gimbal in gimbals])
+    angles = np.array([gimbal[1:] for gimbal in gimbals if gimbal is not None]).reshape(-1, 2)
+    return gravity_from_gimbal(R[said], angles) or gravity_from_level_cameras(R, centres)
+
+
+def _placed(
+    found: SfmResult, references: References, gravity: Gravity
+) -> tuple[Georeference | None, str | None]:
+    """Where the reconstruction lies on the earth, or why that is not known."""
+    if not references.by_name:
+        return None, "no image says where it was taken"
+    centres = dict(zip(found.registered, _poses(found)[1], strict=True))
+    try:
+        return georeference(centres, references, gravity), None
+    except CaptureError as error:
+        return None, str(error)
+
+
+def _write_model(found: SfmResult, placed: Georeference | None, folder: Path) -> Path:
+    """The COLMAP model, in the world frame; complete or not at all."""
+    model = found.reconstruction
+    if placed is not None:
+        to = placed.fit.similarity
+        model.transform(pycolmap.Sim3d(to.scale, pycolmap.Rotation3d(to.R), to.shift))
+    part = folder.with_name("0.part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    model.write_binary(part)
+    folder.mkdir(exist_ok=True)
+    for file in part.iterdir():
+        os.replace(file, folder / file.name)
+    part.rmdir()
+    return folder

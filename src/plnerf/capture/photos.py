@@ -1,0 +1,97 @@
+"""The photos of a folder, in the order they were taken; and upright, in a folder of their own."""
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from PIL import Image, ImageOps
+
+from plnerf.capture.exif import PhotoFacts, read_facts
+from plnerf.errors import CaptureError
+from plnerf.scene.files import complete_file
+
+PHOTOS = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"})
+UNREAD = {
+    ".heic": "HEIC", ".heif": "HEIF", ".dng": "raw", ".nef": "raw", ".cr2": "raw", ".cr3": "raw",
+    ".arw": "raw", ".raf": "raw", ".orf": "raw", ".rw2": "raw",
+}  # fmt: skip
+TURNED = frozenset({2, 3, 4, 5, 6, 7, 8})
+"""EXIF orientations of pictures that are not stored upright."""
+
+
+@dataclass(frozen=True)
+class Photos:
+    """What is in a folder, by name and in the order it was taken."""
+
+    folder: Path
+    facts: dict[str, PhotoFacts]
+    problems: tuple[str, ...]
+    """Photos that are left out, each with the reason."""
+
+
+def find_photos(folder: Path, tell: Callable[[int, int], object] = lambda done, of: None) -> Photos:
+    """Reads the headers of all photos of a folder, not of those below.
+
+    In the order of their times where all have one, else of their names.  A photo that cannot be read is left
+    out and named.  Raises CaptureError where there is none that can be read.
+    """
+    if not folder.is_dir():
+        raise CaptureError(f"{folder} is no folder of photos. Give a folder of photos, or a video file.")
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    photos = [path for path in files if path.suffix.lower() in PHOTOS]
+    others = [path for path in files if path.suffix.lower() in UNREAD]
+    problems = [f"{path.name}: {UNREAD[path.suffix.lower()]} files are not read" for path in others]
+    facts: dict[str, PhotoFacts] = {}
+    for done, path in enumerate(photos, start=1):
+        try:
+            facts[path.name] = read_facts(path)
+        except CaptureError as error:
+            problems.append(f"{path.name}: {error}")
+        tell(done, len(photos))
+    if not facts:
+        raw = f" {len(others)} are HEIC or raw ({others[0].name}): convert them to JPEG." if others else ""
+        raise CaptureError(
+            f"{folder} has {len(photos)} photos (JPEG, PNG, TIFF or WebP), none of which can be read.{raw} "
+            "Give a folder with the photos themselves in it."
+        )
+    if all(fact.time is not None for fact in facts.values()):
+        facts = dict(sorted(facts.items(), key=lambda item: (item[1].time, item[0])))
+    return Photos(folder, facts, tuple(problems))
+
+
+def bring_upright(photos: Photos, target: Path) -> dict[str, PhotoFacts]:
+    """The photos in another folder: as they are where they are upright, else turned as EXIF says.
+
+    Returns their facts as they are there.  Files are linked where the disk can, else copied.
+    """
+    target.mkdir(parents=True, exist_ok=True)
+    facts = {}
+    for name, fact in photos.facts.items():
+        source, copy = photos.folder / name, target / name
+        turned = fact.orientation in TURNED
+        if not copy.exists():
+            with complete_file(copy) as beside:
+                if turned:
+                    _write_upright(source, beside)
+                else:
+                    _link(source, beside)
+        sideways = fact.orientation in {5, 6, 7, 8}
+        size = (fact.height_px, fact.width_px) if sideways else (fact.width_px, fact.height_px)
+        camera = f"{fact.camera} turned" if sideways else fact.camera
+        facts[name] = replace(fact, width_px=size[0], height_px=size[1], orientation=1, camera=camera)
+    return facts
+
+
+def _write_upright(source: Path, target: Path) -> None:
+    with Image.open(source) as image:
+        upright = ImageOps.exif_transpose(image)
+        upright.save(target, quality=95)  # which formats without loss do not look at
+
+
+def _link(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:  # another disk, or one without links
+        shutil.copyfile(source, target)

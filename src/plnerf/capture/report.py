@@ -1,0 +1,75 @@
+"""`plnerf capture`: the stages with their progress, and in words what came of them."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+from plnerf.capture.capture import CaptureConfig, capture
+
+SHOWN = 5
+"""Most images that are named for one reason; capture.json names all."""
+
+
+def capture_and_tell(source: Path, out: Path, config: CaptureConfig, console: Console) -> Path:
+    """Makes a scene folder, with a bar for each stage, and prints a summary; returns the scene folder."""
+    columns = (
+        TextColumn("[bold]{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn(),
+        TimeRemainingColumn(compact=True),
+    )  # fmt: skip
+    with Progress(*columns, console=console) as progress:
+        tasks: dict[str, TaskID] = {}
+
+        def tell(stage: str, done: int, of: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = progress.add_task(stage, total=of or None)
+            progress.update(tasks[stage], completed=done, total=of or None)
+
+        capture(source, out, config, tell)
+    report = json.loads((out / "capture.json").read_text())
+    console.print(summary(report), markup=False, highlight=False, emoji=False, soft_wrap=True)
+    console.print(f"scene: {out}", markup=False, highlight=False, emoji=False, soft_wrap=True)
+    return out
+
+
+def summary(report: dict[str, Any]) -> str:
+    """What was registered, what was not and why, and how well it lies on the earth."""
+    lines = []
+    if report["frames"]:
+        kept = sum(frame["kept"] for frame in report["frames"])
+        reasons = Counter(frame["reason"] for frame in report["frames"] if not frame["kept"])
+        dropped = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
+        lines.append(
+            f"{kept} of {len(report['frames'])} pictures of the video are used ({dropped or 'all'})."
+        )
+    lines.append(
+        f"{report['registered']} of {report['images']} images have a pose, {report['points']:,} points, "
+        f"{report['reprojection_px']:.2f} px off on average."
+    )
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in report["failed"].items():
+        by_reason.setdefault(reason, []).append(name)
+    for reason, names in by_reason.items():
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        lines.append(f"No pose: {', '.join(names[:SHOWN])}{more}: {reason}.")
+    lines += [f"Left out: {text}" for text in report["left_out"][:SHOWN]]
+    place = report["georeference"]
+    if place is None:
+        lines.append(f"Not georeferenced, lengths are unscaled: {report['not_georeferenced_because']}.")
+        return "\n".join(lines)
+    lines.append(
+        f"Georeferenced in {place['crs']} by {place['positions_trusted']} of {place['positions']} positions "
+        f"({place['source']}): median {place['residual_median_m']:.2f} m off, worst "
+        f"{place['residual_worst_m']:.2f} m."
+    )
+    if place["held_by"] != "positions":
+        roll = place["roll_sigma_deg"]
+        known = "not at all" if roll is None else f"to {roll:.1f} degrees only"
+        lines.append(
+            f"The positions lie so near to a line that they hold the turn about it {known}: it is held by "
+            f"{place['held_by']}."
+        )
+    return "\n".join(lines)
