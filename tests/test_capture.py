@@ -18,6 +18,7 @@ from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.formats import read_listing
 from plnerf.scene.formats_colmap import read_colmap
 from plnerf.scene.scene import load_scene
+from plnerf.scene.transforms import Frames
 from test_frames import video  # noqa: F401 (a fixture)
 from test_sfm import COUNT, steps
 
@@ -66,7 +67,7 @@ def test_photos_become_a_scene_in_metres(tmp_path: Path) -> None:
     assert "features" in told and told.count("model") == 1  # structure from motion is not done again
     listing = read_listing(path)
     assert listing.unit == "m" and listing.crs == "EPSG:4979" and len(listing.shots) == COUNT
-    frame = LocalFrame.from_json(json.loads(path.read_text())["plnerf"]["georeference"])
+    frame = LocalFrame.from_json(json.loads(path.read_text())["plnerf"])
     found = PLACE.to_local(frame.to_crs(np.stack([shot.T_world_camera[:3, 3] for shot in listing.shots])))
     track = np.linalg.norm(np.diff(truth, axis=0), axis=1).sum()
     assert np.linalg.norm(found - truth, axis=1).max() < 0.01 * track
@@ -76,6 +77,8 @@ def test_photos_become_a_scene_in_metres(tmp_path: Path) -> None:
     assert report["georeference"]["held_by"] == "positions"
     assert report["georeference"]["residual_worst_m"] < 0.01 * track
     scene = load_scene(tmp_path / "scene", store=tmp_path / "pixels")
+    assert scene.frames.origin is not None and tuple(scene.frames.origin) == frame.origin
+    assert Frames.from_json(scene.frames.to_json()).origin == pytest.approx(frame.origin, abs=0)
     assert len(scene.train) + len(scene.test) == COUNT
     model = read_colmap(tmp_path / "scene")
     for one, other in zip(model.shots, listing.shots, strict=True):
@@ -90,6 +93,10 @@ def test_a_video_becomes_an_unscaled_scene(video: Path, tmp_path: Path) -> None:
     assert listing.unit == "unscaled" and report["georeference"] is None
     assert report["not_georeferenced_because"] == "no image says where it was taken"
     assert {shot.path.stem for shot in listing.shots} <= set(kept)
+    told: list[str] = []
+    capture(video, tmp_path / "scene", CONFIG, lambda stage, done, of: told.append(f"{stage} {done}"))
+    assert not any(text.startswith("video") for text in told)  # neither looked at again
+    assert told[0] == f"features {len(kept)}"  # nor put together again
 
 
 def test_photos_are_turned_upright(tmp_path: Path) -> None:
@@ -109,6 +116,19 @@ def test_photos_are_turned_upright(tmp_path: Path) -> None:
     assert (facts["turned.png"].width_px, facts["turned.png"].height_px) == (30, 40)
     assert facts["turned.png"].camera != facts["level.png"].camera  # they cannot share a lens
     assert (tmp_path / "out" / "level.png").read_bytes() == (tmp_path / "in" / "level.png").read_bytes()
+
+
+def test_photos_in_their_own_scene_folder_must_be_upright(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    image = Image.fromarray(np.zeros((30, 40, 3), np.uint8))
+    exif = image.getexif()
+    image.save(tmp_path / "images" / "a.jpg")
+    facts = bring_upright(find_photos(tmp_path / "images"), tmp_path / "images")
+    assert list(facts) == ["a.jpg"]
+    exif[ExifTags.Base.Orientation] = 3
+    image.save(tmp_path / "images" / "b.jpg", exif=exif)
+    with pytest.raises(CaptureError, match=r"b\.jpg and 0 more of the photos in .* not stored upright"):
+        bring_upright(find_photos(tmp_path / "images"), tmp_path / "images")
 
 
 def test_folders_without_photos_are_told(tmp_path: Path) -> None:

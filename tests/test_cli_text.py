@@ -17,6 +17,7 @@ COMMANDS = (
     "",
     "demo",
     "capture",
+    "reconstruct",
     "train",
     "eval",
     "render",

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from plnerf.capture.control import nearest_point, read_gcp_list
 from plnerf.capture.exif import PhotoFacts, read_facts
-from plnerf.capture.georef import georeference
+from plnerf.capture.georef import Anchor, georeference
 from plnerf.capture.gravity import gravity_from_gimbal, up_in_camera
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.references import Reference, References, from_photos, read_geo_txt
@@ -154,3 +155,61 @@ def test_real_photos_positions_are_a_track(shared_data: Path) -> None:
     local = LocalFrame(found.crs, tuple(np.median(stated, 0))).to_local(stated)
     steps = np.linalg.norm(np.diff(local[:, :2], axis=0), axis=1)
     assert 5 < np.median(steps) < 60 and np.abs(local[:, 2]).max() < 40
+
+
+GCP = """EPSG:25832
+600000 5700000 300 10.5 20.5 A.jpg p1
+600000 5700000 300 30 40 b.jpg p1
+600050 5700000 301 11 12 a.jpg p2
+600050 5700000 301 13 14 c.jpg p2
+600050 5700020 301 1 2 a.jpg lonely
+"""
+
+
+def test_gcp_list_of_odm(tmp_path: Path) -> None:
+    (tmp_path / "gcp_list.txt").write_text(GCP)
+    found = read_gcp_list(tmp_path / "gcp_list.txt", ["a.jpg", "b.jpg"])
+    assert found.crs == "EPSG:25832" and [point.name for point in found.points] == ["p1"]
+    assert found.points[0].seen_px == {"a.jpg": (10.5, 20.5), "b.jpg": (30.0, 40.0)}
+    assert found.points[0].xyz == (600000.0, 5700000.0, 300.0)
+    assert [problem.split(":")[0] for problem in found.problems] == ["c.jpg", "p2", "lonely"]
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("1 2 3 4 a.jpg", r"line 7 should be `x y z pixel_x pixel_y image"),
+        ("600000 5700000 302 1 2 b.jpg p1", r"line 7: control point p1 is at .* here and at .* before"),
+    ],
+)
+def test_a_gcp_list_that_cannot_be_used_says_why(line: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "gcp_list.txt").write_text(GCP + line + "\n")
+    with pytest.raises(CaptureError, match=why):
+        read_gcp_list(tmp_path / "gcp_list.txt", ["a.jpg", "b.jpg"])
+
+
+def test_rays_meet_where_they_are_nearest() -> None:
+    random = np.random.default_rng(8)
+    x, centres = np.array([1.0, 2.0, 3.0]), random.normal(size=(5, 3)) * 4
+    assert nearest_point(centres, x - centres) == pytest.approx(x)
+    apart = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    assert nearest_point(apart, np.array([[1.0, 0, 0], [0, 1.0, 0]])) == pytest.approx([0, 0, 0])
+
+
+def test_control_points_hold_what_positions_do_not() -> None:
+    """A straight track with poor positions, and four points on the ground: their turn, scale and CRS."""
+    straight = np.stack([np.linspace(0, 200, 40), np.linspace(0, 80, 40), np.full(40, 30.0)], 1)
+    centres, references, truth = flown(straight, accuracy_m=2.0)
+    corners = np.array([[20.0, 40, 0], [150, 100, 2], [180, 20, 1], [30, -20, 3]])
+    utm = LocalFrame("EPSG:32632", PLACE.origin)
+    control = [
+        Anchor(f"p{i}", ((place - truth.shift) @ truth.R) / truth.scale, tuple(xyz), (0.02,) * 3, utm.crs)
+        for i, (place, xyz) in enumerate(zip(corners, utm.to_crs(corners), strict=True))
+    ]
+    found = georeference(centres, references, None, control)
+    assert found.held_by == "positions" and found.frame.crs == "EPSG:32632"
+    assert found.source == "a test and 4 control points" and found.fit.roll_sigma_deg < 0.1
+    x = ((corners - truth.shift) @ truth.R) / truth.scale
+    assert np.abs(utm.to_local(found.frame.to_crs(found.fit.similarity(x))) - corners).max() < 0.05
+    alone = georeference({}, replace(references, by_name={}), None, control)
+    assert alone.source == "4 control points" and alone.fit.inlier.all()

@@ -78,6 +78,34 @@ def capture(
 
 
 @app.command
+def reconstruct(
+    source: tyro.conf.Positional[Path],
+    *,
+    out: Out,
+    preset: PresetName = "pl-nerf-wire",
+    seconds: float = 300.0,
+    downscale: int = 1,
+    seed: int = 0,
+) -> None:
+    """Photos or a video in, pictures and points on wires out: all stages; what is done is not done again.
+
+    Args:
+        source: Folder of photos, a video file, or a scene with poses.
+        out: Folder for everything that is made.
+        preset: Named settings to train with.
+        seconds: Budget in seconds of training.
+        downscale: Integer factor by which images are made smaller for training.
+        seed: Decides every random draw.
+    """
+    from plnerf.capture.capture import CaptureConfig
+    from plnerf.capture.sfm import SfmConfig
+    from plnerf.reconstruct import Training, reconstruct_all
+
+    training = Training(preset, seconds, downscale, seed)
+    reconstruct_all(source, out, training, CaptureConfig(SfmConfig(seed=seed)), Console())
+
+
+@app.command
 def train(  # noqa: PLR0913 (an argument is an option)
     scene: tyro.conf.Positional[Path],
     *,
@@ -260,21 +288,31 @@ def doctor(
     wire_diameter: float = 0.03,
     sigma_px: float = 0.5,
 ) -> None:
-    """Say before training whether a scene's camera poses can show where wires are; status 3 if not.
+    """Say before training whether photos, or a scene's poses, can show where wires are; status 3 if not.
 
     Args:
-        scene: Folder with transforms.json or a COLMAP model, or the file itself.
+        scene: Scene with poses (transforms.json, COLMAP), or a folder of photos.
         out: JSON to write.
-        distance: From cameras to wires, where the scene names no span box; 10 m when left out.
+        distance: From cameras to wires in metres; when left out, a scene's span box or 10 m, and of photos
+            their height over the start (DJI).
         wire_diameter: Of a conductor in metres.
-        sigma_px: How well a wire is found in an image, in pixels.
+        sigma_px: How well a wire is found in an image, in pixels; of scenes with poses.
     """
+    from plnerf.capture.photo_doctor import examine_photos
+    from plnerf.scene.formats import has_poses
     from plnerf.wires.doctor_report import examine
 
-    found = examine(
-        scene, out=out, distance=distance, wire_diameter_m=wire_diameter, sigma_px=sigma_px, console=Console()
+    console = Console()
+    if has_poses(scene):
+        found = examine(
+            scene, out=out, distance=distance, wire_diameter_m=wire_diameter, sigma_px=sigma_px,
+            console=console,
+        )  # fmt: skip
+        sys.exit(0 if found.usable else 3)
+    usable = examine_photos(
+        scene, distance_m=distance, wire_diameter_m=wire_diameter, out=out, console=console
     )
-    sys.exit(0 if found.usable else 3)
+    sys.exit(0 if usable else 3)
 
 
 @app.command

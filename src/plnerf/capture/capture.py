@@ -12,14 +12,16 @@ import os
 import shutil
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pycolmap
 from jaxtyping import Float
 
+from plnerf.capture.control import GCP_LIST, SIGMA_M, ControlPoints, nearest_point, read_gcp_list
 from plnerf.capture.exif import PhotoFacts, read_facts
 from plnerf.capture.frames import LEAST, MOST, Taken, choose_frames
-from plnerf.capture.georef import Georeference, georeference
+from plnerf.capture.georef import Anchor, Georeference, georeference
 from plnerf.capture.gravity import Gravity, gravity_from_gimbal, gravity_from_level_cameras
 from plnerf.capture.local_frame import local_frame
 from plnerf.capture.pairs import choose_pairs
@@ -32,7 +34,7 @@ from plnerf.scene.files import write_text
 from plnerf.scene.formats_colmap import read_colmap
 from plnerf.scene.write_transforms import write_transforms
 
-FORMAT_VERSION = 1
+FORMAT_VERSION, FRAMES = 1, "frames.json"
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mts", ".wmv"})
 
 
@@ -73,16 +75,16 @@ def capture(
     pairs = choose_pairs(len(facts), config.sfm.pairs, _positions(facts, references))
     found = reconstruct(images, facts, out / "sfm", pairs, config.sfm, tell=tell)
     gravity = _gravity(found, facts)
-    placed, why_not = _placed(found, references, gravity)
+    control = _control(source, list(facts))
+    placed, why_not = _placed(found, references, gravity, control)
     model = _write_model(found, placed, out / "sparse" / "0")
     listing = replace(read_colmap(out), format="plnerf")
-    ours: dict[str, object] = {"order": list(found.registered)}
-    if placed is not None:
-        ours["georeference"] = placed.frame.to_json()
-        listing = replace(listing, unit="m", crs=placed.frame.crs, up=np.array([0.0, 0.0, 1.0]))
-    else:
+    if placed is None:
         listing = replace(listing, up=gravity.up)
-    write_transforms(listing, out / "transforms.json", ours)
+    else:
+        up, origin = np.array([0.0, 0.0, 1.0]), np.array(placed.frame.origin)
+        listing = replace(listing, unit="m", crs=placed.frame.crs, origin=origin, up=up)
+    write_transforms(listing, out / "transforms.json", {"order": list(found.registered)})
     report = {
         "format_version": FORMAT_VERSION,
         "source": str(source),
@@ -90,7 +92,7 @@ def capture(
         "images": len(facts),
         "registered": len(found.registered),
         "failed": found.failed,
-        "left_out": [*problems, *references.problems],
+        "left_out": [*problems, *references.problems, *(control.problems if control else ())],
         "frames": [asdict(one) for one in taken],
         "reprojection_px": found.reprojection_px,
         "points": found.points,
@@ -106,17 +108,33 @@ def capture(
 def _from_video(
     source: Path, images: Path, config: CaptureConfig, tell: Tell
 ) -> tuple[list[Taken], dict[str, PhotoFacts], tuple[str, ...]]:
-    """The chosen pictures of a video as files."""
-    taken = choose_frames(
-        video_pictures(source), most=config.most, least=config.least,
-        tell=lambda done: tell("video", done, 0),
-    )  # fmt: skip
-    kept = [one.name for one in taken if one.kept]
-    files = write_pictures(source, kept, images)
-    if len(files) < len(kept):
-        raise CaptureError(f"{source} gave {len(kept)} pictures at first and {len(files)} the second time.")
+    """The chosen pictures of a video as files; those that are there of the same video are taken again."""
+    if not source.is_file():
+        raise CaptureError(f"There is no video {source}. Give a video file, or a folder of photos.")
+    chosen, stat = images.parent / FRAMES, source.stat()
+    inputs = [str(source.resolve()), stat.st_size, stat.st_mtime_ns, config.most, config.least]
+    taken = _chosen_before(chosen, inputs, images)
+    if taken is None:
+        taken = choose_frames(
+            video_pictures(source), most=config.most, least=config.least,
+            tell=lambda done: tell("video", done, 0),
+        )  # fmt: skip
+        write_pictures(source, [one.name for one in taken if one.kept], images)
+        content = {"inputs": inputs, "frames": [asdict(one) for one in taken]}
+        write_text(chosen, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    files = [images / f"{one.name}.jpg" for one in taken if one.kept]
     gaps = tuple(f"{one.name}: shares too little with the picture before" for one in taken if one.gap)
     return taken, {path.name: read_facts(path) for path in files}, gaps
+
+
+def _chosen_before(path: Path, inputs: list[Any], images: Path) -> list[Taken] | None:
+    """What was chosen of the same video with the same settings, if all of it is still there."""
+    if not path.exists():
+        return None
+    content = json.loads(path.read_text())
+    taken = [Taken(**one) for one in content["frames"]]
+    whole = all((images / f"{one.name}.jpg").is_file() for one in taken if one.kept)
+    return taken if content["inputs"] == inputs and whole else None
 
 
 def _references(source: Path, facts: dict[str, PhotoFacts]) -> References:
@@ -148,15 +166,42 @@ def _gravity(found: SfmResult, facts: dict[str, PhotoFacts]) -> Gravity:
     return gravity_from_gimbal(R[said], angles) or gravity_from_level_cameras(R, centres)
 
 
+def _control(source: Path, names: list[str]) -> ControlPoints | None:
+    table = (source if source.is_dir() else source.parent) / GCP_LIST
+    return read_gcp_list(table, names) if table.is_file() else None
+
+
+def _anchors(found: SfmResult, control: ControlPoints | None) -> list[Anchor]:
+    """Control points in the reconstruction: those that two or more of its images show."""
+    R, centres = _poses(found)
+    place = {name: i for i, name in enumerate(found.registered)}
+    anchors = []
+    for point in control.points if control is not None else ():
+        seen = [name for name in point.seen_px if name in place]
+        if len(seen) < 2:
+            continue
+        at = [place[name] for name in seen]
+        images = [found.reconstruction.find_image_with_name(name) for name in seen]
+        flat = [
+            image.camera.cam_from_img(np.array(point.seen_px[name]))
+            for name, image in zip(seen, images, strict=True)
+        ]
+        rays = np.stack([R[i] @ np.append(xy, 1.0) for i, xy in zip(at, flat, strict=True)])
+        x = nearest_point(centres[at], rays)
+        anchors.append(Anchor(point.name, x, point.xyz, (SIGMA_M,) * 3, control.crs if control else ""))
+    return anchors
+
+
 def _placed(
-    found: SfmResult, references: References, gravity: Gravity
+    found: SfmResult, references: References, gravity: Gravity, control: ControlPoints | None
 ) -> tuple[Georeference | None, str | None]:
     """Where the reconstruction lies on the earth, or why that is not known."""
-    if not references.by_name:
+    anchors = _anchors(found, control)
+    if not references.by_name and not anchors:
         return None, "no image says where it was taken"
     centres = dict(zip(found.registered, _poses(found)[1], strict=True))
     try:
-        return georeference(centres, references, gravity), None
+        return georeference(centres, references, gravity, anchors), None
     except CaptureError as error:
         return None, str(error)
 

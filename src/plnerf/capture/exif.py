@@ -47,6 +47,8 @@ class PhotoFacts:
     """Why there is no position although the photo has GPS tags."""
     gimbal_deg: tuple[float, float, float] | None
     """Yaw, pitch and roll of the camera (DJI): pitch -90 looks down."""
+    above_start_m: float | None
+    """Height over where the flight began (DJI)."""
     focal_px: float | None
     """From the 35 mm equivalent, or from focal length and the sensor's resolution."""
     camera: str
@@ -79,6 +81,7 @@ def read_facts(path: Path) -> PhotoFacts:
         fix=fix,
         fix_problem=problem,
         gimbal_deg=None if None in gimbal else gimbal,  # type: ignore[arg-type]  # three numbers
+        above_start_m=_number(dji.get("RelativeAltitude")),
         focal_px=_focal_px(details, width, height),
         camera=f"{maker} {model} {width}x{height}".strip(),
     )

@@ -4,7 +4,7 @@ Where the positions lie on a line they leave the turn about it free; then gravit
 and where nothing says so, that is reported and not guessed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,13 +22,25 @@ ROLL_LIMIT_DEG = 1.0
 
 
 @dataclass(frozen=True, eq=False)
+class Anchor:
+    """A place that is known in the reconstruction and on the earth: a camera, or a control point."""
+
+    name: str
+    x: Float[np.ndarray, "3"]
+    """In the reconstruction."""
+    xyz: tuple[float, float, float]
+    sigma_m: tuple[float, float, float]
+    crs: str
+
+
+@dataclass(frozen=True, eq=False)
 class Georeference:
     """How a reconstruction lies on the earth, and how well."""
 
     frame: LocalFrame
     fit: RobustFit
     names: tuple[str, ...]
-    """Images whose positions were compared, in the order of the fit's residuals."""
+    """Images and control points that were compared, in the order of the fit's residuals."""
     source: str
     held_by: str
     """What holds the turn about the track, in words."""
@@ -58,29 +70,39 @@ class Georeference:
 
 
 def georeference(
-    centres: Mapping[str, Float[np.ndarray, "3"]], references: References, gravity: Gravity | None = None
+    centres: Mapping[str, Float[np.ndarray, "3"]],
+    references: References,
+    gravity: Gravity | None = None,
+    control: Sequence[Anchor] = (),
 ) -> Georeference:
     """The similarity from the reconstruction to metres east, north and up.
 
-    centres: of the cameras that have a pose, by name.  Raises CaptureError where too few of them have a
-    stated position, or these do not agree with the reconstruction.
+    centres: of the cameras that have a pose, by name.  control: further places that are known in both, whose
+    CRS is then the survey's.  Raises CaptureError where too few are known in both, or they do not agree.
     """
-    names = tuple(name for name in centres if name in references.by_name)
-    if not names:
+    named = [name for name in centres if name in references.by_name]
+    known = [(name, references.by_name[name]) for name in named]
+    anchors = [Anchor(name, centres[name], ref.xyz, ref.sigma_m, references.crs) for name, ref in known]
+    anchors += control
+    if not anchors:
         raise CaptureError(
             f"None of the {len(centres)} images with a pose has a position from {references.source}. Give a "
             "geo.txt with positions, or go on without: lengths are then unscaled."
         )
-    stated = np.array([references.by_name[name].xyz for name in names])
-    sigma = np.array([references.by_name[name].sigma_m for name in names])
-    frame = local_frame(references.crs, stated)
-    x, y = np.stack([centres[name] for name in names]), frame.to_local(stated)
+    crs = anchors[-1].crs
+    frame = local_frame(crs, np.array([anchor.xyz for anchor in anchors if anchor.crs == crs]))
+    x = np.stack([anchor.x for anchor in anchors])
+    y = np.concatenate([
+        LocalFrame(anchor.crs, frame.origin).to_local(np.array([anchor.xyz])) for anchor in anchors
+    ])
+    sigma = np.array([anchor.sigma_m for anchor in anchors])
     fit = robust_similarity(x, y, sigma)
     held = "positions"
     if fit.roll_sigma_deg > ROLL_LIMIT_DEG and gravity is not None:
         fit, held = robust_similarity(x, y, sigma, gravity.up), f"positions and {gravity.source}"
     elif fit.roll_sigma_deg > ROLL_LIMIT_DEG:
         held = "positions alone, the roll is open"
-    return Georeference(
-        frame, fit, names, references.source, held, None if gravity is None else gravity.scatter_deg
-    )
+    parts = [references.source] * bool(named) + [f"{len(control)} control points"] * bool(control)
+    scatter = None if gravity is None else gravity.scatter_deg
+    names = tuple(anchor.name for anchor in anchors)
+    return Georeference(frame, fit, names, " and ".join(parts), held, scatter)

@@ -67,6 +67,12 @@ def bring_upright(photos: Photos, target: Path) -> dict[str, PhotoFacts]:
     Returns their facts as they are there.  Files are linked where the disk can, else copied.
     """
     target.mkdir(parents=True, exist_ok=True)
+    lying = [name for name, fact in photos.facts.items() if fact.orientation in TURNED]
+    if lying and target.samefile(photos.folder):
+        raise CaptureError(
+            f"{lying[0]} and {len(lying) - 1} more of the photos in {target} are not stored upright, and the "
+            "photos of a scene must be. Give another folder for the scene: -o."
+        )
     facts = {}
     for name, fact in photos.facts.items():
         source, copy = photos.folder / name, target / name

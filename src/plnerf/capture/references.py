@@ -62,23 +62,13 @@ def read_geo_txt(path: Path, names: Sequence[str]) -> References:
 
     Raises CaptureError where the file cannot be read, a line is malformed, or none of the images is named.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise CaptureError(f"{path} cannot be read as text ({error}). Save it as UTF-8.") from error
-    rows = [(number, line.strip()) for number, line in enumerate(lines, start=1) if line.strip()]
-    if len(rows) < 2:
-        raise CaptureError(
-            f"{path} needs a first line with a coordinate reference system, such as EPSG:25832, and then a "
-            f"line `image x y z` for each image, but has {len(rows)} lines that are not empty."
-        )
-    crs = _crs(rows[0][1])
-    check_crs(crs)
-    by_stem = {Path(name).name.lower(): name for name in names}
+    rows = read_rows(path, "image x y z")
+    crs = crs_of(rows[0][1])
+    files = names_by_file(names)
     found, strangers = {}, []
     for number, line in rows[1:]:
         image, reference = _row(line, f"{path}, line {number}")
-        name = by_stem.get(Path(image).name.lower())
+        name = files.get(Path(image).name.lower())
         if name is None:
             strangers.append(f"{image}: named in {path.name}, but there is no such image")
         else:
@@ -92,12 +82,33 @@ def read_geo_txt(path: Path, names: Sequence[str]) -> References:
     return References(crs, found, str(path), tuple(strangers))
 
 
-def _crs(line: str) -> str:
-    """ODM also writes `WGS84 UTM 32N`."""
+def read_rows(path: Path, form: str) -> list[tuple[int, str]]:
+    """The lines of a table that are not empty, with their numbers: a CRS, and then one or more of `form`."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaptureError(f"{path} cannot be read as text ({error}). Save it as UTF-8.") from error
+    rows = [(number, line.strip()) for number, line in enumerate(lines, start=1) if line.strip()]
+    if len(rows) < 2:
+        raise CaptureError(
+            f"{path} needs a first line with a coordinate reference system, such as EPSG:25832, and then "
+            f"lines `{form}`, but has {len(rows)} lines that are not empty."
+        )
+    return rows
+
+
+def crs_of(line: str) -> str:
+    """What the first line names; ODM also writes `WGS84 UTM 32N`.  Raises CaptureError for no known CRS."""
     words = line.upper().split()
     if len(words) == 3 and words[0] == "WGS84" and words[1] == "UTM" and words[2][:-1].isdigit():
-        return f"EPSG:{(32600 if words[2].endswith('N') else 32700) + int(words[2][:-1])}"
+        line = f"EPSG:{(32600 if words[2].endswith('N') else 32700) + int(words[2][:-1])}"
+    check_crs(line)
     return line
+
+
+def names_by_file(names: Sequence[str]) -> dict[str, str]:
+    """Names by their file's name in lower case, as tables may give it."""
+    return {Path(name).name.lower(): name for name in names}
 
 
 def _row(line: str, where: str) -> tuple[str, Reference]:

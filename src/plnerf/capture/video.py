@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from plnerf.errors import CaptureError
+from plnerf.scene.files import complete_file
 
 JPEG_QUALITY = 95
 
@@ -59,8 +60,7 @@ def write_pictures(path: Path, names: Collection[str], folder: Path) -> list[Pat
         target = folder / f"{name}.jpg"
         quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
         _, data = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), quality)
-        part = target.with_suffix(".part")
-        part.write_bytes(data.tobytes())
-        part.replace(target)
+        with complete_file(target) as beside:
+            beside.write_bytes(data.tobytes())
         written.append(target)
     return written

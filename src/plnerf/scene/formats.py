@@ -8,6 +8,13 @@ from plnerf.scene.formats_transforms import read_transforms
 from plnerf.scene.listing import Listing
 
 
+def has_poses(source: Path) -> bool:
+    """Whether something is a scene: a transforms.json or a COLMAP model, be it usable or not."""
+    if source.is_dir():
+        return (source / "transforms.json").is_file() or find_model(source) is not None
+    return source.suffix == ".json"
+
+
 def read_listing(source: Path) -> Listing:
     """The images, poses and intrinsics of a scene folder, a COLMAP folder, or a transforms.json given itself.
 

@@ -3,8 +3,8 @@ keys.
 
 Poses in the file are camera-to-world with OpenGL camera axes; they leave this file with OpenCV's.  An
 instant-ngp file is recognised by its key ``aabb_scale``.  plnerf's keys (all optional, under ``plnerf``):
-format_version, unit, crs, up, line_axis, span_min, span_max, test, truth; and per frame wire_mask_path and
-depth_path.
+format_version, unit, crs, origin_lon_lat_height, up, line_axis, span_min, span_max, test, truth; and per
+frame wire_mask_path and depth_path.
 """
 
 import json
@@ -68,6 +68,7 @@ def read_transforms(path: Path) -> Listing:
         span=_span(ours, path),
         unit=_unit(ours, path),
         crs=None if ours.get("crs") is None else str(ours["crs"]),
+        origin=vector_of(ours, "origin_lon_lat_height", path),
         truth=file_of(root, ours, "truth", f"{path}, key plnerf"),
         left_out=tuple(missing),
     )

@@ -36,6 +36,7 @@ def frames_for(
     span: Float[np.ndarray, "2 3"] | None,
     unit: Literal["m", "unscaled"],
     crs: str | None,
+    origin: Float[np.ndarray, "3"] | None = None,
 ) -> Frames:
     """The scene frame for these cameras (OpenCV axes).
 
@@ -67,7 +68,7 @@ def frames_for(
                 "triangulated. Photograph from several places, or correct the positions in the file."
             )
         scale = 1.0 / reach
-    return Frames(R_scene_world, scale, shift, unit, crs, up_source)
+    return Frames(R_scene_world, scale, shift, unit, crs, up_source, origin)
 
 
 def search_box(

@@ -73,6 +73,7 @@ def load_scene(source: Path, *, store: Path, downscale: int = 1, progress: Progr
         span=listing.span,
         unit=listing.unit,
         crs=listing.crs,
+        origin=listing.origin,
     )
     return Scene(
         root=listing.root,

@@ -38,6 +38,9 @@ class Frames:
     """Coordinate reference system of the survey (such as "EPSG:25832"), or None."""
     up_source: str
     """How gravity was found: "file", or the name of the estimate."""
+    origin: Float[np.ndarray, "3"] | None = None
+    """Longitude and latitude in degrees, and height above the WGS 84 ellipsoid in metres, of the world's
+    origin, where the world is local east-north-up."""
 
     def to_scene(self, x_world: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
         """World coordinates to scene coordinates, float64."""
@@ -60,6 +63,7 @@ class Frames:
             "unit": self.unit,
             "crs": self.crs,
             "up_source": self.up_source,
+            "origin_lon_lat_height": None if self.origin is None else self.origin.tolist(),
         }
 
     @classmethod
@@ -70,6 +74,8 @@ class Frames:
             shift = np.array(data["shift_world"], dtype=np.float64).reshape(3)
             scale = float(np.array(data["scale"], dtype=np.float64).reshape(()))
             unit: Literal["m", "unscaled"] = _UNITS[str(data["unit"])]
+            place = data.get("origin_lon_lat_height")
+            origin = None if place is None else np.array(place, dtype=np.float64).reshape(3)
         except (KeyError, TypeError, ValueError) as error:
             raise SceneError(
                 "The stored frames need R_scene_world (3x3), shift_world (3), scale and unit, but hold "
@@ -84,6 +90,7 @@ class Frames:
             unit=unit,
             crs=None if crs is None else str(crs),
             up_source=str(data.get("up_source", "unknown")),
+            origin=origin,
         )
 
 

@@ -28,7 +28,8 @@ def write_transforms(listing: Listing, path: Path, ours: Mapping[str, object] | 
             frame["mask_path"] = shot.mask.relative_to(listing.root).as_posix()
         frames.append(frame if shared else {**frame, **_lens(shot.intrinsics)})
     section: dict[str, object] = {"format_version": FORMAT_VERSION, "unit": listing.unit, "crs": listing.crs}
-    for key, vector in (("up", listing.up), ("line_axis", listing.line_axis)):
+    vectors = {"up": listing.up, "line_axis": listing.line_axis, "origin_lon_lat_height": listing.origin}
+    for key, vector in vectors.items():
         if vector is not None:
             section[key] = vector.tolist()
     if listing.span is not None:

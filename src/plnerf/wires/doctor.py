@@ -112,6 +112,7 @@ def diagnose(
         span=listing.span,
         unit=listing.unit,
         crs=listing.crs,
+        origin=listing.origin,
     )
     cameras = scene_cameras(listing, frames, 1)
     if distance is None:

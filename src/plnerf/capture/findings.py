@@ -1,0 +1,182 @@
+"""What is wrong with photos before any pose is known: findings, each with what, where and what to do.
+
+Three degrees: `stops` (nothing good can come of it), `harms` (the result will be worse), `note` (to know).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.capture.exif import PhotoFacts
+from plnerf.capture.local_frame import local_frame
+from plnerf.capture.references import References
+
+Degree = Literal["stops", "harms", "note"]
+BRIGHT, DARK = 250, 5
+"""Grey values at which a pixel says nothing any more."""
+CLIPPED = 0.25
+"""Share of such pixels from which a photo is called over- or under-exposed."""
+BLURRED, AROUND = 0.5, 9
+"""Sharpness below this share of the median of so many photos around is blur."""
+ALIKE = 2.0
+"""Mean difference in grey values of small pictures below which two photos are one."""
+FASTEST_M_S = 60.0
+STRAY = 20.0
+"""A step so many times as long as the median one is called a jump, where no times are known."""
+LEAST_WIRE_PX, GOOD_WIRE_PX = 1.0, 3.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found."""
+
+    kind: str
+    degree: Degree
+    what: str
+    where: tuple[str, ...]
+    """Names of the images; empty where it is about all."""
+    do: str
+
+
+@dataclass(frozen=True, eq=False)
+class Small:
+    """A photo as small as it takes to judge it."""
+
+    sharpness: float
+    bright: float
+    """Share of pixels at BRIGHT or above."""
+    dark: float
+    tiny: Float[np.ndarray, "16 16"]
+    """Grey values."""
+
+
+def about_files(facts: Mapping[str, PhotoFacts], problems: Sequence[str]) -> list[Finding]:
+    """Unreadable photos, too few of them, and unequal sizes."""
+    found = []
+    if problems:
+        names = tuple(text.split(":")[0] for text in problems)
+        found.append(Finding(
+            "unreadable", "harms", f"{len(problems)} files cannot be used: {problems[0]}", names,
+            "copy them from the camera again, convert them to JPEG, or remove them",
+        ))  # fmt: skip
+    if len(facts) < 3:
+        found.append(Finding(
+            "too few", "stops", f"{len(facts)} photos can be read, and poses need three or more", (),
+            "take more, with two thirds of each seen in the next",
+        ))  # fmt: skip
+    sizes: dict[tuple[int, int], list[str]] = {}
+    for name, fact in facts.items():
+        sizes.setdefault((fact.width_px, fact.height_px), []).append(name)
+    if len(sizes) > 1:
+        usual = max(sizes, key=lambda size: len(sizes[size]))
+        others = tuple(name for size, names in sizes.items() if size != usual for name in names)
+        found.append(Finding(
+            "unequal sizes", "note",
+            f"{len(others)} photos are not {usual[0]} x {usual[1]} px like most", others,
+            "fine where they are of another camera or turned; crops of one camera have no lens of their own",
+        ))  # fmt: skip
+    return found
+
+
+def about_pictures(small: Mapping[str, Small]) -> list[Finding]:
+    """Blur, exposure and duplicates, of photos in the order they were taken."""
+    names, found = list(small), []
+    sharpness = np.array([picture.sharpness for picture in small.values()])
+    blurred = tuple(
+        name for i, name in enumerate(names) if sharpness[i] < BLURRED * np.median(_around(sharpness, i))
+    )
+    for kind, these, what, do in (
+        ("blurred", blurred, "are much less sharp than those around",
+         "remove them where others show the same; fly slower, or expose shorter"),
+        ("over-exposed", tuple(n for n in names if small[n].bright > CLIPPED),
+         f"are white over more than {CLIPPED:.0%}", "expose shorter: before a white sky wires vanish"),
+        ("under-exposed", tuple(n for n in names if small[n].dark > CLIPPED),
+         f"are black over more than {CLIPPED:.0%}", "expose longer"),
+        ("duplicates",
+         tuple(b for a, b in pairwise(names) if np.abs(small[a].tiny - small[b].tiny).mean() < ALIKE),
+         "show the same as the one before", "remove them: they add time, and no angle"),
+    ):  # fmt: skip
+        if these:
+            found.append(Finding(kind, "harms", f"{len(these)} of {len(names)} photos {what}", these, do))
+    return found
+
+
+def about_positions(facts: Mapping[str, PhotoFacts], references: References) -> list[Finding]:
+    """Positions that are missing or impossible."""
+    found = []
+    if references.problems:
+        found.append(Finding(
+            "no position", "harms", references.problems[0].split(": ", 1)[1],
+            tuple(text.split(":")[0] for text in references.problems),
+            "give their positions in geo.txt, or go on without: three good ones are enough",
+        ))  # fmt: skip
+    known = [name for name in facts if name in references.by_name]
+    if not known:
+        return [*found, Finding(
+            "not georeferenced", "note", "no photo says where it was taken", (),
+            "lengths will be unscaled; give positions in geo.txt for metres",
+        )]  # fmt: skip
+    stated = np.array([references.by_name[name].xyz for name in known])
+    place = local_frame(references.crs, stated).to_local(stated)
+    steps = np.linalg.norm(np.diff(place[:, :2], axis=0), axis=1)
+    if len(known) > 1 and not steps.any():
+        found.append(Finding(
+            "one place", "harms", f"all {len(known)} photos state the same position", (),
+            "the receiver stood still: give positions in geo.txt, or remove the tags",
+        ))  # fmt: skip
+    jumps = tuple(
+        name for name, step, limit in zip(known[1:], steps, _limits(facts, known, steps), strict=True)
+        if step > limit
+    )  # fmt: skip
+    if jumps:
+        found.append(Finding(
+            "jump", "harms", f"{len(jumps)} positions are further from the one before than a flight goes",
+            jumps, "correct them in geo.txt; a few wrong ones are told from the rest and left out",
+        ))  # fmt: skip
+    return found
+
+
+def about_wires(
+    facts: Mapping[str, PhotoFacts], distance_m: float | None, diameter_m: float
+) -> list[Finding]:
+    """How wide a conductor is in the photos, at a distance."""
+    focal = [fact.focal_px for fact in facts.values() if fact.focal_px is not None]
+    if not focal or distance_m is None:
+        missing = "how far the wires are" if focal else "a focal length"
+        return [Finding(
+            "wire width unknown", "note", f"the photos do not say {missing}", (),
+            "give --distance in metres" if focal else "a conductor should be 3 px wide or more",
+        )]  # fmt: skip
+    px = float(np.median(focal)) * diameter_m / distance_m
+    ground = f"a pixel is {100 * distance_m / float(np.median(focal)):.1f} cm at {distance_m:g} m"
+    what = f"{ground}: a conductor of {1000 * diameter_m:.0f} mm is {px:.1f} px wide"
+    if px < LEAST_WIRE_PX:
+        return [Finding("thin wires", "stops", what, (), "fly closer, or with a longer lens")]
+    if px < GOOD_WIRE_PX:
+        do = f"fly closer, or with a longer lens: {GOOD_WIRE_PX:g} px and more are good"
+        return [Finding("thin wires", "harms", what, (), do)]
+    return [Finding("wire width", "note", what, (), "")]
+
+
+def _around(values: Float[np.ndarray, " n"], i: int) -> Float[np.ndarray, " k"]:
+    begin = max(0, min(i - AROUND // 2, len(values) - AROUND))
+    return values[begin : begin + AROUND]
+
+
+def _limits(
+    facts: Mapping[str, PhotoFacts], known: Sequence[str], steps: Float[np.ndarray, " n"]
+) -> list[float]:
+    """How far each step may be: what a fast drone flies in the time, or many times the usual step."""
+    usual = max(STRAY * float(np.median(steps)), 100.0) if len(steps) else 0.0
+    limits = []
+    for a, b in pairwise(known):
+        first, second = facts[a].time, facts[b].time
+        if first is None or second is None or second <= first:
+            limits.append(usual)
+        else:
+            limits.append(max(usual, FASTEST_M_S * (second - first).total_seconds()))
+    return limits
