@@ -9,7 +9,7 @@ from rich.console import Console
 
 import plnerf.reconstruct as stages
 from plnerf.capture.capture import CaptureConfig
-from plnerf.errors import PlnerfError, SceneError
+from plnerf.errors import PlnerfError
 from plnerf.reconstruct import Training, reconstruct_all
 
 QUIET = Console(quiet=True)
@@ -94,10 +94,3 @@ def test_photos_are_captured_first(
     monkeypatch.setattr(stages, "capture_and_tell", capture)
     call(tiny_scene / "images", tmp_path / "out")
     assert done[:2] == ["capture images scene", "train pl-nerf-wire"]
-
-
-def test_a_scene_that_cannot_be_used_is_no_folder_of_photos(tmp_path: Path, done: list[str]) -> None:
-    (tmp_path / "transforms.json").write_text("{}")
-    with pytest.raises(SceneError, match="frames"):
-        call(tmp_path, tmp_path / "out")
-    assert not done
