@@ -161,7 +161,7 @@ def test_the_command_tells_what_came_of_it(
     assert f"{COUNT} of {COUNT + 1} images have a pose" in out and str(tmp_path / "scene") in out
     assert "No pose: grey.jpg: hardly a feature: blurred, dark, or without texture." in out
     assert f"Georeferenced in EPSG:4979 by {COUNT} of {COUNT} positions (the photos' GPS tags)" in out
-    assert "so near to a line that they hold the turn about it to" in out
+    assert "hold the turn about their main direction to" in out
 
 
 def test_a_wrong_overlap_is_told() -> None:

@@ -29,7 +29,7 @@ def apart(a: Similarity, b: Similarity, x: np.ndarray) -> float:
     return float(np.abs(a(x) - b(x)).max())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 1 << 30))
 def test_exact_positions_give_the_exact_similarity(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -49,7 +49,7 @@ def test_a_mirrored_cloud_is_not_mirrored() -> None:
     assert np.linalg.det(fit_similarity(x, x * [1, 1, -1]).R) == pytest.approx(1)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 1 << 30))
 def test_nearly_a_third_of_gross_outliers_is_survived(seed: int) -> None:
     random = np.random.default_rng(seed)

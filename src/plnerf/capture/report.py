@@ -67,9 +67,9 @@ def summary(report: dict[str, Any]) -> str:
     )
     if place["held_by"] != "positions":
         roll = place["roll_sigma_deg"]
-        known = "not at all" if roll is None else f"to {roll:.1f} degrees only"
+        known = "not" if roll is None else f"to {roll:.1f} degrees only"
         lines.append(
-            f"The positions lie so near to a line that they hold the turn about it {known}: it is held by "
+            f"By themselves the positions hold the turn about their main direction {known}: it is held by "
             f"{place['held_by']}."
         )
     return "\n".join(lines)
