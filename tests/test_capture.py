@@ -19,7 +19,7 @@ from plnerf.scene.formats import read_listing
 from plnerf.scene.formats_colmap import read_colmap
 from plnerf.scene.scene import load_scene
 from plnerf.scene.transforms import Frames
-from test_frames import video  # noqa: F401 (a fixture)
+from test_frames import seen, video  # noqa: F401 (a fixture)
 from test_sfm import COUNT, steps
 
 PLACE = LocalFrame("EPSG:4979", (8.5, 47.4, 450.0))
@@ -97,6 +97,19 @@ def test_a_video_becomes_an_unscaled_scene(video: Path, tmp_path: Path) -> None:
     capture(video, tmp_path / "scene", CONFIG, lambda stage, done, of: told.append(f"{stage} {done}"))
     assert not any(text.startswith("video") for text in told)  # neither looked at again
     assert told[0] == f"features {len(kept)}"  # nor put together again
+
+
+def test_a_video_that_is_cut_off_is_used_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "flight.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (320, 200))
+    for i in range(30):
+        writer.write(cv2.cvtColor(seen(9.0 * i), cv2.COLOR_RGB2BGR))
+    writer.release()
+    data = path.read_bytes()
+    path.write_bytes(data[: 2 * len(data) // 3])
+    capture(path, tmp_path / "scene", CONFIG)
+    left_out = json.loads((tmp_path / "scene" / "capture.json").read_text())["left_out"]
+    assert any("flight.avi: says 30 pictures" in text and "cut off" in text for text in left_out)
 
 
 def test_photos_are_turned_upright(tmp_path: Path) -> None:

@@ -42,7 +42,6 @@ def test_the_overlap_is_that_of_the_shift(dx: int, dy: int) -> None:
     motion = motion_between(look_at(seen(100)), look_at(seen(100 + dx, 40 + dy)))
     assert motion is not None
     assert motion.overlap == pytest.approx((1 - dx / W) * (1 - dy / H), abs=0.02)
-    assert motion.shift == pytest.approx(np.hypot(dx, dy) / W, abs=0.01)
 
 
 def test_flying_nearer_keeps_what_is_in_the_middle() -> None:

@@ -178,6 +178,8 @@ def test_gcp_list_of_odm(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "why"),
     [
+        ("x y z 1 2 a.jpg p3", r"line 7 should be `x y z pixel_x"),
+        ("1 2 nan 4 5 a.jpg p3", r"line 7 should be `x y z pixel_x"),
         ("1 2 3 4 a.jpg", r"line 7 should be `x y z pixel_x pixel_y image"),
         ("600000 5700000 302 1 2 b.jpg p1", r"line 7: control point p1 is at .* here and at .* before"),
     ],

@@ -30,7 +30,7 @@ def flown(metres: list[float], seconds: float | None = 2.0) -> dict[str, PhotoFa
         f"{i}.jpg": replace(
             FACTS,
             time=None if seconds is None else START + timedelta(seconds=seconds * i),
-            fix=GpsFix(10.0, 50.0 + there / 111_250, 300.0, 3.0, 10.0, False),
+            fix=GpsFix(10.0, 50.0 + there / 111_250, 300.0, 3.0, 10.0),
         )
         for i, there in enumerate(metres)
     }

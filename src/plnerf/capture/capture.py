@@ -28,7 +28,7 @@ from plnerf.capture.pairs import choose_pairs
 from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.references import GEO_TXT, References, from_photos, read_geo_txt
 from plnerf.capture.sfm import SfmConfig, SfmResult, Tell, reconstruct
-from plnerf.capture.video import video_pictures, write_pictures
+from plnerf.capture.video import stated_count, video_pictures, write_pictures
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.files import write_text
 from plnerf.scene.formats_colmap import read_colmap
@@ -123,8 +123,12 @@ def _from_video(
         content = {"inputs": inputs, "frames": [asdict(one) for one in taken]}
         write_text(chosen, json.dumps(content, indent=1, allow_nan=False) + "\n")
     files = [images / f"{one.name}.jpg" for one in taken if one.kept]
-    gaps = tuple(f"{one.name}: shares too little with the picture before" for one in taken if one.gap)
-    return taken, {path.name: read_facts(path) for path in files}, gaps
+    problems = [f"{one.name}: shares too little with the picture before" for one in taken if one.gap]
+    if (stated := stated_count(source)) > len(taken):
+        problems.append(
+            f"{source.name}: says {stated} pictures, but {len(taken)} can be decoded: is it cut off?"
+        )
+    return taken, {path.name: read_facts(path) for path in files}, tuple(problems)
 
 
 def _chosen_before(path: Path, inputs: list[Any], images: Path) -> list[Taken] | None:
@@ -171,12 +175,12 @@ def _control(source: Path, names: list[str]) -> ControlPoints | None:
     return read_gcp_list(table, names) if table.is_file() else None
 
 
-def _anchors(found: SfmResult, control: ControlPoints | None) -> list[Anchor]:
+def _anchors(found: SfmResult, control: ControlPoints) -> list[Anchor]:
     """Control points in the reconstruction: those that two or more of its images show."""
     R, centres = _poses(found)
     place = {name: i for i, name in enumerate(found.registered)}
     anchors = []
-    for point in control.points if control is not None else ():
+    for point in control.points:
         seen = [name for name in point.seen_px if name in place]
         if len(seen) < 2:
             continue
@@ -188,7 +192,7 @@ def _anchors(found: SfmResult, control: ControlPoints | None) -> list[Anchor]:
         ]
         rays = np.stack([R[i] @ np.append(xy, 1.0) for i, xy in zip(at, flat, strict=True)])
         x = nearest_point(centres[at], rays)
-        anchors.append(Anchor(point.name, x, point.xyz, (SIGMA_M,) * 3, control.crs if control else ""))
+        anchors.append(Anchor(point.name, x, point.xyz, (SIGMA_M,) * 3, control.crs))
     return anchors
 
 
@@ -196,7 +200,7 @@ def _placed(
     found: SfmResult, references: References, gravity: Gravity, control: ControlPoints | None
 ) -> tuple[Georeference | None, str | None]:
     """Where the reconstruction lies on the earth, or why that is not known."""
-    anchors = _anchors(found, control)
+    anchors = _anchors(found, control) if control is not None else []
     if not references.by_name and not anchors:
         return None, "no image says where it was taken"
     centres = dict(zip(found.registered, _poses(found)[1], strict=True))
@@ -207,7 +211,7 @@ def _placed(
 
 
 def _write_model(found: SfmResult, placed: Georeference | None, folder: Path) -> Path:
-    """The COLMAP model, in the world frame; complete or not at all."""
+    """The COLMAP model, in the world frame; each of its files whole."""
     model = found.reconstruction
     if placed is not None:
         to = placed.fit.similarity

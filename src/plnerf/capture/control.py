@@ -51,14 +51,15 @@ def read_gcp_list(path: Path, names: Sequence[str]) -> ControlPoints:
     for number, line in rows[1:]:
         words = line.split()
         try:
-            x, y, z, px, py = (float(word) for word in words[:5])
+            numbers = [float(word) for word in words[:5]]
         except ValueError:
-            x = math.nan
-        if len(words) < 6 or not all(map(math.isfinite, (x, y, z, px, py))):
+            numbers = []
+        if len(numbers) < 5 or len(words) < 6 or not all(map(math.isfinite, numbers)):
             raise CaptureError(
                 f"{path}, line {number} should be `x y z pixel_x pixel_y image [name]`, but is {line!r}. "
                 "Correct it; a name with spaces is not possible."
             )
+        x, y, z, px, py = numbers
         point = words[6] if len(words) > 6 else f"{x:.3f} {y:.3f} {z:.3f}"
         image = files.get(Path(words[5]).name.lower())
         if image is None:

@@ -29,8 +29,6 @@ class GpsFix:
     """As stated: above the ellipsoid or the sea, which receivers do not say."""
     horizontal_m: float
     vertical_m: float
-    stated: bool
-    """Whether the standard deviations are the photo's own."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,6 @@ def _fix(gps: dict[int, Any], dji: dict[str, str]) -> tuple[GpsFix | None, str |
         height if precise is None else precise,
         horizontal or HORIZONTAL_M,
         vertical or VERTICAL_M,
-        stated=bool(horizontal),
     ), None
 
 

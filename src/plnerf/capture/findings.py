@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.local_frame import local_frame
+from plnerf.capture.motion import blurred
 from plnerf.capture.references import References
 
 Degree = Literal["stops", "harms", "note"]
@@ -20,8 +21,6 @@ BRIGHT, DARK = 250, 5
 """Grey values at which a pixel says nothing any more."""
 CLIPPED = 0.25
 """Share of such pixels from which a photo is called over- or under-exposed."""
-BLURRED, AROUND = 0.5, 9
-"""Sharpness below this share of the median of so many photos around is blur."""
 ALIKE = 2.0
 """Mean difference in grey values of small pictures below which two photos are one."""
 FASTEST_M_S = 60.0
@@ -85,12 +84,9 @@ def about_files(facts: Mapping[str, PhotoFacts], problems: Sequence[str]) -> lis
 def about_pictures(small: Mapping[str, Small]) -> list[Finding]:
     """Blur, exposure and duplicates, of photos in the order they were taken."""
     names, found = list(small), []
-    sharpness = np.array([picture.sharpness for picture in small.values()])
-    blurred = tuple(
-        name for i, name in enumerate(names) if sharpness[i] < BLURRED * np.median(_around(sharpness, i))
-    )
+    blur = blurred(np.array([picture.sharpness for picture in small.values()]))
     for kind, these, what, do in (
-        ("blurred", blurred, "are much less sharp than those around",
+        ("blurred", tuple(np.array(names)[blur].tolist()), "are much less sharp than those around",
          "remove them where others show the same; fly slower, or expose shorter"),
         ("over-exposed", tuple(n for n in names if small[n].bright > CLIPPED),
          f"are white over more than {CLIPPED:.0%}", "expose shorter: before a white sky wires vanish"),
@@ -160,11 +156,6 @@ def about_wires(
         do = f"fly closer, or with a longer lens: {GOOD_WIRE_PX:g} px and more are good"
         return [Finding("thin wires", "harms", what, (), do)]
     return [Finding("wire width", "note", what, (), "")]
-
-
-def _around(values: Float[np.ndarray, " n"], i: int) -> Float[np.ndarray, " k"]:
-    begin = max(0, min(i - AROUND // 2, len(values) - AROUND))
-    return values[begin : begin + AROUND]
 
 
 def _limits(

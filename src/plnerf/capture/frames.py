@@ -13,15 +13,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import UInt8
 
-from plnerf.capture.motion import Look, look_at, motion_between
+from plnerf.capture.motion import Look, blurred, look_at, motion_between
 
 MOST, LEAST = 0.92, 0.75
 """Shares of a picture that the next one shows: more is a near-duplicate, less is not asked for."""
-BLURRED = 0.5
-"""Sharpness below this share of the median of the pictures around is blur."""
 AS_SHARP = 0.85
 """Of the sharpest candidate: what is sharp enough to be kept for lying further on."""
-AROUND = 9
 Reason = Literal["near-duplicate", "blurred", "another beside it was kept"]
 
 
@@ -58,8 +55,8 @@ def choose_frames(
         times.append(time)
         looks.append(look_at(image))
         tell(len(looks))
-    blurred = _blurred(np.array([look.sharpness for look in looks]))
-    kept, overlaps, gaps = _walk(looks, blurred, most, least)
+    blur = blurred(np.array([look.sharpness for look in looks]))
+    kept, overlaps, gaps = _walk(looks, blur, most, least)
     return [
         Taken(
             names[i],
@@ -67,7 +64,7 @@ def choose_frames(
             looks[i].sharpness,
             overlaps.get(i),
             i in kept,
-            None if i in kept else _reason(i, blurred, overlaps, most),
+            None if i in kept else _reason(i, blur, overlaps, most),
             i in gaps,
         )
         for i in range(len(looks))
@@ -75,10 +72,10 @@ def choose_frames(
 
 
 def _walk(
-    looks: list[Look], blurred: np.ndarray, most: float, least: float
+    looks: list[Look], blur: np.ndarray, most: float, least: float
 ) -> tuple[set[int], dict[int, float], set[int]]:
     """Indices kept, overlaps with the last one kept, and those kept in spite of a gap."""
-    sharp = [i for i in range(len(looks)) if not blurred[i]]
+    sharp = [i for i in range(len(looks)) if not blur[i]]
     if not sharp:
         return set(), {}, set()
     last = sharp[0]
@@ -94,7 +91,7 @@ def _walk(
             shared = motion.overlap if motion else None
             if shared is not None:
                 overlaps[i] = shared
-            if blurred[i]:
+            if blur[i]:
                 continue
             if shared is None or shared < least:
                 beyond = i
@@ -114,17 +111,7 @@ def _walk(
     return kept, overlaps, gaps
 
 
-def _blurred(sharpness: np.ndarray) -> np.ndarray:
-    """Against the median of the AROUND nearest: what is filmed changes slowly, blur does not."""
-    half = AROUND // 2
-    found = np.zeros(len(sharpness), bool)
-    for i in range(len(sharpness)):
-        begin = max(0, min(i - half, len(sharpness) - AROUND))
-        found[i] = sharpness[i] < BLURRED * np.median(sharpness[begin : begin + AROUND])
-    return found
-
-
-def _reason(i: int, blurred: np.ndarray, overlaps: dict[int, float], most: float) -> Reason:
-    if blurred[i]:
+def _reason(i: int, blur: np.ndarray, overlaps: dict[int, float], most: float) -> Reason:
+    if blur[i]:
         return "blurred"
     return "near-duplicate" if overlaps.get(i, 1.0) > most else "another beside it was kept"

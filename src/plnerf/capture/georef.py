@@ -1,7 +1,7 @@
 """A reconstruction in metres on the earth: the similarity that its cameras' stated positions ask for.
 
-Where the positions lie on a line they leave the turn about it free; then gravity has to say which way is up,
-and where nothing says so, that is reported and not guessed.
+Where the positions lie on a line they leave the turn about it free; then gravity has to say which way is up.
+What held it is always reported.
 """
 
 from collections.abc import Mapping, Sequence

@@ -82,12 +82,6 @@ def check_crs(crs: str) -> None:
     _to_geocentric(crs), _of_geocentric(crs)
 
 
-def utm_crs(longitude: float, latitude: float) -> str:
-    """The WGS 84 UTM zone of a place, as an EPSG code; without the exceptions of Norway and Svalbard."""
-    zone = int((longitude + 180) // 6) % 60 + 1
-    return f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
-
-
 @cache
 def _to_geocentric(crs: str) -> Transformer:
     return _transformer(crs, GEOCENTRIC, crs)

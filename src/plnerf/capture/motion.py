@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 LOOK_PX = 640
 """Longer side of the pictures that are looked at."""
 FEATURES, LEAST_MATCHES, RATIO = 800, 12, 0.8
+BLURRED, AROUND = 0.5, 9
+"""Sharpness below this share of the median of so many pictures around is blur."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +36,6 @@ class Motion:
 
     overlap: float
     """Share of the first picture's area that the second one shows, by the fitted motion."""
-    shift: float
-    """Median way of the matched features, in widths of the picture."""
     matches: int
 
 
@@ -70,9 +70,16 @@ def motion_between(a: Look, b: Look) -> Motion | None:
     moved, inlier = cv2.estimateAffinePartial2D(there, here, method=cv2.RANSAC, ransacReprojThreshold=5.0)
     if moved is None or inlier is None or int(inlier.sum()) < LEAST_MATCHES:
         return None
-    chosen = inlier[:, 0].astype(bool)
-    shift = float(np.median(np.linalg.norm(here[chosen] - there[chosen], axis=1))) / a.size[0]
-    return Motion(_overlap(moved, a.size, b.size), shift, int(chosen.sum()))
+    return Motion(_overlap(moved, a.size, b.size), int(inlier.sum()))
+
+
+def blurred(sharpness: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Which of a series are much less sharp than those around: what is seen changes slowly, blur does not."""
+    found = np.zeros(len(sharpness), bool)
+    for i in range(len(sharpness)):
+        begin = max(0, min(i - AROUND // 2, len(sharpness) - AROUND))
+        found[i] = sharpness[i] < BLURRED * np.median(sharpness[begin : begin + AROUND])
+    return found
 
 
 def _overlap(moved: Float[np.ndarray, "2 3"], a: tuple[int, int], b: tuple[int, int]) -> float:

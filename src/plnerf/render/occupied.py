@@ -89,18 +89,16 @@ class OccupiedNeRF(RadianceSystem):
         density = unit.new_zeros(full.shape).index_put((ray, sample), own_density[:, 0])
         colours = unit.new_zeros(*full.shape, 3).index_put((ray, sample), own_colours[:, 0])
         seen = ops.render_rays(density, t, colours)
-        samples = None
-        predicted = unit.new_zeros(*full.shape, 3)  # none where nothing is seen
+        composited = samples = None
         if normals or normal_rays:
-            own_normals = self.field.predicted_normals(feature)
-            predicted = predicted.index_put((ray, sample), own_normals[:, 0])
-        if q := normal_rays:
-            with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
-                from_density = density_normals(self.field, rays[:q], t[:q])
-            samples = NormalSamples(seen.w[:q], from_density, predicted[:q], rays.directions[:q])
-        return RenderedRays.of(
-            seen, s, normals=composite(seen.w, predicted) if normals else None, normal_samples=samples
-        )
+            own_normals = self.field.predicted_normals(feature)[:, 0]
+            predicted = unit.new_zeros(*full.shape, 3).index_put((ray, sample), own_normals)
+            composited = composite(seen.w, predicted) if normals else None
+            if q := normal_rays:
+                with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
+                    from_density = density_normals(self.field, rays[:q], t[:q])
+                samples = NormalSamples(seen.w[:q], from_density, predicted[:q], rays.directions[:q])
+        return RenderedRays.of(seen, s, normals=composited, normal_samples=samples)
 
     def looked_at(self, unit: Float[Tensor, "r S 3"], t: Float[Tensor, "r S+1"]) -> Bool[Tensor, "r S"]:
         """Which intervals the field is asked about."""
