@@ -32,14 +32,18 @@ def floor_picture(pose: np.ndarray, texture: np.ndarray, z: float) -> np.ndarray
     return cv2.warpPerspective(texture, plane, (W, H), flags=cv2.INTER_AREA)
 
 
+def poses() -> list[np.ndarray]:
+    """Camera to the drawing, looking down, each another way aside."""
+    aside = [np.array([0.15 + 0.9 * np.sin(3 * i), 0.1 + 0.6 * np.cos(2 * i), 3.0]) for i in range(COUNT)]
+    return [look_at(centre, centre + to) for centre, to in zip(centres(), aside, strict=True)]
+
+
 def steps(folder: Path) -> np.ndarray:
     """Photos of a floor with a step on it; returns the camera centres."""
     folder.mkdir(parents=True)
     low, high = ground(1), ground(2)
     high[:, : 2 * W] = 0  # the step covers what is further on
-    for i, centre in enumerate(centres()):
-        aside = np.array([0.15 + 0.9 * np.sin(3 * i), 0.1 + 0.6 * np.cos(2 * i), 3.0])
-        pose = look_at(centre, centre + aside)
+    for i, pose in enumerate(poses()):
         picture = floor_picture(pose, low, 0.0)
         raised = floor_picture(pose, high, -1.0)
         picture[raised.any(2)] = raised[raised.any(2)]
