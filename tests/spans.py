@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plnerf.synth.catenary import hang
+from plnerf.wires.catenary import hang
 from plnerf.wires.polylines import resample
 from plnerf.wires.truth import TrueTower, TrueWire, WireTruth
 

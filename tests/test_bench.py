@@ -204,7 +204,7 @@ def test_the_whole_bench_writes_its_files(
 ) -> None:
     """In this process, where the checks of types are on."""
     monkeypatch.setattr(suites, "in_fresh_process", lambda function, bench: function(bench))
-    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, settings=SMALL, seconds=1.5, quick=True)
+    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, settings=SMALL, seconds=6.0, quick=True)
     console = Console(width=120, record=True)
     path = suites.run_bench(bench, console)
     found = json.loads(path.read_text())

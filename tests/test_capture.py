@@ -52,9 +52,13 @@ def photos_with_positions(folder: Path) -> np.ndarray:
 def test_photos_become_a_scene_in_metres(tmp_path: Path) -> None:
     truth = photos_with_positions(tmp_path / "photos")
     (tmp_path / "photos" / "broken.jpg").write_bytes(b"\xff\xd8 no more")
+    whole = (tmp_path / "photos" / "04.jpg").read_bytes()
+    (tmp_path / "photos" / "cut-off.jpg").write_bytes(whole[: len(whole) // 3])  # its header is fine
     path = capture(tmp_path / "photos", tmp_path / "scene", CONFIG)
     report = json.loads((tmp_path / "scene" / "capture.json").read_text())
     assert report["registered"] == COUNT and not report["failed"]
+    assert any("cut-off.jpg: its pixels cannot be read (" in text for text in report["left_out"])
+    (tmp_path / "photos" / "cut-off.jpg").unlink()
     assert any("broken.jpg" in text for text in report["left_out"])
     # Positions good to 3 m do not hold the turn about a track of 60 m.
     assert report["georeference"]["held_by"].startswith("positions and cameras taken for level")
@@ -144,7 +148,7 @@ def test_photos_are_turned_upright(tmp_path: Path) -> None:
     exif[ExifTags.Base.Orientation] = 6  # to be turned right by 90 degrees
     image.save(tmp_path / "in" / "turned.png", exif=exif)
     image.save(tmp_path / "in" / "level.png")
-    facts = bring_upright(find_photos(tmp_path / "in"), tmp_path / "out")
+    facts = bring_upright(find_photos(tmp_path / "in"), tmp_path / "out").facts
     turned = cv2.imread(
         str(tmp_path / "out" / "turned.png"), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     )
@@ -159,7 +163,7 @@ def test_photos_in_their_own_scene_folder_must_be_upright(tmp_path: Path) -> Non
     image = Image.fromarray(np.zeros((30, 40, 3), np.uint8))
     exif = image.getexif()
     image.save(tmp_path / "images" / "a.jpg")
-    facts = bring_upright(find_photos(tmp_path / "images"), tmp_path / "images")
+    facts = bring_upright(find_photos(tmp_path / "images"), tmp_path / "images").facts
     assert list(facts) == ["a.jpg"]
     exif[ExifTags.Base.Orientation] = 3
     image.save(tmp_path / "images" / "b.jpg", exif=exif)

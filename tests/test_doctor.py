@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -106,6 +107,17 @@ def test_a_line_that_no_camera_sees(tmp_path: Path) -> None:
         flight(tmp_path / "b", (8.0, 9.0), (8.0, 15.0)), wire_diameter_m=1e-3, console=Console(quiet=True)
     )
     assert {stretch.verdict for stretch in thin.stretches} == {"unseen"}
+
+
+def test_the_distance_of_what_a_capture_sees_stands_for_that_of_its_wires(tmp_path: Path) -> None:
+    scene = tmp_path / "scene"
+    shutil.copytree(bundled_span(), scene)
+    data = json.loads((scene / "transforms.json").read_text())
+    del data["plnerf"]["span_min"], data["plnerf"]["span_max"]
+    (scene / "transforms.json").write_text(json.dumps(data))
+    (scene / "capture.json").write_text(json.dumps({"view_distance": 43.21}))
+    assert "about 43.2 m away" in examine(scene, console=Console(quiet=True)).box
+    assert "about 12 m away" in examine(scene, distance=12.0, console=Console(quiet=True)).box
 
 
 def test_an_unscaled_scene_is_judged_by_shares_of_the_distance(tmp_path: Path) -> None:

@@ -145,6 +145,21 @@ def test_no_position_for_any_posed_image_is_told() -> None:
         georeference(centres, replace(references, by_name={}))
 
 
+def test_positions_as_close_as_they_are_good_hold_no_scale() -> None:
+    close = 0.02 * curve()  # 2.4 m long
+    centres, references, _ = flown(close, accuracy_m=0.01)
+    assert georeference(centres, references).fit.scale_sigma == pytest.approx(
+        0.01 / np.sqrt(((close - close.mean(0)) ** 2).sum()), rel=0.1
+    )
+    rows = {name: replace(row, sigma_m=(3.0, 3.0, 10.0)) for name, row in references.by_name.items()}
+    with pytest.raises(CaptureError, match=r"lie within 2\.\d+ m and are good to 3 m, .* scale to \d+% only"):
+        georeference(centres, replace(references, by_name=rows))
+    first = next(iter(references.by_name.values()))
+    rows = dict.fromkeys(references.by_name, first)
+    with pytest.raises(CaptureError, match="All 40 positions are the same, so that they hold no scale"):
+        georeference(centres, replace(references, by_name=rows))
+
+
 @pytest.mark.data
 def test_real_photos_positions_are_a_track(shared_data: Path) -> None:
     """70 photos along a road, some 10 m apart: the distances are those of a drone and of no other mistake."""

@@ -12,6 +12,7 @@ import pytest
 from PIL import ExifTags, Image
 from rich.console import Console
 
+from plnerf.capture.cost import FEATURES_S_PER_MP, MODEL_S_PER_IMAGE, PAIR_S, about_cost, in_words
 from plnerf.capture.exif import GpsFix, PhotoFacts
 from plnerf.capture.findings import Finding, about_files, about_positions, about_wires
 from plnerf.capture.photo_doctor import examine_photos
@@ -67,7 +68,7 @@ def photos(tmp_path: Path) -> Path:
 
 def test_every_fault_is_named_with_its_photos(photos: Path, tmp_path: Path) -> None:
     usable = examine_photos(
-        photos, distance_m=None, wire_diameter_m=0.03, out=tmp_path / "d.json", console=Console(quiet=True)
+        photos, distance_m=None, wire_diameter_m=0.03, preset="nerfacto", rays_per_s=2e4, out=tmp_path / "d.json", console=Console(quiet=True)
     )
     content = json.loads((tmp_path / "d.json").read_text())
     found = {finding["kind"]: finding for finding in content["findings"]}
@@ -78,14 +79,14 @@ def test_every_fault_is_named_with_its_photos(photos: Path, tmp_path: Path) -> N
     assert found["duplicates"]["where"] == ["08b.jpg"]
     assert found["unequal sizes"]["where"] == ["20.jpg"]
     assert found["not georeferenced"]["degree"] == found["wire width unknown"]["degree"] == "note"
-    assert all(finding["do"] for finding in content["findings"])
+    assert all(finding["do"] for finding in content["findings"] if finding["kind"] != "cost")
 
 
 def test_too_few_photos_stop(photos: Path, tmp_path: Path) -> None:
     for path in sorted(photos.iterdir())[2:]:
         path.unlink()
     assert not examine_photos(
-        photos, distance_m=None, wire_diameter_m=0.03, out=None, console=Console(quiet=True)
+        photos, distance_m=None, wire_diameter_m=0.03, preset="nerfacto", rays_per_s=2e4, out=None, console=Console(quiet=True)
     )
     assert about_files({}, [])[0].degree == "stops"
 
@@ -130,6 +131,18 @@ def test_an_unknown_lens_or_distance_is_said() -> None:
     assert "a focal length" in about_wires({"a": replace(FACTS, focal_px=None)}, 10.0, 0.03)[0].what
 
 
+def test_the_cost_grows_with_pixels_and_pairs() -> None:
+    few = about_cost({f"{i}": FACTS for i in range(20)}, "nerfacto", 2e4)
+    # 1600 x 1200 px of each are looked at; 190 pairs; 240 MP, of which a 16th takes 3 minutes.
+    seconds = FEATURES_S_PER_MP * 20 * 1.92 + PAIR_S * 190 + MODEL_S_PER_IMAGE * 20
+    assert f"poses take about {in_words(seconds)}; " in few.what
+    assert f"training nerfacto on each pixel once, {in_words(12_000)}; 0.7 GB" in few.what
+    assert few.do.startswith("train with --downscale 8: 3 min")  # by 4 it is still more than ten minutes
+    unknown = about_cost({f"{i}": FACTS for i in range(20)}, "mine", None)
+    assert "training" not in unknown.what and not unknown.do
+    assert [in_words(s) for s in (40, 720, 20_000, 300_000)] == ["40 s", "12 min", "5.6 h", "3 days"]
+
+
 def test_the_command_takes_photos_and_ends_with_its_status(
     photos: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,5 +160,5 @@ def test_the_command_takes_photos_and_ends_with_its_status(
         assert stop.value.code == status and "17 photos can be read" in out and "px wide" in out
     with pytest.raises(CaptureError, match="is no folder of photos"):
         examine_photos(
-            photos / "absent", distance_m=None, wire_diameter_m=0.03, out=None, console=Console(quiet=True)
+            photos / "absent", distance_m=None, wire_diameter_m=0.03, preset="nerfacto", rays_per_s=2e4, out=None, console=Console(quiet=True)
         )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plnerf.synth.capture import View, look
-from plnerf.synth.catenary import hang
+from plnerf.wires.catenary import hang
 from plnerf.synth.config import CaptureConfig
 from plnerf.synth.seen import MIN_IMAGES, STEP_M, seen_stretches, shown, stretches
 from plnerf.synth.tiles import strips, tiles_of

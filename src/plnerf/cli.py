@@ -35,7 +35,7 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
 
 
 @app.command
-def capture(
+def capture(  # noqa: PLR0913 (an argument is an option)
     source: tyro.conf.Positional[Path],
     *,
     out: Out,
@@ -44,6 +44,7 @@ def capture(
     image_px: int = 1600,
     features: int = 4096,
     overlap: float = 0.75,
+    masks: Path | None = None,
     seed: int = 0,
 ) -> None:
     """Make a scene of photos or a video: poses by COLMAP, place by GPS; goes on where it was cut off.
@@ -56,6 +57,7 @@ def capture(
         image_px: Longer side in pixels of the images in which features are looked for.
         features: Most features of an image.
         overlap: Of a video: share of a picture that the next one chosen still shows.
+        masks: Folder of masks (IMAGE.png, black where an image shall be ignored), or one for all images.
         seed: Decides the random draws of structure from motion.
     """
     from plnerf.capture.capture import CaptureConfig
@@ -63,7 +65,7 @@ def capture(
     from plnerf.capture.sfm import SfmConfig
 
     sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
-    capture_and_tell(source, out, CaptureConfig(sfm, least=overlap), Console())
+    capture_and_tell(source, out, CaptureConfig(sfm, least=overlap, masks=masks), Console())
 
 
 @app.command
@@ -276,16 +278,18 @@ def doctor(
     distance: float | None = None,
     wire_diameter: float = 0.03,
     sigma_px: float = 0.5,
+    preset: PresetName = "pl-nerf-wire",
 ) -> None:
     """Say before training whether photos, or a scene's poses, can show where wires are; status 3 if not.
 
     Args:
         scene: Scene with poses (transforms.json, COLMAP), or a folder of photos.
         out: JSON to write.
-        distance: From cameras to wires in metres; when left out, a scene's span box or 10 m, and of photos
-            their height over the start (DJI).
+        distance: From cameras to wires in metres; when left out, a scene's span box, that of what the images
+            of a capture see, or 10 m; of photos their height over the start (DJI).
         wire_diameter: Of a conductor in metres.
         sigma_px: How well a wire is found in an image, in pixels; of scenes with poses.
+        preset: What is to be trained; of photos, how long that takes.
     """
     from plnerf.capture.photo_doctor import examine_photos
     from plnerf.scene.formats import has_poses
@@ -298,9 +302,12 @@ def doctor(
             console=console,
         )  # fmt: skip
         sys.exit(0 if found.usable else 3)
+    from plnerf.pipeline import find_preset
+
     usable = examine_photos(
-        scene, distance_m=distance, wire_diameter_m=wire_diameter, out=out, console=console
-    )
+        scene, distance_m=distance, wire_diameter_m=wire_diameter, preset=preset,
+        rays_per_s=find_preset(preset).rays_per_s, out=out, console=console,
+    )  # fmt: skip
     sys.exit(0 if usable else 3)
 
 

@@ -1,6 +1,7 @@
 """Photos or a video in, a scene folder out: chosen images, their poses, and where on the earth they are.
 
 OUT/images/           the images, upright
+OUT/masks/            their masks, where there are any
 OUT/sfm/              structure from motion's own files, from which it goes on
 OUT/sparse/0/         the COLMAP model, in metres where the scene is georeferenced
 OUT/transforms.json   the scene
@@ -10,6 +11,7 @@ OUT/capture.json      what was used, left out, and how well it fits
 import json
 import os
 import shutil
+from collections import Counter
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,17 +26,18 @@ from plnerf.capture.frames import LEAST, MOST, Taken, choose_frames
 from plnerf.capture.georef import Anchor, Georeference, georeference
 from plnerf.capture.gravity import Gravity, gravity_from_gimbal, gravity_from_level_cameras
 from plnerf.capture.local_frame import local_frame
+from plnerf.capture.masks import bring_masks
 from plnerf.capture.pairs import choose_pairs
 from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.references import GEO_TXT, References, from_photos, read_geo_txt
-from plnerf.capture.sfm import SfmConfig, SfmResult, Tell, reconstruct
+from plnerf.capture.sfm import LEAST_IMAGES, SfmConfig, SfmResult, Tell, reconstruct
 from plnerf.capture.video import stated_count, video_pictures, write_pictures
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.files import write_text
 from plnerf.scene.formats_colmap import read_colmap
 from plnerf.scene.write_transforms import write_transforms
 
-FORMAT_VERSION, FRAMES = 1, "frames.json"
+FORMAT_VERSION, FRAMES, REPORT = 1, "frames.json", "capture.json"
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mts", ".wmv"})
 
 
@@ -47,6 +50,8 @@ class CaptureConfig:
     """Of a video: overlap with the last picture kept above which the next is a near-duplicate."""
     least: float = LEAST
     """Of a video: overlap that is kept."""
+    masks: Path | None = None
+    """A folder of masks of the images, or one for all of them."""
 
     def __post_init__(self) -> None:
         if not 0 < self.least < self.most < 1:
@@ -69,16 +74,19 @@ def capture(
     if source.suffix.lower() in VIDEOS or source.is_file():
         taken, facts, problems = _from_video(source, images, config, tell)
     else:
-        photos = find_photos(source, lambda done, of: tell("photos", done, of))
-        facts, problems = bring_upright(photos, images), photos.problems
+        photos = bring_upright(find_photos(source, lambda done, of: tell("photos", done, of)), images)
+        facts, problems = photos.facts, photos.problems
+    masks = bring_masks(config.masks, facts, out / "masks") if config.masks is not None else {}
     references = _references(source, facts)
     pairs = choose_pairs(len(facts), config.sfm.pairs, _positions(facts, references))
-    found = reconstruct(images, facts, out / "sfm", pairs, config.sfm, tell=tell)
+    found = reconstruct(images, facts, out / "sfm", pairs, config.sfm, masks=masks, tell=tell)
     gravity = _gravity(found, facts)
     control = _control(source, list(facts))
     placed, why_not = _placed(found, references, gravity, control)
     model = _write_model(found, placed, out / "sparse" / "0")
     listing = replace(read_colmap(out), format="plnerf")
+    shots = (replace(shot, mask=masks.get(shot.path.name)) for shot in listing.shots)
+    listing = replace(listing, shots=tuple(shots))
     if placed is None:
         listing = replace(listing, up=gravity.up)
     else:
@@ -96,12 +104,13 @@ def capture(
         "frames": [asdict(one) for one in taken],
         "reprojection_px": found.reprojection_px,
         "points": found.points,
+        "view_distance": _view_distance(found),
         "seconds": found.seconds,
         "up_from": gravity.source,
         "georeference": None if placed is None else placed.summary(),
         "not_georeferenced_because": why_not,
     }
-    write_text(out / "capture.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
+    write_text(out / REPORT, json.dumps(report, indent=1, allow_nan=False) + "\n")
     return out / "transforms.json"
 
 
@@ -119,6 +128,7 @@ def _from_video(
             video_pictures(source), most=config.most, least=config.least,
             tell=lambda done: tell("video", done, 0),
         )  # fmt: skip
+        _check_enough(source, taken)
         write_pictures(source, [one.name for one in taken if one.kept], images)
         content = {"inputs": inputs, "frames": [asdict(one) for one in taken]}
         write_text(chosen, json.dumps(content, indent=1, allow_nan=False) + "\n")
@@ -129,6 +139,16 @@ def _from_video(
             f"{source.name}: says {stated} pictures, but {len(taken)} can be decoded: is it cut off?"
         )
     return taken, {path.name: read_facts(path) for path in files}, tuple(problems)
+
+
+def _check_enough(source: Path, taken: list[Taken]) -> None:
+    if (kept := sum(one.kept for one in taken)) < LEAST_IMAGES:
+        reasons = Counter(one.reason for one in taken if not one.kept)
+        dropped = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
+        raise CaptureError(
+            f"Of the {len(taken)} pictures of {source} only {kept} show something new "
+            f"({dropped or 'no more'}), but poses need {LEAST_IMAGES}. Film while moving along the line."
+        )
 
 
 def _chosen_before(path: Path, inputs: list[Any], images: Path) -> list[Taken] | None:
@@ -208,6 +228,16 @@ def _placed(
         return georeference(centres, references, gravity, anchors), None
     except CaptureError as error:
         return None, str(error)
+
+
+def _view_distance(found: SfmResult) -> float:
+    """Median over the images of the median distance to what they see, in the model's unit as it is now."""
+    model, medians = found.reconstruction, []
+    for name in found.registered:
+        image = model.find_image_with_name(name)
+        seen = [model.point3D(point.point3D_id).xyz for point in image.get_observation_points2D()]
+        medians.append(np.median(np.linalg.norm(np.array(seen) - image.projection_center(), axis=1)))
+    return float(np.median(medians))
 
 
 def _write_model(found: SfmResult, placed: Georeference | None, folder: Path) -> Path:

@@ -19,6 +19,9 @@ from plnerf.errors import CaptureError
 
 ROLL_LIMIT_DEG = 1.0
 """Turn about the track known worse than this: 20 m beside it, things are 35 cm off."""
+SAME_M = 1e-3
+SCALE_LIMIT = 0.2
+"""Scale known worse than this, relatively: lengths in metres would be a guess."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,7 @@ class Georeference:
             "residual_horizontal_median_m": float(np.median(flat[trusted])),
             "residual_vertical_median_m": float(np.median(np.abs(self.fit.residual[trusted, 2]))),
             "metres_per_unit": self.fit.similarity.scale,
+            "scale_sigma": self.fit.scale_sigma,
             "held_by": self.held_by,
             "roll_sigma_deg": None if np.isinf(roll) else roll,
             "gravity_scatter_deg": self.gravity_scatter_deg,
@@ -96,7 +100,19 @@ def georeference(
         LocalFrame(anchor.crs, frame.origin).to_local(np.array([anchor.xyz])) for anchor in anchors
     ])
     sigma = np.array([anchor.sigma_m for anchor in anchors])
+    if len(y) > 1 and np.ptp(y, axis=0).max() < SAME_M:
+        raise CaptureError(
+            f"All {len(y)} positions are the same, so that they hold no scale. The receiver stood still: "
+            "give positions in geo.txt, or go on without: lengths are then unscaled."
+        )
     fit = robust_similarity(x, y, sigma)
+    if fit.scale_sigma > SCALE_LIMIT:
+        extent = float(np.linalg.norm(np.ptp(y[fit.inlier], axis=0)))
+        raise CaptureError(
+            f"The positions lie within {extent:.3g} m and are good to {np.median(sigma):.2g} m, so that they "
+            f"hold the scale to {fit.scale_sigma:.0%} only. Give positions further apart, or better ones "
+            "(geo.txt, control points)."
+        )
     held = "positions"
     if fit.roll_sigma_deg > ROLL_LIMIT_DEG and gravity is not None:
         fit, held = robust_similarity(x, y, sigma, gravity.up), f"positions and {gravity.source}"

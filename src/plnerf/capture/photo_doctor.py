@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from rich.console import Console
 
+from plnerf.capture.cost import about_cost
 from plnerf.capture.findings import (
     BRIGHT,
     DARK,
@@ -37,12 +38,15 @@ def examine_photos(
     *,
     distance_m: float | None,
     wire_diameter_m: float,
+    preset: str,
+    rays_per_s: float | None,
     out: Path | None,
     console: Console,
     tell: Callable[[int, int], object] = lambda done, of: None,
 ) -> bool:
     """Prints findings, writes them as JSON where asked, and returns whether going on makes sense.
 
+    preset: what is to be trained, and how fast that is, where it was measured.
     Raises CaptureError where the folder has no photo that can be read.
     """
     photos = find_photos(folder)
@@ -62,6 +66,7 @@ def examine_photos(
         *about_pictures(small),
         *about_positions(facts, references),
         *about_wires(facts, distance, wire_diameter_m),
+        *([about_cost(facts, preset, rays_per_s)] if facts else []),
     ]
     usable = not any(finding.degree == "stops" for finding in findings)
     console.print(_text(findings, len(facts), usable), highlight=False, markup=False, soft_wrap=True)

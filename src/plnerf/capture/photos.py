@@ -61,10 +61,11 @@ def find_photos(folder: Path, tell: Callable[[int, int], object] = lambda done, 
     return Photos(folder, facts, tuple(problems))
 
 
-def bring_upright(photos: Photos, target: Path) -> dict[str, PhotoFacts]:
+def bring_upright(photos: Photos, target: Path) -> Photos:
     """The photos in another folder: as they are where they are upright, else turned as EXIF says.
 
-    Returns their facts as they are there.  Files are linked where the disk can, else copied.
+    Returns them as they are there, without those whose pixels are damaged.  Files are linked where the disk
+    can, else copied.
     """
     target.mkdir(parents=True, exist_ok=True)
     lying = [name for name, fact in photos.facts.items() if fact.orientation in TURNED]
@@ -73,10 +74,13 @@ def bring_upright(photos: Photos, target: Path) -> dict[str, PhotoFacts]:
             f"{lying[0]} and {len(lying) - 1} more of the photos in {target} are not stored upright, and the "
             "photos of a scene must be. Give another folder for the scene: -o."
         )
-    facts = {}
+    facts, problems = {}, list(photos.problems)
     for name, fact in photos.facts.items():
         source, copy = photos.folder / name, target / name
         turned = fact.orientation in TURNED
+        if (not copy.exists() or copy.samefile(source)) and (damage := _damage(source)):
+            problems.append(f"{name}: its pixels cannot be read ({damage})")
+            continue
         if not copy.exists():
             with complete_file(copy) as beside:
                 if turned:
@@ -87,7 +91,17 @@ def bring_upright(photos: Photos, target: Path) -> dict[str, PhotoFacts]:
         size = (fact.height_px, fact.width_px) if sideways else (fact.width_px, fact.height_px)
         camera = f"{fact.camera} turned" if sideways else fact.camera
         facts[name] = replace(fact, width_px=size[0], height_px=size[1], orientation=1, camera=camera)
-    return facts
+    return Photos(target, facts, tuple(problems))
+
+
+def _damage(path: Path) -> str | None:
+    """What is wrong with a photo's pixels.  COLMAP takes what is left of one that was cut off."""
+    try:
+        with Image.open(path) as image:
+            image.load()
+    except (OSError, SyntaxError, ValueError) as error:
+        return str(error)
+    return None
 
 
 def _write_upright(source: Path, target: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from plnerf.capture.capture import CaptureConfig, capture
+from plnerf.capture.capture import REPORT, CaptureConfig, capture
 
 SHOWN = 5
 """Most images that are named for one reason; capture.json names all."""
@@ -29,7 +29,7 @@ def capture_and_tell(source: Path, out: Path, config: CaptureConfig, console: Co
             progress.update(tasks[stage], completed=done, total=of or None)
 
         capture(source, out, config, tell)
-    report = json.loads((out / "capture.json").read_text())
+    report = json.loads((out / REPORT).read_text())
     console.print(summary(report), markup=False, highlight=False, emoji=False, soft_wrap=True)
     console.print(f"scene: {out}", markup=False, highlight=False, emoji=False, soft_wrap=True)
     return out

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import pycolmap
@@ -75,13 +76,13 @@ def reconstruct(
     pairs: Sequence[Pair],
     config: SfmConfig,
     *,
-    masks: Path | None = None,
+    masks: Mapping[str, Path] = MappingProxyType({}),
     tell: Tell = lambda stage, done, of: None,
 ) -> SfmResult:
     """Runs all stages on the images of a folder that `facts` names, in their order.
 
-    pairs: of places in that order.  masks: a folder of COLMAP's masks, NAME.png, black where features are
-    not looked for.  Raises CaptureError where fewer than three images hang together.
+    pairs: of places in that order.  masks: by image, all in one folder as IMAGE.png, black where features
+    are not looked for.  Raises CaptureError where fewer than three images hang together.
     """
     if len(facts) < LEAST_IMAGES:
         raise CaptureError(
@@ -104,11 +105,13 @@ def reconstruct(
 
 def _forget_if_changed(
     images: Path, facts: Mapping[str, PhotoFacts], pairs: Sequence[Pair], config: SfmConfig,
-    masks: Path | None, work: Path,
+    masks: Mapping[str, Path], work: Path,
 ) -> None:  # fmt: skip
     """Removes what other images or settings left: a name with other pixels behind it has other features."""
-    stamps = [(name, (images / name).stat().st_size, (images / name).stat().st_mtime_ns) for name in facts]
-    inputs = hashlib.sha256(repr((stamps, list(pairs), config, str(masks))).encode()).hexdigest()
+    stats = [(images / name).stat() for name in facts]
+    stamps = [(name, stat.st_size, stat.st_mtime_ns) for name, stat in zip(facts, stats, strict=True)]
+    drawn = [(name, hashlib.sha256(path.read_bytes()).hexdigest()) for name, path in masks.items()]
+    inputs = hashlib.sha256(repr((stamps, drawn, list(pairs), config)).encode()).hexdigest()
     path = work / INPUTS
     if not path.exists() or path.read_text() != inputs:
         (work / DATABASE).unlink(missing_ok=True)
@@ -124,8 +127,8 @@ def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 
 def _extract(
-    images: Path, facts: Mapping[str, PhotoFacts], database: Path, config: SfmConfig, masks: Path | None,
-    tell: Tell,
+    images: Path, facts: Mapping[str, PhotoFacts], database: Path, config: SfmConfig,
+    masks: Mapping[str, Path], tell: Tell,
 ) -> None:  # fmt: skip
     """Features of the images that have none yet; images that share a lens share a camera."""
     with pycolmap.Database.open(database) as db:
@@ -146,8 +149,8 @@ def _extract(
     tell("features", done, len(facts))
     for number, batch in _batches(left, camera):
         reader = pycolmap.ImageReaderOptions(camera_model=config.camera_model, existing_camera_id=number)
-        if masks is not None:
-            reader.mask_path = masks
+        if masks:
+            reader.mask_path = next(iter(masks.values())).parent
         pycolmap.extract_features(
             database, images, image_names=batch, reader_options=reader, extraction_options=extraction
         )
@@ -183,6 +186,7 @@ def _match(names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmC
         left = [
             (names[i], names[j])
             for i, j in pairs
+            if names[i] in number and names[j] in number
             if not db.exists_matches(number[names[i]], number[names[j]])
         ]
     matching = pycolmap.FeatureMatchingOptions(num_threads=config.threads, use_gpu=pycolmap.has_cuda)
@@ -238,6 +242,9 @@ def _best(
         partners = _partners(db)
         for name in names:
             if name in registered:
+                continue
+            if name not in images:
+                failed[name] = "its pixels cannot be read"
                 continue
             features = db.num_keypoints_for_image(images[name])
             failed[name] = _reason(features, partners.get(images[name], 0), elsewhere.get(name))

@@ -47,6 +47,8 @@ class RobustFit:
     roll_sigma_deg: float
     """Standard deviation of the turn about the track's direction as positions alone have it; infinite on an
     exact line."""
+    scale_sigma: float
+    """Relative standard deviation of the scale."""
 
 
 def fit_similarity(
@@ -142,7 +144,8 @@ def robust_similarity(
             "stated coordinate reference system, and are their stated accuracies true?"
         )
     residual = best(x) - y
-    return RobustFit(best, inlier, residual, _roll_sigma_deg(best(x[inlier]), sigma[inlier]))
+    roll, scale = _sigmas(best(x[inlier]), sigma[inlier])
+    return RobustFit(best, inlier, residual, roll, scale)
 
 
 def _off(
@@ -181,10 +184,14 @@ def _refined(
     return similarity(least_squares(errors, np.zeros(7 if up is None else 5), method="trf").x)
 
 
-def _roll_sigma_deg(y: Float[np.ndarray, "n 3"], sigma: Float[np.ndarray, "n 3"]) -> float:
-    """1 / sqrt(sum of (distance from the axis / sigma)^2): how well the turn about the axis is held."""
+def _sigmas(y: Float[np.ndarray, "n 3"], sigma: Float[np.ndarray, "n 3"]) -> tuple[float, float]:
+    """How well the turn about the main axis is held, in degrees, and the scale, relatively.
+
+    1 / sqrt(sum of (lever / sigma)^2): the levers are the distances from the axis, and from the middle.
+    """
     w = 1 / sigma.mean(1) ** 2
     off = y - (w @ y) / w.sum()
-    beside = np.linalg.svd(np.sqrt(w)[:, None] * off, compute_uv=False)
-    lever = float(np.sqrt((beside[1:] ** 2).sum()))
-    return float(np.degrees(1 / lever)) if lever > 1e-9 * float(beside[0]) else np.inf
+    along, *beside = np.linalg.svd(np.sqrt(w)[:, None] * off, compute_uv=False)
+    lever = float(np.hypot(*beside)) if len(beside) == 2 else 0.0
+    roll = np.degrees(1 / lever) if lever > 1e-9 * along else np.inf
+    return float(roll), float(1 / max(np.hypot(along, lever), 1e-300))

@@ -1,8 +1,10 @@
 """NeRF (Mildenhall et al. 2020; paper 4.2.1): the networks as published.
 
-For a CPU, 32 + 32 samples in place of 64 + 128, and 512 rays in place of 4096.  Samples reach to infinity as
-those of the other presets do, in place of normalised device coordinates, which only face forward.  The
-published learning rate and its tenth at the end, pixels drawn uniformly, and the colour as only loss.
+For a CPU, 32 + 32 samples in place of 64 + 128, and 64 rays in place of 4096: in a minute on two cores, many
+noisy steps learn more than few good ones (span at a third, 60 s: 512 rays 17.0 dB, 128 20.3, 64 20.7).
+Samples reach to infinity as those of the other presets do, in place of normalised device coordinates, which
+only face forward. The published learning rate and its tenth at the end, pixels drawn uniformly, and the
+colour as only loss.
 """
 
 from plnerf.render.coarse_fine import CoarseFineConfig
@@ -13,6 +15,7 @@ from plnerf.train.losses import LossWeights
 PRESET = Preset(
     model=CoarseFineConfig(sampler=SamplerConfig(proposals=(32,), final=32, padding=1e-5)),
     train=TrainConfig(
+        rays=64,
         detail_share=0.0,
         normal_rays=0,
         anneal_steps=1,

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from plnerf.synth.capture import View
-from plnerf.synth.catenary import Catenary
+from plnerf.wires.catenary import Catenary
 from plnerf.synth.config import CaptureConfig
 
 STEP_M = 0.05

@@ -124,7 +124,7 @@ def diagnose(
         points, box = _grid(listing.span, frames), "in the span box of the file"
     else:
         points = _on_axes(cameras, distance * frames.scale)
-        box = f"on the cameras' optical axes, about {distance:g} {'m' if metric else '(unscaled)'} away"
+        box = f"on the cameras' optical axes, about {distance:.3g} {'m' if metric else '(unscaled)'} away"
     u = np.tile([1.0, 0.0, 0.0], (len(points), 1))
     known = observe_wire(
         cameras,

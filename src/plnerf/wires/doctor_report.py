@@ -17,6 +17,7 @@ from plnerf.wires.doctor import ADVICE, DISTANCE_M, UNOBSERVABLE_M, Diagnosis, S
 from plnerf.wires.observability import SIGMA_PX
 
 FORMAT_VERSION = 1
+CAPTURE_REPORT = "capture.json"
 
 
 def examine(
@@ -31,13 +32,15 @@ def examine(
 ) -> Diagnosis:
     """Reads a scene's poses, prints a table of its stretches, and writes doctor.json to `out` if given.
 
-    distance: from the cameras to the wires in the scene's unit, where its file names no span box.  Raises
-    SceneError where the scene cannot be read.
+    distance: from the cameras to the wires in the scene's unit, where its file names no span box; left out,
+    it is that of what the images of a capture see.  Raises SceneError where the scene cannot be read.
     """
     for name, value in (("distance", distance), ("wire diameter", wire_diameter_m), ("sigma", sigma_px)):
         if value is not None and not 0 < value < math.inf:
             raise SceneError(f"The {name} must be a positive number, but is {value:g}. Give it anew.")
     listing = read_listing(source)
+    if distance is None and listing.span is None:
+        distance = _view_distance(listing.root)
     diagnosis = diagnose(listing, distance, wire_diameter_m, sigma_px, pose_sigma_m)
     console = console or Console()
     console.print(table(diagnosis), highlight=False, markup=False, soft_wrap=True)
@@ -45,6 +48,12 @@ def examine(
         write_text(out, json.dumps(to_json(diagnosis), indent=1, allow_nan=False) + "\n")
         console.print(f"diagnosis: {out}", markup=False, highlight=False, emoji=False, soft_wrap=True)
     return diagnosis
+
+
+def _view_distance(folder: Path) -> float | None:
+    """What `plnerf capture` wrote down, in the scene's unit."""
+    path = folder / CAPTURE_REPORT
+    return json.loads(path.read_text())["view_distance"] if path.is_file() else None
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Any]:

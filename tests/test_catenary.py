@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from plnerf.errors import ConfigError
-from plnerf.synth.catenary import Catenary, hang
+from plnerf.wires.catenary import Catenary, hang
 
 SPANS = [
     ((-20.0, 1.0, 9.0), (20.0, 4.0, 9.4), 1.4),
