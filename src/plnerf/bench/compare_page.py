@@ -16,6 +16,7 @@ from plnerf.render.panels import side_by_side
 from plnerf.render.pictures import DepthRange, depth_picture, rgb_picture, with_legend
 
 CROP_WIDTH_PX = 320
+CELLS_IN_A_ROW = 4
 COLOURS = ("#1b6ca8", "#d1495b", "#2e933c", "#8f5db7", "#e08e1b", "#444444", "#159a9c", "#a05a2c")
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM = 760, 360, 52, 40
 
@@ -71,7 +72,7 @@ def write_pages(out: Path, results: Sequence[Mapping[str, Any]], about: Mapping[
 
 
 def crops_sheet(out: Path, done: Sequence[Mapping[str, Any]]) -> UInt8[np.ndarray, "h w 3"]:
-    """The photo and what each system makes of it; below, their depths with one scale."""
+    """The photo and what each system makes of it, its depth below; all depths with one scale."""
     views = {one["preset"]: np.load(out / one["preset"] / "view.npz") for one in done}
     top, left, h, w = done[0]["crop"]
     part = (slice(top, top + h), slice(left, left + w))
@@ -81,15 +82,29 @@ def crops_sheet(out: Path, done: Sequence[Mapping[str, Any]]) -> UInt8[np.ndarra
     near, far = np.percentile(surfaces, [1, 98]) if surfaces.size else (1.0, 2.0)
     unit = "m" if str(first["unit"]) == "m" else "units, unscaled"
     shown = DepthRange(float(near), float(max(far, near * 1.05)), unit)
-    colours = [("photo", _enlarged(first["photo"][part]))]
-    colours += [(name, _enlarged(rgb_picture(view["rgb"][part]))) for name, view in views.items()]
-    blank = np.full_like(colours[0][1], 255)
-    below = [("", blank)] + [
-        (f"{name}, depth", with_legend(_enlarged(depth_picture(view["depth"][part], shown)), shown))
-        for name, view in views.items()
-    ]
-    upper, lower = side_by_side(colours), side_by_side(below)
-    return np.concatenate([upper, lower])
+    cells = [_cell("photo", _enlarged(first["photo"][part]), None)]
+    for name, view in views.items():
+        depth = with_legend(_enlarged(depth_picture(view["depth"][part], shown)), shown)
+        cells.append(_cell(name, _enlarged(rgb_picture(view["rgb"][part])), depth))
+    return _in_rows(cells)
+
+
+def _cell(
+    name: str, colour: UInt8[np.ndarray, "h w 3"], depth: UInt8[np.ndarray, "h2 w 3"] | None
+) -> UInt8[np.ndarray, "h3 w3 3"]:
+    upper = side_by_side([(name, colour)])
+    return upper if depth is None else np.concatenate([upper, side_by_side([("", depth)])])
+
+
+def _in_rows(cells: Sequence[UInt8[np.ndarray, "_h w 3"]]) -> UInt8[np.ndarray, "h2 w2 3"]:
+    """CELLS_IN_A_ROW side by side, white where there is none."""
+    h, w = max(len(cell) for cell in cells), cells[0].shape[1]
+    rows = -(-len(cells) // CELLS_IN_A_ROW)
+    sheet = np.full((rows * h, min(len(cells), CELLS_IN_A_ROW) * w, 3), 255, np.uint8)
+    for k, cell in enumerate(cells):
+        top, left = k // CELLS_IN_A_ROW * h, k % CELLS_IN_A_ROW * w
+        sheet[top : top + len(cell), left : left + w] = cell
+    return sheet
 
 
 def curves_svg(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:

@@ -31,6 +31,7 @@ from plnerf.capture.pairs import choose_pairs
 from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.references import GEO_TXT, References, from_photos, read_geo_txt
 from plnerf.capture.sfm import LEAST_IMAGES, SfmConfig, SfmResult, Tell, reconstruct
+from plnerf.capture.similarity import Similarity, upright_rotation
 from plnerf.capture.video import stated_count, video_pictures, write_pictures
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.files import write_text
@@ -83,15 +84,17 @@ def capture(
     gravity = _gravity(found, facts)
     control = _control(source, list(facts))
     placed, why_not = _placed(found, references, gravity, control)
-    model = _write_model(found, placed, out / "sparse" / "0")
+    # Without a place on the earth it is upright at least: later stages take z for up.
+    upright = Similarity(1.0, upright_rotation(gravity.up), np.zeros(3))
+    to = upright if placed is None else placed.fit.similarity
+    model = _write_model(found, to, out / "sparse" / "0")
     listing = replace(read_colmap(out), format="plnerf")
     shots = (replace(shot, mask=masks.get(shot.path.name)) for shot in listing.shots)
     listing = replace(listing, shots=tuple(shots))
-    if placed is None:
-        listing = replace(listing, up=gravity.up)
-    else:
-        up, origin = np.array([0.0, 0.0, 1.0]), np.array(placed.frame.origin)
-        listing = replace(listing, unit="m", crs=placed.frame.crs, origin=origin, up=up)
+    listing = replace(listing, up=np.array([0.0, 0.0, 1.0]))
+    if placed is not None:
+        crs, origin = placed.frame.crs, np.array(placed.frame.origin)
+        listing = replace(listing, unit="m", crs=crs, origin=origin)
     write_transforms(listing, out / "transforms.json", {"order": list(found.registered)})
     report = {
         "format_version": FORMAT_VERSION,
@@ -240,12 +243,10 @@ def _view_distance(found: SfmResult) -> float:
     return float(np.median(medians))
 
 
-def _write_model(found: SfmResult, placed: Georeference | None, folder: Path) -> Path:
+def _write_model(found: SfmResult, to: Similarity, folder: Path) -> Path:
     """The COLMAP model, in the world frame; each of its files whole."""
     model = found.reconstruction
-    if placed is not None:
-        to = placed.fit.similarity
-        model.transform(pycolmap.Sim3d(to.scale, pycolmap.Rotation3d(to.R), to.shift))
+    model.transform(pycolmap.Sim3d(to.scale, pycolmap.Rotation3d(to.R), to.shift))
     part = folder.with_name("0.part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
