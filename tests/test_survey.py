@@ -13,7 +13,7 @@ from plnerf.errors import ConfigError
 from plnerf.scene.cameras import project
 from plnerf.survey import points as survey_points
 from plnerf.survey.points import MOST_PER_VIEW, WirePoints, ridge_pixels, wire_points
-from plnerf.survey.survey import survey_run
+from plnerf.survey.survey import survey_wires
 from plnerf.train.guidance import CURVES
 from plnerf.train.loop import train
 from plnerf.train.run import TrainedRun, open_run
@@ -37,9 +37,9 @@ def test_files_are_whole_and_in_the_worlds_frame(
     view, solid = np.arange(50) % 12, np.linspace(0.5, 1, 50)
     found = WirePoints(points, view, solid, tried=99)
     monkeypatch.setattr("plnerf.survey.survey.wire_points", lambda run, progress=None: found)
-    path = survey_run(run, tmp_path / "deep" / "survey")
-    assert path == tmp_path / "deep" / "survey" / "survey.json"
-    assert {file.name for file in path.parent.iterdir()} == {"survey.json", "wires.ply"}
+    path = survey_wires(run, tmp_path / "deep" / "survey")
+    assert path == tmp_path / "deep" / "survey" / "wires.json"
+    assert {file.name for file in path.parent.iterdir()} == {"wires.json", "wires.ply"}
     np.testing.assert_array_equal(read_cloud(path.parent / "wires.ply").points, points)
     summary = json.loads(path.read_text())
     assert (summary["points"], summary["wire_pixels_tried"], summary["frame"]) == (50, 99, "world")
@@ -49,8 +49,8 @@ def test_files_are_whole_and_in_the_worlds_frame(
 
 def test_a_real_run_is_surveyed_twice_to_the_same_points(run: TrainedRun, tmp_path: Path) -> None:
     done: list[tuple[int, int]] = []
-    first = json.loads(survey_run(run, tmp_path / "a", lambda *at: done.append(at)).read_text())
-    again = json.loads(survey_run(run, tmp_path / "a").read_text())  # over the one before
+    first = json.loads(survey_wires(run, tmp_path / "a", lambda *at: done.append(at)).read_text())
+    again = json.loads(survey_wires(run, tmp_path / "a").read_text())  # over the one before
     assert first.keys() == again.keys() and first["points"] == again["points"]
     count = len(run.scene.train)
     assert done == [(k + 1, count) for k in range(count)]
@@ -63,7 +63,7 @@ def test_curves_that_guided_a_run_are_told_in_world_units(run: TrainedRun, tmp_p
     path = run.folder / CURVES
     write_curves(path, [curve, unsure])
     try:
-        told = json.loads(survey_run(run, tmp_path / "s").read_text())["conductors_found_in_images"]
+        told = json.loads(survey_wires(run, tmp_path / "s").read_text())["conductors_found_in_images"]
     finally:
         path.unlink()
     assert [row["certain"] for row in told] == [True, False]
@@ -76,7 +76,7 @@ def test_curves_that_guided_a_run_are_told_in_world_units(run: TrainedRun, tmp_p
 def test_a_file_is_not_written_over(run: TrainedRun, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
     with pytest.raises(ConfigError, match="is a file") as caught:
-        survey_run(run, tmp_path / "out")
+        survey_wires(run, tmp_path / "out")
     assert str(tmp_path / "out") in str(caught.value)
     assert (tmp_path / "out").read_text() == "mine"
 

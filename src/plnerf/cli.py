@@ -236,17 +236,29 @@ def synth(  # noqa: PLR0913 (an argument is an option)
 
 @app.command
 def survey(
-    run: tyro.conf.Positional[Path], *, out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    source: tyro.conf.Positional[Path],
+    *,
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    voltage_kv: float | None = None,
+    thresholds: Path | None = None,
+    clearance_m: float | None = None,
+    temperature_c: float | None = None,
 ) -> None:
-    """Points on the wires that a run's field shows, in the scene's world frame.
+    """Conductors as catenaries, their sag, clearances, a classified cloud, and a report to open.
 
     Args:
-        run: Run folder.
-        out: Folder for wires.ply and survey.json; survey in the run folder when left out.
+        source: Run folder, or a LAS or LAZ file in metres, whose classes are not looked at.
+        out: Folder to write; survey in the run folder, or beside the cloud, when left out.
+        voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
+        thresholds: Table of required clearances (TOML); NERC FAC-003-4 when left out.
+        clearance_m: A distance in metres to be kept from everything, in place of a table's.
+        temperature_c: Of the conductors when they were surveyed, in degrees Celsius.
     """
-    from plnerf.pipeline import survey as survey_wires
+    from plnerf.pipeline import survey as survey_source
+    from plnerf.survey.deliver import SurveyOptions
 
-    survey_wires(run, out, console=Console())
+    options = SurveyOptions(voltage_kv, thresholds, clearance_m, temperature_c)
+    survey_source(source, out, options, console=Console())
 
 
 @app.command

@@ -20,7 +20,9 @@ from plnerf.ops.dispatch import BackendChoice, resolve_backend
 from plnerf.presets import preset_names
 from plnerf.render.systems import SystemConfig
 from plnerf.scene.scene import load_scene
-from plnerf.survey.survey import survey_run
+from plnerf.survey.cloud_survey import SUFFIXES, survey_cloud
+from plnerf.survey.deliver import CONTENT, SurveyOptions
+from plnerf.survey.run_survey import survey_run
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import summary, synthesize
 from plnerf.train.checkpoint import list_checkpoints
@@ -213,14 +215,27 @@ def run_demo(
     return out
 
 
-def survey(run: Path, out: Path | None = None, *, console: Console | None = None) -> Path:
-    """Points on the wires of a run, written to its survey folder or to `out`; returns the folder."""
+def survey(
+    source: Path, out: Path | None = None, options: SurveyOptions | None = None, *,
+    console: Console | None = None,
+) -> Path:  # fmt: skip
+    """Conductors, clearances and a report of a run, or of a LAS or LAZ file; returns the report's path.
+
+    out: left out, the folder `survey` in the run folder, or beside the file.
+    """
     console = console or Console()
+    options = options or SurveyOptions()
+    cloud = source.suffix.lower() in SUFFIXES
+    folder = out or (source.with_name(f"{source.stem}-survey") if cloud else source / "survey")
     with bar(console, "survey") as progress:
-        summary = survey_run(open_run(run), out or run / "survey", progress=progress)
-    content = json.loads(summary.read_text())
-    _say(console, f"{content['points']} points on wires: {summary.parent}")
-    return summary.parent
+        if cloud:
+            page = survey_cloud(source, folder, options, progress)
+        else:
+            page = survey_run(open_run(source), folder, options, progress)
+    content = json.loads((folder / CONTENT).read_text())
+    _say(console, f"{len(content['conductors'])} conductors, {content['points']:,} points: {folder}")
+    _say(console, f"report: {page}")
+    return page
 
 
 @contextmanager

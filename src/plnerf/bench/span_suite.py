@@ -18,7 +18,7 @@ from plnerf.errors import ConfigError
 from plnerf.pipeline import bar, bundled_span, train_scene
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
-from plnerf.survey.survey import POINTS, survey_run
+from plnerf.survey.survey import POINTS, survey_wires
 from plnerf.train.evaluate import mean_appearance, means, measure
 from plnerf.train.metrics import Lpips
 from plnerf.train.protocol import plain
@@ -115,7 +115,7 @@ def score_run(folder: Path, *, views: int, console: Console) -> dict[str, Any]:
     run = open_run(folder)
     scene = Path(run.config.scene)
     with bar(console, "survey") as progress:
-        survey_run(run, folder / "survey", progress)
+        survey_wires(run, folder / "survey", progress)
     score = score_points(read_cloud(folder / "survey" / POINTS).points, read_truth(scene / "truth.json"))
     test, appearance, lpips, pictures = run.scene.test, mean_appearance(run), Lpips(), []
     count = min(views, len(test))

@@ -1,4 +1,4 @@
-"""The survey of a run: points on its wires, and what they are worth, as files."""
+"""Points on the wires of a run, and what they are worth, as files."""
 
 import json
 import time
@@ -17,11 +17,11 @@ from plnerf.wires.curves import read_curves
 from plnerf.wires.ply import write_ply
 
 FORMAT_VERSION = 1
-POINTS, SUMMARY = "wires.ply", "survey.json"
+POINTS, SUMMARY = "wires.ply", "wires.json"
 
 
-def survey_run(run: TrainedRun, out: Path, progress: Callable[[int, int], None] | None = None) -> Path:
-    """Writes wires.ply (world frame) and survey.json into the folder `out`; returns the summary's path."""
+def survey_wires(run: TrainedRun, out: Path, progress: Callable[[int, int], None] | None = None) -> Path:
+    """Writes wires.ply (world frame) and wires.json into the folder `out`; returns the summary's path."""
     if out.exists() and not out.is_dir():
         raise ConfigError(f"The survey writes a folder, but {out} is a file. Name another place: -o.")
     out.mkdir(parents=True, exist_ok=True)

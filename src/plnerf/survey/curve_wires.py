@@ -1,0 +1,99 @@
+"""Conductors of a run: the curves that guided it, judged by the points of wires that its field shows.
+
+Letters: n points on wires, world frame; s along a wire's base, as in `catenary.py`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.errors import SurveyError
+from plnerf.scene.transforms import Frames
+from plnerf.survey.catenary import Base, CatenaryFit
+from plnerf.survey.model import Conductor, Kind
+from plnerf.wires.curves import Curve
+
+STEEPEST_UP = 1e-3
+"""1 - cosine of the angle that the world's z may lean from up."""
+NEAR_M = 0.25
+"""A point this near is on the wire."""
+STEP_M = 0.25
+"""Length of the pieces of a wire that are with a point or without."""
+HALF_SPAN_M = 20.0
+"""What half of an unscaled scene's box stands for, so that its lengths have an order of magnitude."""
+ABOVE_ALL = 0.6
+"""The highest wire is a shield wire where it hangs above the next by more than this share of the height over
+which the others spread."""
+
+
+def conductors_of_curves(
+    curves: Sequence[Curve], frames: Frames, points: Float[np.ndarray, "n 3"]
+) -> list[Conductor]:
+    """One conductor for each curve that the views fix, the highest first.
+
+    A curve states one standard deviation, that of its least certain point in its least certain direction: it
+    stands here for all of them.  Raises SurveyError where the world's z is not up.
+    """
+    if 1 - frames.R_scene_world[2, 2] > STEEPEST_UP:
+        raise SurveyError(
+            "Sag needs a world with z up, but this scene's up direction is "
+            f"{frames.R_scene_world[2].round(3).tolist()}. Turn its poses, or make them by `plnerf capture`."
+        )
+    certain, metre = [curve for curve in curves if curve.certain], metre_of(frames)
+    fits = [_fit(curve, frames, points) for curve in certain]
+    order = sorted(range(len(fits)), key=lambda i: -_middle(fits[i]))
+    heights = [_middle(fits[i]) for i in order]
+    rows = []
+    for k, i in enumerate(order):
+        fit, mine = fits[i], points[fits[i].inlier]
+        gaps = _gaps(fit, mine, STEP_M * metre)
+        rows.append(
+            Conductor(
+                id=k + 1, span=0, kind=_kind(k, heights), fit=fit,
+                coverage=1 - sum(gaps) / fit.base.length_m, longest_gap_m=max(gaps, default=0.0),
+                evidence=len(mine), source=f"the images, and {len(mine):,} points of the field",
+                note=None if len(mine) else "The field shows no point of it.",
+            )
+        )  # fmt: skip
+    return rows
+
+
+def metre_of(frames: Frames) -> float:
+    """A metre in world units; in an unscaled scene what stands for one."""
+    return 1.0 if frames.unit == "m" else 1 / (frames.scale * HALF_SPAN_M)
+
+
+def _fit(curve: Curve, frames: Frames, points: Float[np.ndarray, "n 3"]) -> CatenaryFit:
+    """A curve between its ends in the world, and which of the points lie on it."""
+    a, b = frames.to_world(curve.points(np.array(curve.ends)))
+    length = float(np.linalg.norm((b - a)[:2]))
+    u = (b - a)[:2] / length
+    bend = curve.z[2] * (curve.ends[1] - curve.ends[0]) ** 2 / 4 / frames.scale
+    base, q = Base(a[:2], u, length), np.array([0.0, 0.0, a[2], b[2], bend])
+    local = base.local(points)
+    off = local[:, 1:] - base.at(q, local[:, 0])
+    inlier = (np.abs(off) <= NEAR_M * metre_of(frames)).all(1) & (local[:, 0] >= 0) & (local[:, 0] <= length)
+    rms = np.sqrt((off[inlier] ** 2).mean(0)) if inlier.any() else np.zeros(2)
+    covariance = np.eye(5) * (curve.sigma / frames.scale) ** 2
+    return CatenaryFit(base, q, covariance, inlier, float(rms[0]), float(rms[1]))
+
+
+def _gaps(fit: CatenaryFit, mine: Float[np.ndarray, "k 3"], step: float) -> list[float]:
+    """Lengths of the stretches without a point."""
+    count = max(1, int(fit.base.length_m / step))
+    piece = np.clip((fit.base.local(mine)[:, 0] / fit.base.length_m * count).astype(int), 0, count - 1)
+    bare = np.ones(count, int)
+    bare[piece] = 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], bare, [0]])))
+    return [float(b - a) * fit.base.length_m / count for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _middle(fit: CatenaryFit) -> float:
+    return float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1])
+
+
+def _kind(place: int, heights: Sequence[float]) -> Kind:
+    if place or len(heights) < 3:
+        return "phase"
+    return "shield" if heights[0] - heights[1] > ABOVE_ALL * (heights[1] - heights[-1]) else "phase"
