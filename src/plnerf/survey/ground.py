@@ -1,0 +1,70 @@
+"""The ground under a wire: a triangulated surface through means of the ground's points.
+
+Letters: n points, m those of the ground, k stations along the wire, c cells; s, y, z as in `obstacles.py`.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import QhullError, cKDTree
+
+from plnerf.survey.obstacles import beside
+from plnerf.wires.catenary import Catenary
+
+SIDE_M = 10.0
+"""Ground within this distance of the wire (horizontally) takes part."""
+CELL_M = 0.5
+"""Points within a square of this side count as their mean: that of points in a plane lies in it."""
+GAP_M = 10.0
+"""Where the nearest ground is farther (horizontally), the ground is not known."""
+
+
+def ground_under(
+    curve: Catenary,
+    at: Float[np.ndarray, " k"],
+    xyz: Float[np.ndarray, "n 3"],
+    index: Int[np.ndarray, " m"],
+    sigma_m: Float[np.ndarray, " n"] | None,
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Height of the ground under the wire at the stations `at`, and its standard deviation.
+
+    NaN where no ground lies on both sides, or none within `GAP_M`.  The deviation is that of the points of
+    the nearest cell (root mean square: neighbours share their error), 0 where none is stated.
+    """
+    cells, variance = _cells(curve, xyz, index, sigma_m)
+    z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
+    if len(cells) < 3:
+        return z, sigma
+    under = np.stack([at, np.zeros(len(at))], 1)
+    distance, nearest = cKDTree(cells[:, :2]).query(under)
+    try:
+        z = LinearNDInterpolator(cells[:, :2], cells[:, 2])(under)
+    except QhullError:  # all in one line
+        return z, sigma
+    return np.where(distance <= GAP_M, z, np.nan), np.sqrt(variance[nearest])
+
+
+def _cells(
+    curve: Catenary,
+    xyz: Float[np.ndarray, "n 3"],
+    index: Int[np.ndarray, " m"],
+    sigma_m: Float[np.ndarray, " n"] | None,
+) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
+    """Means of s, y and z by cell, and the mean variance."""
+    parts = []
+    for some, local in beside(curve, xyz, index, SIDE_M):
+        variance = np.zeros(len(some)) if sigma_m is None else sigma_m[some] ** 2
+        cell = np.floor(local[:, :2] / CELL_M)
+        parts.append(_sums(np.column_stack([cell, np.ones(len(some)), local, variance])))
+    if not parts:
+        return np.empty((0, 3)), np.empty(0)
+    sums = _sums(np.concatenate(parts))
+    mean = sums[:, 3:] / sums[:, 2:3]
+    return mean[:, :3], mean[:, 3]
+
+
+def _sums(rows: Float[np.ndarray, "r 7"]) -> Float[np.ndarray, "c 7"]:
+    """One row for each cell (the first two columns), the others summed."""
+    cell, which = np.unique(rows[:, :2], axis=0, return_inverse=True)
+    sums = [np.bincount(which.ravel(), column, len(cell)) for column in rows[:, 2:].T]
+    return np.column_stack([cell, *sums])
