@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter1d
 
 from plnerf.errors import SurveyError
@@ -29,6 +29,7 @@ APART_M = 5.0
 MOST_PLACES = 5
 STATE = "as surveyed"
 """Of wires: not at their greatest temperature, not loaded, not swung."""
+_Indices = dict[Group, Int[np.ndarray, " _"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,7 @@ def measure_clearances(survey: Survey, requirement: Requirement | None = None) -
     return Clearances(conductors, survey.temperature_c, requirement, notes)
 
 
-def _measure(conductor: Conductor, survey: Survey, found: dict[Group, np.ndarray]) -> ConductorClearance:
+def _measure(conductor: Conductor, survey: Survey, found: _Indices) -> ConductorClearance:
     curve, cloud = conductor.fit.curve, survey.cloud
     at = stations(curve, STATION_M)
     wire, sigma = curve.points(at), conductor.fit.sigma_at(at / curve.span_m * conductor.fit.base.length_m)
@@ -211,7 +212,7 @@ def _lowest(values: Float[np.ndarray, " k"], step_m: float) -> list[int]:
 
 
 def _highest(
-    conductor: Conductor, at: Float[np.ndarray, " k"], survey: Survey, index: np.ndarray
+    conductor: Conductor, at: Float[np.ndarray, " k"], survey: Survey, index: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, " k"]:
     """Of the vegetation within `CORRIDOR_M` of the wire, by station."""
     curve, top = conductor.fit.curve, np.full(len(at), -np.inf)
@@ -222,7 +223,7 @@ def _highest(
     return np.where(np.isfinite(top), top, np.nan)
 
 
-def _notes(survey: Survey, found: dict[Group, np.ndarray], requirement: Requirement | None) -> list[str]:
+def _notes(survey: Survey, found: _Indices, requirement: Requirement | None) -> list[str]:
     temperature = survey.temperature_c
     notes = [
         f"Sag and clearances are {STATE}"

@@ -87,6 +87,7 @@ def clearance_rows(survey: Survey, clearances: Clearances, places: Places) -> li
             "vertical_m": place.vertical_m,
             "s_m": place.s_m,
             "required_m": None if required is None or verdict is None else required.distance_m,
+            "required_by": None if required is None or verdict is None else required.name,
             "verdict": verdict,
         }
         ends = _named(places, survey, {"wire": tuple(place.wire), "obstacle": tuple(place.obstacle)})
@@ -131,6 +132,8 @@ def _unit(name: str, survey: Survey) -> str:
 
 def _plain(value: str | float | int | None) -> str | float | int | None:
     """Rounded to a tenth of a millimetre; what is not finite is not known."""
+    if isinstance(value, np.integer):
+        return int(value)
     if not isinstance(value, float):
         return value
     return round(float(value), DECIMALS) if math.isfinite(value) else None

@@ -1,12 +1,12 @@
 """The ground under a wire: a triangulated surface through means of the ground's points.
 
-Letters: n points, m those of the ground, k stations along the wire, c cells; s, y, z as in `obstacles.py`.
+Letters: n points, m those of the ground, k stations along the wire, c cells, e crossed edges; s, y and z as
+in `obstacles.py`.
 """
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import QhullError, cKDTree
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from plnerf.survey.obstacles import beside
 from plnerf.wires.catenary import Catenary
@@ -33,15 +33,35 @@ def ground_under(
     """
     cells, variance = _cells(curve, xyz, index, sigma_m)
     z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
-    if len(cells) < 3:
+    s, height = _section(cells)
+    if not len(s):
         return z, sigma
-    under = np.stack([at, np.zeros(len(at))], 1)
-    distance, nearest = cKDTree(cells[:, :2]).query(under)
-    try:
-        z = LinearNDInterpolator(cells[:, :2], cells[:, 2])(under)
-    except QhullError:  # all in one line
-        return z, sigma
+    distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
+    z = np.interp(at, s, height, left=np.nan, right=np.nan)
     return np.where(distance <= GAP_M, z, np.nan), np.sqrt(variance[nearest])
+
+
+def _section(cells: Float[np.ndarray, "c 3"]) -> tuple[Float[np.ndarray, " e"], Float[np.ndarray, " e"]]:
+    """Where the edges of the surface cross the wire's vertical plane y = 0: s in order, and z.
+
+    Between them the section is straight, so that no point need be looked for in a triangle.  Empty where the
+    cells make no triangle.
+    """
+    none = np.empty(0)
+    if len(cells) < 3:
+        return none, none
+    try:
+        triangles = Delaunay(cells[:, :2]).simplices
+    except QhullError:  # all in one line
+        return none, none
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    start, end = cells[edges[:, 0]], cells[edges[:, 1]]
+    crosses = (start[:, 1] < 0) != (end[:, 1] < 0)
+    start, end = start[crosses], end[crosses]
+    share = (start[:, 1] / (start[:, 1] - end[:, 1]))[:, None]
+    place = start + share * (end - start)
+    order = np.argsort(place[:, 0], kind="stable")
+    return place[order, 0], place[order, 2]
 
 
 def _cells(

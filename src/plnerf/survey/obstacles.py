@@ -77,9 +77,9 @@ def obstacles(survey: Survey) -> dict[Group, Int[np.ndarray, " _"]]:
     for group in GROUPS:
         index = np.flatnonzero(np.isin(cloud.label, CLASSES[group]) & (cloud.wire == NO_WIRE))
         if group in {"structures", "other"}:
-            index = index[~_within(supports, cloud.xyz[index, :2], SUPPORT_M)]
+            index = index[~_within(supports, cloud.xyz[:, :2], index, SUPPORT_M)]
         if group == "other":
-            index = index[~_within(wires, cloud.xyz[index], OWN_M)]
+            index = index[~_within(wires, cloud.xyz, index, OWN_M)]
         found[group] = index
     return found
 
@@ -162,14 +162,13 @@ def onto_wire(
 
 
 def _within(
-    tree: cKDTree | None, points: Float[np.ndarray, "m d"], radius_m: float
+    tree: cKDTree | None, points: Float[np.ndarray, "n d"], index: Int[np.ndarray, " m"], radius_m: float
 ) -> Bool[np.ndarray, " m"]:
-    """Which of the points are so near to one of the tree's."""
-    near = np.zeros(len(points), np.bool_)
+    """Which of some points are so near to one of the tree's."""
+    near = np.zeros(len(index), np.bool_)
     if tree is not None:
-        for first in range(0, len(points), CHUNK):
+        for first in range(0, len(index), CHUNK):
             part = slice(first, first + CHUNK)
-            near[part] = np.isfinite(
-                tree.query(points[part], distance_upper_bound=radius_m, workers=-1)[0]
-            )
+            distance, _ = tree.query(points[index[part]], distance_upper_bound=radius_m, workers=-1)
+            near[part] = np.isfinite(distance)
     return near

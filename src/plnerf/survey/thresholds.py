@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from plnerf.errors import SurveyError
+from plnerf.survey.model import Survey
 
 Group = Literal["ground", "vegetation", "structures", "other"]
 """What a conductor may come near to."""
@@ -93,6 +94,17 @@ def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Re
         table.date,
         table.caveats,
     )
+
+
+def altitude_m(survey: Survey) -> float:
+    """Of the line's highest support, in the survey's heights.
+
+    Above the ellipsoid rather than the sea where the survey has an origin, or a CRS without heights of its own:
+    that is off by the geoid's height, 110 m at most.
+    """
+    curves = [conductor.fit.curve for conductor in survey.conductors]
+    highest = max((end[2] for curve in curves for end in (curve.a, curve.b)), default=0.0)
+    return highest + (0.0 if survey.origin is None else float(survey.origin[2]))
 
 
 def load_table(path: Path | None = None) -> Table:
