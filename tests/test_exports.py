@@ -276,14 +276,14 @@ def test_a_drawing_that_reads_back_differently_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     line = export_dxf.Line("TOWER", 1, np.array([UTM, UTM + 1]))
-    read = ezdxf.readfile
+    read = export_dxf.readfile
 
     def moved(path: Path) -> Drawing:
         drawing = read(path)
         drawing.modelspace()[0].translate(0, 0.002, 0)
         return drawing
 
-    monkeypatch.setattr(ezdxf, "readfile", moved)
+    monkeypatch.setattr(export_dxf, "readfile", moved)
     with pytest.raises(SurveyError, match=r"of its 2 vertices, number 0 \(from 0\) should be at"):
         export_dxf.write_dxf(tmp_path / "t.dxf", [line], "metre")
     assert not list(tmp_path.iterdir())

@@ -7,10 +7,10 @@ data, application PLNERF.
 from dataclasses import dataclass
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 from ezdxf import units
-from ezdxf.entities import Polyline
+from ezdxf.entities.polyline import Polyline
+from ezdxf.filemanagement import new, readfile
 from jaxtyping import Float
 
 from plnerf.scene.files import complete_file
@@ -41,7 +41,7 @@ def write_dxf(path: Path, lines: list[Line], unit: str | None) -> None:
 
     Raises SurveyError where they differ.
     """
-    drawing = ezdxf.new(VERSION)
+    drawing = new(VERSION)
     drawing.header["$INSUNITS"] = UNITS.get(unit or "", 0)
     drawing.appids.add(APPLICATION)
     for layer in dict.fromkeys(line.layer for line in lines):
@@ -52,7 +52,7 @@ def write_dxf(path: Path, lines: list[Line], unit: str | None) -> None:
         drawn.set_xdata(APPLICATION, [(_ID, line.id)])
     with complete_file(path) as beside:
         drawing.saveas(beside)
-        found = [entity for entity in ezdxf.readfile(beside).modelspace() if isinstance(entity, Polyline)]
+        found = [entity for entity in readfile(beside).modelspace() if isinstance(entity, Polyline)]
         check_same(path, len(lines), len(found), "the number of lines")
         for line, read in zip(lines, found, strict=True):
             check_same(path, line.layer, read.dxf.layer, "a layer")

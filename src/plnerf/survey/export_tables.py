@@ -8,6 +8,7 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -130,10 +131,8 @@ def _unit(name: str, survey: Survey) -> str:
     return name if survey.unit == "m" or not name.endswith("_m") else name.removesuffix("_m") + "_unscaled"
 
 
-def _plain(value: str | float | int | None) -> str | float | int | None:
-    """Rounded to a tenth of a millimetre; what is not finite is not known."""
-    if isinstance(value, np.integer):
-        return int(value)
+def _plain(value: Any) -> str | float | int | None:
+    """NumPy's numbers as Python's, rounded to a tenth of a millimetre; what is not finite is not known."""
     if not isinstance(value, float):
-        return value
+        return value.item() if isinstance(value, np.integer) else value
     return round(float(value), DECIMALS) if math.isfinite(value) else None

@@ -99,8 +99,8 @@ def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Re
 def altitude_m(survey: Survey) -> float:
     """Of the line's highest support, in the survey's heights.
 
-    Above the ellipsoid rather than the sea where the survey has an origin, or a CRS without heights of its own:
-    that is off by the geoid's height, 110 m at most.
+    Above the ellipsoid rather than the sea where the survey has an origin, or a CRS without heights of its
+    own: that is off by the geoid's height, 110 m at most.
     """
     curves = [conductor.fit.curve for conductor in survey.conductors]
     highest = max((end[2] for curve in curves for end in (curve.a, curve.b)), default=0.0)
