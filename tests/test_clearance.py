@@ -145,7 +145,9 @@ def test_what_belongs_to_the_line_is_no_obstacle() -> None:
     assert not measure_clearances(survey_of({1: above})).conductors[0].places["other"]
     trees = measure_clearances(survey_of({5: np.concatenate([near_tower, above])}))
     assert trees.conductors[0].least("vegetation").distance_m < 0.41  # a tree that touches is told
-    for code in (13, 14, 15, 16):
+    for code, group in ((9, "ground"), (11, "ground"), (17, "other"), (26, "other"), (200, "other")):
+        assert measure_clearances(survey_of({code: far})).conductors[0].least(group).class_code == code
+    for code in (7, 13, 14, 15, 16, 18):
         assert not any(measure_clearances(survey_of({code: far})).conductors[0].places.values())
     labelled = replace(survey_of({5: far}), cloud=cloud({5: far}, wire=np.array([1])))
     assert not measure_clearances(labelled).conductors[0].places["vegetation"]
@@ -215,13 +217,13 @@ def test_verdicts_are_on_phases_and_on_what_the_requirement_is_for() -> None:
 
 
 def test_the_state_of_the_line_and_what_is_missing_are_said() -> None:
-    groups = {5: np.array([[40.0, 2.0, 12.0]]), 9: np.zeros((3, 3)), 14: np.zeros((2, 3))}
+    groups = {5: np.array([[40.0, 2.0, 12.0]]), 7: np.zeros((3, 3)), 14: np.zeros((2, 3))}
     found = measure_clearances(survey_of(groups))
     assert found.state == "as surveyed" and found.temperature_c is None
     said = " ".join(found.notes)
     assert "as surveyed; the conductors' temperature is not known" in said
     assert "no points that count as ground, structures, other" in said
-    assert "3 of class 9" in said and "class 14" not in said
+    assert "3 of class 7" in said and "class 14" not in said
     warm: Clearances = measure_clearances(survey_of(groups, temperature_c=31.5))
     assert warm.temperature_c == 31.5 and "at 31.5 degrees Celsius" in warm.notes[0]
 

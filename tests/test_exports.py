@@ -11,14 +11,18 @@ import numpy as np
 import pytest
 from ezdxf.document import Drawing
 from pyproj import CRS, Transformer
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.errors import CaptureError, SurveyError
 from plnerf.survey import export_dxf, export_gis, export_las, export_tables, exports, places
+from plnerf.survey.catenary import fit_catenary
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.export_las import wkt_of
 from plnerf.survey.exports import write_exports
-from plnerf.survey.model import Cloud, Survey
+from plnerf.survey.model import Cloud, Conductor, Survey
 from plnerf.survey.places import places_of
 from plnerf.survey.thresholds import own_requirement
 from plnerf.wires.ply import read_ply
@@ -300,3 +304,31 @@ def test_what_las_cannot_hold_is_told(survey: Survey, tmp_path: Path) -> None:
 def test_a_crs_that_is_none_is_told(survey: Survey, tmp_path: Path) -> None:
     with pytest.raises(SurveyError, match=r"'EPSG:0' of cloud.laz is not known"):
         write_exports(replace(survey, crs="EPSG:0"), None, tmp_path)
+
+
+@pytest.mark.data
+def test_a_real_cloud_of_lidar_is_exported_to_the_millimetre(shared_data: Path, tmp_path: Path) -> None:
+    """Airborne LiDAR of a 380 kV line in RD New; of its wires, the longest piece in one."""
+    las = laspy.read(shared_data / "lidar" / "12AN2_20.laz")
+    xyz, label = las.xyz, np.asarray(las.classification, dtype=np.uint8)
+    on = np.flatnonzero(label == 14)
+    pairs = cKDTree(xyz[on]).query_pairs(1.0, output_type="ndarray")
+    near = coo_matrix((np.ones(len(pairs)), pairs.T), (len(on), len(on)))
+    piece = connected_components(near, directed=False)[1]
+    mine = on[piece == np.bincount(piece).argmax()]
+    wire = np.zeros(len(xyz), np.int64)
+    wire[mine] = 1
+    conductor = Conductor(1, 0, "phase", fit_catenary(xyz[mine]), 1.0, 1.0, len(mine), "its points")
+    survey = Survey((conductor,), (), Cloud(xyz, label, wire), "m", "EPSG:28992", None, "12AN2_20.laz")
+    assert conductor.fit.inlier.mean() > 0.99 and conductor.fit.curve.span_m > 200
+    found = measure_clearances(survey)
+    files = write_exports(survey, found, tmp_path).files
+    assert set(files) == ALL
+    back = laspy.read(files["cloud.laz"])
+    assert np.abs(back.xyz - xyz).max() <= 1e-3 and np.array_equal(back.classification, label)
+    assert back.header.parse_crs().to_epsg() == 28992
+    line = conductor.fit.curve.polyline(0.02)
+    for group, codes in (("ground", (2, 9)), ("vegetation", (5,))):
+        assert found.conductors[0].least(group).distance_m == pytest.approx(
+            cKDTree(line).query(xyz[np.isin(label, codes)])[0].min(), abs=1e-3
+        )

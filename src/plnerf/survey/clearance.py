@@ -17,7 +17,7 @@ from scipy.ndimage import minimum_filter1d
 from plnerf.errors import SurveyError
 from plnerf.survey.ground import ground_under
 from plnerf.survey.model import GROUND, Conductor, Kind, Survey
-from plnerf.survey.obstacles import CLASSES, Nearest, beside, nearest_along, obstacles, stations
+from plnerf.survey.obstacles import NO_THING, Nearest, beside, nearest_along, obstacles, stations
 from plnerf.survey.thresholds import GROUPS, Group, Requirement, Verdict
 
 STATION_M = 0.5
@@ -241,11 +241,10 @@ def _notes(survey: Survey, found: _Indices, requirement: Requirement | None) -> 
     absent = [group for group in GROUPS if not len(found[group])]
     if absent:
         notes.append(f"The cloud has no points that count as {', '.join(absent)}: nothing is said of them.")
-    codes, counts = np.unique(survey.cloud.label, return_counts=True)
-    known = {code for classes in CLASSES.values() for code in classes} | {13, 14, 15, 16}
-    strange = [f"{n} of class {c}" for c, n in zip(codes, counts, strict=True) if int(c) not in known]
-    if strange:
-        notes.append(f"Points that were not looked at: {', '.join(strange)}.")
+    counts = np.bincount(survey.cloud.label, minlength=256)
+    noise = [f"{counts[code]} of class {code}" for code in NO_THING if counts[code]]
+    if noise:
+        notes.append(f"Points that were not looked at: {', '.join(noise)}.")
     if requirement is not None:
         notes.append(
             f"Required: {requirement.distance_m:.2f} m to {', '.join(requirement.applies_to)} "

@@ -4,6 +4,8 @@ Letters: n points, m those of the ground, k stations along the wire, c cells, e 
 in `obstacles.py`.
 """
 
+import math
+
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import Delaunay, QhullError, cKDTree
@@ -70,21 +72,14 @@ def _cells(
     index: Int[np.ndarray, " m"],
     sigma_m: Float[np.ndarray, " n"] | None,
 ) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
-    """Means of s, y and z by cell, and the mean variance."""
-    parts = []
+    """Means of s, y and z by cell, and the mean variance; of cells that hold points."""
+    rows, columns = (math.ceil((side + 2 * SIDE_M) / CELL_M) + 1 for side in (curve.span_m, 0.0))
+    sums = np.zeros((5, rows * columns))
     for some, local in beside(curve, xyz, index, SIDE_M):
+        row, column = np.floor((local[:, :2] + SIDE_M) / CELL_M).astype(np.int64).T
         variance = np.zeros(len(some)) if sigma_m is None else sigma_m[some] ** 2
-        cell = np.floor(local[:, :2] / CELL_M)
-        parts.append(_sums(np.column_stack([cell, np.ones(len(some)), local, variance])))
-    if not parts:
-        return np.empty((0, 3)), np.empty(0)
-    sums = _sums(np.concatenate(parts))
-    mean = sums[:, 3:] / sums[:, 2:3]
-    return mean[:, :3], mean[:, 3]
-
-
-def _sums(rows: Float[np.ndarray, "r 7"]) -> Float[np.ndarray, "c 7"]:
-    """One row for each cell (the first two columns), the others summed."""
-    cell, which = np.unique(rows[:, :2], axis=0, return_inverse=True)
-    sums = [np.bincount(which.ravel(), column, len(cell)) for column in rows[:, 2:].T]
-    return np.column_stack([cell, *sums])
+        for k, values in enumerate((np.ones(len(some)), *local.T, variance)):
+            sums[k] += np.bincount(row * columns + column, values, rows * columns)
+    count, *totals = sums[:, sums[0] > 0]
+    s, y, z, variance = (total / count for total in totals)
+    return np.stack([s, y, z], 1), variance

@@ -14,11 +14,14 @@ from scipy.spatial import cKDTree
 
 from plnerf.survey.model import (
     BUILDING,
+    CONDUCTOR,
+    CONNECTOR,
     GROUND,
     HIGH_VEGETATION,
     LOW_VEGETATION,
     NO_WIRE,
-    UNCLASSIFIED,
+    SHIELD,
+    TOWER,
     VEGETATION,
     Survey,
 )
@@ -26,13 +29,20 @@ from plnerf.survey.thresholds import GROUPS, Group
 from plnerf.wires.catenary import Catenary
 from plnerf.wires.polylines import onto_segments
 
-CLASSES: dict[Group, tuple[int, ...]] = {
-    "ground": (GROUND,),
+WATER, RAIL, ROAD = 9, 10, 11
+OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)
+NO_THING = (7, 18, 20, 22)
+"""Low and high noise, ignored ground, what was there for a time only."""
+_NAMED: dict[Group, tuple[int, ...]] = {
+    "ground": (GROUND, WATER, RAIL, ROAD),
     "vegetation": (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION),
     "structures": (BUILDING,),
-    "other": (UNCLASSIFIED,),
 }
-"""By group, in the ASPRS classes of LAS 1.4.  Wires, towers and insulators are no obstacles."""
+_TOLD = {*OWN, *NO_THING}.union(*_NAMED.values())
+CLASSES: dict[Group, tuple[int, ...]] = _NAMED | {
+    "other": tuple(code for code in range(256) if code not in _TOLD)
+}
+"""By group, in the ASPRS classes of LAS 1.4.  What is unclassified or of an unknown class may be a crane."""
 SUPPORT_M = 8.0
 """Structures and other points this near (horizontally) to a tower's foot or a wire's end are the tower's."""
 OWN_M = 0.5
@@ -46,10 +56,12 @@ CHUNK = 500_000
 RULES = {
     "distance": "the least in space from the wire between its supports, of obstacles within "
     f"{REACH_M:g} m of it horizontally",
+    "ground": "ground, water, rails and roads (classes 2, 9, 10, 11)",
+    "vegetation": "low, medium and high vegetation (classes 3, 4, 5)",
     "structures": f"buildings (class 6), not within {SUPPORT_M:g} m of a tower's foot or a wire's end",
-    "other": f"unclassified points (class 1), not within {SUPPORT_M:g} m of a tower's foot or a wire's end, "
-    f"and not within {OWN_M:g} m of any wire",
-    "left out": "wires, towers (of this line and of others), insulators, noise, and all further classes",
+    "other": "unclassified points (class 1) and all further classes, not within "
+    f"{SUPPORT_M:g} m of a tower's foot or a wire's end, and not within {OWN_M:g} m of any wire",
+    "left out": "wires, towers (of this line and of others), insulators, noise",
 }
 
 
@@ -75,7 +87,8 @@ def obstacles(survey: Survey) -> dict[Group, Int[np.ndarray, " _"]]:
     wires = cKDTree(np.concatenate([sampled(curve) for curve in curves])) if curves else None
     found: dict[Group, Int[np.ndarray, " _"]] = {}
     for group in GROUPS:
-        index = np.flatnonzero(np.isin(cloud.label, CLASSES[group]) & (cloud.wire == NO_WIRE))
+        counts = np.isin(np.arange(256), CLASSES[group])
+        index = np.flatnonzero(counts[cloud.label] & (cloud.wire == NO_WIRE))
         if group in {"structures", "other"}:
             index = index[~_within(supports, cloud.xyz[:, :2], index, SUPPORT_M)]
         if group == "other":
@@ -99,14 +112,18 @@ def beside(
     curve: Catenary, xyz: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " m"], reach_m: float
 ) -> Iterator[tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 3"]]]:
     """The points within `reach_m` of the wire horizontally (a box), by chunks: indices, and s, y, z."""
-    u = np.array(curve.direction)
-    n = np.array([-u[1], u[0]])
+    ux, uy = curve.direction
+    ends = np.array([curve.a[:2], curve.b[:2]])
+    low, high = ends.min(0) - math.sqrt(2) * reach_m, ends.max(0) + math.sqrt(2) * reach_m
     for first in range(0, len(index), CHUNK):
         some = index[first : first + CHUNK]
-        flat = xyz[some, :2] - np.array(curve.a[:2])
-        s, y = flat @ u, flat @ n
-        near = (s >= -reach_m) & (s <= curve.span_m + reach_m) & (np.abs(y) <= reach_m)
-        yield some[near], np.stack([s[near], y[near], xyz[some[near], 2]], 1)
+        x, y, z = xyz[some].T
+        near = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])  # of a long line, few are
+        some, x, y = some[near], x[near] - ends[0, 0], y[near] - ends[0, 1]
+        local = np.stack([ux * x + uy * y, ux * y - uy * x, z[near]], 1)
+        near = (local[:, 0] >= -reach_m) & (local[:, 0] <= curve.span_m + reach_m)
+        near &= np.abs(local[:, 1]) <= reach_m
+        yield some[near], local[near]
 
 
 def nearest_along(
