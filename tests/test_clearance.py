@@ -7,7 +7,7 @@ import pytest
 
 from plnerf.errors import SurveyError
 from plnerf.survey import obstacles as room
-from plnerf.survey.clearance import APART_M, Clearances, measure_clearances
+from plnerf.survey.clearance import APART_M, Clearances, _lowest, measure_clearances
 from plnerf.survey.ground import ground_under
 from plnerf.survey.model import Survey, Tower
 from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, stations
@@ -77,10 +77,10 @@ def test_the_profile_holds_the_least_distance_of_the_points_beside_each_station(
 
 
 def test_heights_above_a_sloping_plane_are_exact() -> None:
-    """Ground z = 2 + 0.1 x: the least height is where the wire's slope is the plane's."""
+    """Ground z = 2 + 0.1 x + 0.2 y: the least height is where the wire's slope is the plane's."""
     random = np.random.default_rng(4)
     ground = np.stack([random.uniform(-15, 115, 9000), random.uniform(-15, 15, 9000), np.zeros(9000)], 1)
-    ground[:, 2] = 2 + 0.1 * ground[:, 0]
+    ground[:, 2] = 2 + 0.1 * ground[:, 0] + 0.2 * ground[:, 1]
     one = measure_clearances(survey_of({2: ground})).conductors[0]
     curve = conductor(WIRE).fit.curve
     s = np.linspace(0, curve.span_m, 10_000)
@@ -93,7 +93,7 @@ def test_heights_above_a_sloping_plane_are_exact() -> None:
     assert not np.isnan(one.profile.ground_z).any()
     across = one.least("ground")
     assert across is not None
-    assert across.distance_m == pytest.approx(height.min() / np.hypot(1, 0.1), abs=0.01)
+    assert across.distance_m == pytest.approx(height.min() / np.sqrt(1 + 0.1**2 + 0.2**2), abs=0.02)
     assert across.measure == "distance" and one.vertical.measure == "vertical"
 
 
@@ -103,6 +103,9 @@ def test_where_no_ground_is_near_none_is_made_up() -> None:
     ground = np.column_stack([strip, np.full(len(strip), 3.0)])
     z, _ = ground_under(WIRE, at, ground, np.arange(len(ground)), None)
     assert np.allclose(z[(at > 0.5) & (at < 29.5)], 3.0) and np.isnan(z[at > 30.5]).all()
+    beyond = np.concatenate([ground, ground + np.array([70.0, 0.0, 0.0])])  # and 40 m between
+    z, _ = ground_under(WIRE, at, beyond, np.arange(len(beyond)), None)
+    assert np.allclose(z[(at < 39) | (at > 61)], 3.0) and np.isnan(z[(at > 41) & (at < 59)]).all()
     for few in (ground[:0], ground[:2], np.array([[10.0, 0, 0], [20.0, 0, 0], [30.0, 0, 0]])):
         assert np.isnan(ground_under(WIRE, at, few, np.arange(len(few)), None)[0]).all()
     assert measure_clearances(survey_of({5: ground})).conductors[0].vertical is None
@@ -172,6 +175,9 @@ def test_places_are_distinct_and_the_nearest_comes_first() -> None:
     flat = np.stack(np.meshgrid(np.arange(0, 100, 0.5), np.arange(-9, 9, 0.5)), -1).reshape(-1, 2)
     level = measure_clearances(survey_of({2: np.column_stack([flat, np.zeros(len(flat))])}))
     assert len(level.conductors[0].places["ground"]) == 1  # the lowest point of the wire, and no neighbour
+    equal = np.array([2.0, 2.0, 5.0, 1.0, 1.0, np.inf, np.inf, np.inf, np.inf, 4.0, np.inf])
+    assert _lowest(equal, APART_M / 2) == [3, 0, 9]
+    assert _lowest(np.ones(11), APART_M / 2) == [0, 3, 6, 9]
     for found in measure_clearances(corridor()).conductors:
         for group in GROUPS:
             s = np.sort([place.s_m for place in found.places[group]])

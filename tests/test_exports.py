@@ -310,7 +310,9 @@ def test_a_crs_that_is_none_is_told(survey: Survey, tmp_path: Path) -> None:
 def test_a_real_cloud_of_lidar_is_exported_to_the_millimetre(shared_data: Path, tmp_path: Path) -> None:
     """Airborne LiDAR of a 380 kV line in RD New; of its wires, the longest piece in one."""
     las = laspy.read(shared_data / "lidar" / "12AN2_20.laz")
-    xyz, label = las.xyz, np.asarray(las.classification, dtype=np.uint8)
+    code = np.asarray(las.classification, dtype=np.uint8)
+    some = (code == 14) | (np.arange(len(code)) % 4 == 0)
+    xyz, label = las.xyz[some], code[some]
     on = np.flatnonzero(label == 14)
     pairs = cKDTree(xyz[on]).query_pairs(1.0, output_type="ndarray")
     near = coo_matrix((np.ones(len(pairs)), pairs.T), (len(on), len(on)))
