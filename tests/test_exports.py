@@ -208,6 +208,14 @@ def test_degrees_are_no_metres(local: Survey, survey: Survey, tmp_path: Path) ->
         places_of(replace(survey, crs="EPSG:4326"))
 
 
+@pytest.mark.parametrize(("crs", "said"), [("EPSG:3857", "is 0.50"), ("EPSG:2227", "is 0.30")])
+def test_units_that_are_no_metres_are_told(crs: str, said: str) -> None:
+    """Web Mercator far from the equator, and feet."""
+    origin = np.array([1.2e6, 8.4e6, 0]) if crs == "EPSG:3857" else np.array([6.1e6, 2.1e6, 0])
+    with pytest.raises(SurveyError, match=said + r".* does not hold metres\. Project the cloud"):
+        places_of(replace(corridor(origin, count=50), crs=crs))
+
+
 def test_without_a_crs_the_local_files_are_written_and_the_others_named(
     survey: Survey, tmp_path: Path
 ) -> None:

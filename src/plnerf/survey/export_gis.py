@@ -39,24 +39,26 @@ def write_geojson(
 ) -> None:
     """Writes features and reads them back.
 
-    forward, backward: from world coordinates to the file's and back.  crs: None for longitudes and latitudes,
-    else the name of the file's.  Raises SurveyError where a vertex reads back 1 mm away in the world.
+    forward, backward: from world coordinates to the file's and back, so that what reads back is compared in
+    metres.  crs: None for longitudes and latitudes, else the name of the file's.  Raises SurveyError where a
+    vertex is more than 1 mm away.
     """
     decimals = (DEGREE_DECIMALS, DEGREE_DECIMALS, METRE_DECIMALS) if crs is None else (METRE_DECIMALS,) * 3
     data: dict[str, Any] = {"type": "FeatureCollection"}
     if crs is not None:
         data["crs"] = crs
-    data["features"] = [_feature(feature, forward(feature.world), decimals) for feature in features]
+    lines = [forward(feature.world) for feature in features]
+    data["features"] = [_feature(*pair, decimals) for pair in zip(features, lines, strict=True)]
     with complete_file(path) as beside:
         beside.write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
         found = json.loads(beside.read_text(encoding="utf-8"))
         check_same(path, crs, found.get("crs"), "the CRS")
         check_same(path, len(features), len(found["features"]), "the number of features")
-        for feature, read in zip(features, found["features"], strict=True):
+        for feature, line, read in zip(features, lines, found["features"], strict=True):
             check_same(path, feature.kind, read["geometry"]["type"], "a geometry")
             check_same(path, feature.properties, read["properties"], "what is said of a feature")
             vertices = np.array(read["geometry"]["coordinates"], dtype=np.float64).reshape(-1, 3)
-            check_places(path, feature.world, backward(vertices), "vertices")
+            check_places(path, backward(line), backward(vertices), "vertices")
 
 
 def _feature(

@@ -17,6 +17,9 @@ from plnerf.capture.local_frame import GEOGRAPHIC, LocalFrame, local_frame
 from plnerf.errors import CaptureError, SurveyError
 from plnerf.survey.model import Survey
 
+UNIT_TOLERANCE = 0.01
+"""Maps of surveys are true to length within a part in a thousand; feet and Web Mercator's metres are not."""
+
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -120,15 +123,28 @@ def _of_crs(survey: Survey, crs: CRS) -> Places:
         return Places(crs, None, None, None, (*notes, f"Longitudes and latitudes are not known: {error}"))
     if frame is None:
         return Places(crs, None, None, None, tuple(notes))
+    east, north = (_metres(frame, some[0], axis) for axis in np.eye(3)[:2])
+    if max(abs(east - 1), abs(north - 1)) > UNIT_TOLERANCE:
+        raise SurveyError(
+            f"A unit of {survey.crs} is {east:.4g} m on the ground eastwards and {north:.4g} m northwards at "
+            f"{some[0].tolist()}, so that {survey.source} does not hold metres. Project the cloud to metres "
+            "(to UTM, for example) and survey it again."
+        )
     return Places(crs, None, LocalFrame(GEOGRAPHIC, frame.origin), frame, tuple(notes))
+
+
+def _metres(frame: LocalFrame, place: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"]) -> float:
+    """Length on the ground of a unit along a horizontal axis, at a place."""
+    ends = frame.to_local(np.stack([place, place + 100 * axis]))
+    return float(np.linalg.norm(ends[1] - ends[0])) / 100
 
 
 def _of_heights(crs: CRS) -> list[str]:
     if len(crs.axis_info) > 2:
         return []
     return [
-        f"{crs.name} says nothing of heights: they are taken to be above the ellipsoid. If they are above "
-        "sea level, those in longitude-latitude files are off by the geoid's height (tens of metres)."
+        f"{crs.name} says nothing of heights: they are taken to be above its ellipsoid. If they are above "
+        "sea level, those in longitude-latitude files may be off by tens of metres."
     ]
 
 
