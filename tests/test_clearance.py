@@ -8,12 +8,12 @@ import pytest
 from plnerf.errors import SurveyError
 from plnerf.survey import obstacles as room
 from plnerf.survey.clearance import APART_M, Clearances, _lowest, measure_clearances
-from plnerf.survey.ground import ground_under
+from plnerf.survey.ground_section import ground_under
 from plnerf.survey.model import Survey, Tower
 from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, stations
 from plnerf.survey.thresholds import GROUPS, own_requirement
 from plnerf.wires.catenary import Catenary, hang
-from surveys import UTM, cloud, conductor, corridor
+from catenary_surveys import UTM, cloud, conductor, corridor
 
 ZERO = np.zeros(3)
 WIRE = hang((0.0, 0.0, 20.0), (100.0, 0.0, 20.0), 4.0)

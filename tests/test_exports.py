@@ -26,7 +26,7 @@ from plnerf.survey.model import Cloud, Conductor, Survey
 from plnerf.survey.places import places_of
 from plnerf.survey.thresholds import own_requirement
 from plnerf.wires.ply import read_ply
-from surveys import UTM, corridor
+from catenary_surveys import UTM, corridor
 
 ORIGIN = np.array([9.0, 51.45, 250.0])
 RD = np.array([155_000.0, 463_000.0, 0.0])

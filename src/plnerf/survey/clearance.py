@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter1d
 
 from plnerf.errors import SurveyError
-from plnerf.survey.ground import ground_under
+from plnerf.survey.ground_section import ground_under
 from plnerf.survey.model import GROUND, Conductor, Kind, Survey
 from plnerf.survey.obstacles import NO_THING, Nearest, beside, nearest_along, obstacles, stations
 from plnerf.survey.thresholds import GROUPS, Group, Requirement, Verdict
