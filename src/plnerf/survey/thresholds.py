@@ -1,0 +1,167 @@
+"""The distance that a conductor must keep, out of a table with its source, and the verdict on one measured.
+
+A table is a TOML file (`data/clearances/`, or the user's own in the same form): distances by voltage class
+and band of altitude.  Classes are never interpolated, because insulation is designed anew for each.
+"""
+
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from plnerf.errors import SurveyError
+from plnerf.survey.model import Survey
+
+Group = Literal["ground", "vegetation", "structures", "other"]
+"""What a conductor may come near to."""
+GROUPS: tuple[Group, ...] = get_args(Group)
+Verdict = Literal["closer than required", "within its uncertainty", "clear"]
+SIGMAS = 2.0
+"""A distance is told from the required one if they are so many standard deviations apart."""
+METRES = {"ft": 0.3048, "m": 1.0}
+DEFAULT_TABLE = "nerc-fac-003-4.toml"
+_KEYS = ("name", "source", "date", "applies_to", "unit", "altitude_up_to", "caveats", "class")
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A distance to be kept, and who says so."""
+
+    distance_m: float
+    applies_to: tuple[Group, ...]
+    name: str
+    source: str
+    date: str | None = None
+    caveats: tuple[str, ...] = ()
+
+    def verdict(self, distance_m: float, sigma_m: float) -> Verdict:
+        """On a distance and its standard deviation."""
+        spare = distance_m - self.distance_m
+        if abs(spare) <= SIGMAS * sigma_m:
+            return "within its uncertainty"
+        return "closer than required" if spare < 0 else "clear"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Distances in metres by nominal voltage (kV), for bands of altitude."""
+
+    path: str
+    name: str
+    source: str
+    date: str
+    applies_to: tuple[Group, ...]
+    caveats: tuple[str, ...]
+    up_to_m: tuple[float, ...]
+    """Upper bound of each band, which belongs to it."""
+    distances_m: dict[float, tuple[float, ...]]
+
+
+def own_requirement(distance_m: float) -> Requirement:
+    """One distance of the user's, to be kept from everything.  Raises SurveyError unless it is positive."""
+    if not 0 < distance_m < float("inf"):
+        raise SurveyError(
+            f"The clearance to be kept must be greater than 0 m, got {distance_m}. Give it in metres."
+        )
+    return Requirement(distance_m, GROUPS, f"{distance_m:g} m", "given by the user")
+
+
+def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Requirement:
+    """The distance that a table asks for at a nominal voltage and an altitude above sea level.
+
+    Raises SurveyError for a voltage that is no class of the table, or an altitude above its bands.
+    """
+    distances = table.distances_m.get(voltage_kv)
+    if distances is None:
+        classes = ", ".join(f"{nominal:g}" for nominal in sorted(table.distances_m))
+        raise SurveyError(
+            f"{table.path} has no class of {voltage_kv:g} kV. Its classes are {classes} kV (nominal), and "
+            "none is interpolated. Give one of them, a table of your own, or the distance itself in metres."
+        )
+    band = next((i for i, bound in enumerate(table.up_to_m) if altitude_m <= bound), None)
+    if band is None:
+        raise SurveyError(
+            f"{table.path} goes up to {table.up_to_m[-1]:.0f} m above sea level, but the line is at "
+            f"{altitude_m:.0f} m, where air insulates less. Give a table of your own, or the distance itself "
+            "in metres."
+        )
+    return Requirement(
+        distances[band],
+        table.applies_to,
+        f"{table.name}: {voltage_kv:g} kV, up to {table.up_to_m[band]:.0f} m above sea level",
+        table.source,
+        table.date,
+        table.caveats,
+    )
+
+
+def altitude_m(survey: Survey) -> float:
+    """Of the line's highest support, in the survey's heights.
+
+    Above the ellipsoid rather than the sea where the survey has an origin, or a CRS without heights of its
+    own: that is off by the geoid's height, 110 m at most.
+    """
+    curves = [conductor.fit.curve for conductor in survey.conductors]
+    highest = max((end[2] for curve in curves for end in (curve.a, curve.b)), default=0.0)
+    return highest + (0.0 if survey.origin is None else float(survey.origin[2]))
+
+
+def load_table(path: Path | None = None) -> Table:
+    """A table out of a TOML file; None: the one that comes with the package.
+
+    Raises SurveyError where the file is not there, or not of the form of `data/clearances/`.
+    """
+    place = path or files("plnerf") / "data" / "clearances" / DEFAULT_TABLE
+    try:
+        data = tomllib.loads(place.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SurveyError(
+            f"The table {place} cannot be read ({error.strerror or error}). Check its path."
+        ) from error
+    except ValueError as error:  # of TOML, or of the encoding
+        raise SurveyError(f"{place} is not valid TOML ({error}).") from error
+    missing = [key for key in _KEYS if key not in data]
+    if missing:
+        raise SurveyError(f"{place} does not say {', '.join(missing)}. {_ADVICE}")
+    try:
+        return _table(data, str(path or DEFAULT_TABLE))
+    except (TypeError, ValueError, KeyError) as error:
+        raise SurveyError(f"{place} is no table of clearances: {error}. {_ADVICE}") from error
+
+
+_ADVICE = f"Copy {DEFAULT_TABLE} of the package and change its numbers."
+
+
+def _table(data: dict[str, Any], path: str) -> Table:
+    """Raises ValueError for values that are none of a table."""
+    if data["unit"] not in METRES:
+        raise ValueError(f"its unit is {data['unit']!r}, but must be one of {', '.join(METRES)}")
+    strange = [group for group in data["applies_to"] if group not in GROUPS]
+    if strange:
+        raise ValueError(f"it applies to {', '.join(strange)}, but knows only {', '.join(GROUPS)}")
+    metres, bounds = METRES[data["unit"]], [float(bound) for bound in data["altitude_up_to"]]
+    if not bounds or bounds != sorted(set(bounds)):
+        raise ValueError(f"its altitudes {bounds} must rise")
+    distances: dict[float, tuple[float, ...]] = {}
+    for row in data["class"]:
+        nominal, values = float(row["nominal_kv"]), [float(value) for value in row["distance"]]
+        if nominal in distances:
+            raise ValueError(f"it has {nominal:g} kV twice")
+        if len(values) != len(bounds):
+            raise ValueError(f"{nominal:g} kV has {len(values)} distances for {len(bounds)} altitudes")
+        if not all(0 < value < float("inf") for value in values):
+            raise ValueError(f"{nominal:g} kV has distances that are not greater than 0: {values}")
+        distances[nominal] = tuple(value * metres for value in values)
+    if not distances:
+        raise ValueError("it has no class")
+    return Table(
+        path=path,
+        name=str(data["name"]),
+        source=str(data["source"]),
+        date=str(data["date"]),
+        applies_to=tuple(data["applies_to"]),
+        caveats=tuple(str(caveat) for caveat in data["caveats"]),
+        up_to_m=tuple(bound * metres for bound in bounds),
+        distances_m=distances,
+    )
