@@ -1,0 +1,189 @@
+"""Wires, or bundles of them, followed through the places on lines: from a short piece outwards, as far as one
+hanging curve holds.
+
+The growing of piecewise catenaries: Y. Jwa, G. Sohn, "A piecewise catenary curve model growing for power line
+reconstruction", PE&RS 78(12), 2012.  While growing, a parabola in an upright plane stands for the catenary: a
+span of 400 m that sags 12 m departs from it by 1 cm.  At a support the slope breaks, and the curve ends.
+
+Letters: s along a track's horizontal direction u, y to its left, z up, all in metres; m places.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from plnerf.survey.cloud_lines import ALIKE, Lines, pieces
+
+SEED_M = 20.0
+"""Pieces are cut to this length: a support within one would bend it."""
+LEAST_M, LEAST_PLACES = 10.0, 8
+GATE_M = 0.6
+"""How far from the curve, sideways and in height, its places may lie: half a bundle, and noise."""
+STEP_M, STEP_SHARE, GAP_M = 5.0, 0.3, 20.0
+"""At each step a track is looked for this far beyond its ends, or a share of its length if that is more, but
+no farther than the longest gap."""
+DEEPEST = 0.15
+"""Sag as a share of the length beyond which nothing hangs on poles or towers."""
+MISFIT_M = 0.35
+"""Root mean square distance of a seed from its curve beyond which it is not one."""
+ROUNDS = 60
+DECIMETRES = 0.1
+"""Distances beyond which places count less (Cauchy)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """y = y0 + y1 s, z = z0 + z1 s + z2 s^2 for s in `ends`, counted from o."""
+
+    o: Float[np.ndarray, "2"]
+    u: Float[np.ndarray, "2"]
+    y: Float[np.ndarray, "2"]
+    z: Float[np.ndarray, "3"]
+    ends: tuple[float, float]
+    places: int
+    """How many it was fitted to."""
+
+    @property
+    def length_m(self) -> float:
+        return self.ends[1] - self.ends[0]
+
+    def local(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """s of points, and their distances y and z from the curve there."""
+        flat = points[:, :2] - self.o
+        s = flat @ self.u
+        y = flat @ np.array([-self.u[1], self.u[0]]) - (self.y[0] + self.y[1] * s)
+        return np.stack([s, y, points[:, 2] - (self.z[0] + s * (self.z[1] + s * self.z[2]))], 1)
+
+    def points(self, s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """World points of the curve."""
+        y = self.y[0] + self.y[1] * s
+        flat = self.o + s[:, None] * self.u + y[:, None] * np.array([-self.u[1], self.u[0]])
+        return np.concatenate([flat, (self.z[0] + s * (self.z[1] + s * self.z[2]))[:, None]], 1)
+
+    @property
+    def middle(self) -> Float[np.ndarray, "3"]:
+        return self.points(np.array([sum(self.ends) / 2]))[0]
+
+
+def fit_track(points: Float[np.ndarray, "m 3"]) -> Track:
+    """The parabola through points, outliers counting less; z2 >= 0, since wires hang."""
+    o = points[:, :2].mean(0)
+    u = np.linalg.svd(points[:, :2] - o, full_matrices=False)[2][0]
+    u = u if (u[0], u[1]) > (0, 0) else -u
+    flat = points[:, :2] - o
+    s, across, up = flat @ u, flat @ np.array([-u[1], u[0]]), points[:, 2]
+    line = np.stack([np.ones_like(s), s], 1)
+    hanging = np.stack([np.ones_like(s), s, s * s], 1)
+    y = _robust(line, across)
+    z = _robust(hanging, up)
+    if z[2] < 0:
+        z = np.append(_robust(line, up), 0.0)
+    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points))
+
+
+def _robust(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> Float[np.ndarray, " k"]:
+    """Least squares, weighted anew by Cauchy's function."""
+    x = np.linalg.lstsq(A, b, rcond=None)[0]
+    for _ in range(4):
+        off = A @ x - b
+        scale = max(1.4826 * float(np.median(np.abs(off))), DECIMETRES)
+        root = 1 / np.sqrt(1 + (off / (2 * scale)) ** 2)
+        x = np.linalg.lstsq(A * root[:, None], b * root, rcond=None)[0]
+    return x
+
+
+def tracks(found: Lines) -> list[Track]:
+    """All wires and bundles, each once, those of the longest pieces first."""
+    used = np.zeros(len(found.at), np.bool_)
+    done: list[Track] = []
+    for seed in (part for piece in pieces(found) for part in _parts(found.at, piece)):
+        if used[seed].mean() > 0.5:
+            continue
+        track = _grown(found, seed)
+        if track is None:
+            continue
+        used |= _near(track, found.at)
+        done.append(track)
+    return sorted(_joined(done, found), key=lambda track: -track.length_m)
+
+
+def _parts(at: Float[np.ndarray, "m 3"], piece: Int[np.ndarray, " k"]) -> list[np.ndarray]:
+    """A piece cut into stretches of about `SEED_M`, short ones left out."""
+    flat = at[piece, :2] - at[piece, :2].mean(0)
+    s = flat @ np.linalg.svd(flat, full_matrices=False)[2][0]
+    count = max(1, round(float(np.ptp(s)) / SEED_M))
+    which = np.minimum(((s - s.min()) / max(float(np.ptp(s)), 1e-9) * count).astype(int), count - 1)
+    parts = [piece[which == k] for k in range(count)]
+    long = np.ptp(s) / count >= LEAST_M
+    return [part for part in parts if long and len(part) >= LEAST_PLACES]
+
+
+def _grown(found: Lines, seed: Int[np.ndarray, " k"]) -> Track | None:
+    track = fit_track(found.at[seed])
+    off = track.local(found.at[seed])[:, 1:]
+    if np.sqrt((off**2).mean(0)).max() > MISFIT_M or not _hangs(track):
+        return None
+    flat = found.along[:, :2] / np.linalg.norm(found.along[:, :2], axis=1)[:, None]
+    parallel = np.flatnonzero(np.abs(flat @ track.u) >= ALIKE)
+    at, before = np.concatenate([found.at[parallel], found.loose]), 0
+    for _ in range(ROUNDS):
+        mine = _reached(track, at)
+        if len(mine) < LEAST_PLACES:
+            return None
+        grown = fit_track(at[mine])
+        if len(mine) == before and abs(grown.length_m - track.length_m) < 0.01:
+            break
+        track, before = grown, len(mine)
+    return track if track.length_m >= LEAST_M and _hangs(track) else None
+
+
+def _hangs(track: Track) -> bool:
+    """Whether its sag is possible."""
+    return bool(track.z[2] * track.length_m / 4 <= DEEPEST)
+
+
+def _reached(track: Track, at: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, " k"]:
+    """Places on the track and on both its continuations, each up to the first gap."""
+    local = track.local(at)
+    reach = min(max(STEP_M, STEP_SHARE * track.length_m), GAP_M)
+    near = np.flatnonzero(
+        (np.abs(local[:, 1:]) <= GATE_M).all(1)
+        & (local[:, 0] >= track.ends[0] - reach)
+        & (local[:, 0] <= track.ends[1] + reach)
+    )
+    return near
+
+
+def _near(track: Track, at: Float[np.ndarray, "m 3"]) -> Bool[np.ndarray, " m"]:
+    local = track.local(at)
+    inside = (local[:, 0] >= track.ends[0] - 1) & (local[:, 0] <= track.ends[1] + 1)
+    return inside & (np.abs(local[:, 1:]) <= GATE_M).all(1)
+
+
+def _joined(parts: list[Track], found: Lines) -> list[Track]:
+    """Tracks that one curve goes through, on either side of a gap, made one; the longest first."""
+    left = sorted(parts, key=lambda track: -track.length_m)
+    whole: list[Track] = []
+    while left:
+        track = left.pop(0)
+        for other in list(left):
+            both = _one_curve(track, other, found)
+            if both is not None:
+                track = both
+                left.remove(other)
+        whole.append(track)
+    return whole
+
+
+def _one_curve(track: Track, other: Track, found: Lines) -> Track | None:
+    """A track through the places of both, if it leaves neither."""
+    ends = track.local(other.points(np.array(other.ends)))
+    gap = max(float(ends[:, 0].min()) - track.ends[1], track.ends[0] - float(ends[:, 0].max()))
+    if gap > track.length_m or np.abs(ends[:, 1]).max() > 4 * GATE_M or abs(track.u @ other.u) < ALIKE:
+        return None
+    at = np.concatenate([found.at, found.loose])
+    mine, its = at[_near(track, at)], at[_near(other, at)]
+    both = fit_track(np.concatenate([mine, its]))
+    off = [np.sqrt((both.local(points)[:, 1:] ** 2).mean(0)).max() for points in (mine, its)]
+    return both if max(off) <= MISFIT_M else None
