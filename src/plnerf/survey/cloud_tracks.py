@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from numpy.polynomial.polynomial import polyval
 
 from plnerf.survey.cloud_lines import ALIKE, Lines, pieces
 
@@ -25,6 +26,8 @@ STEP_M, STEP_SHARE, GAP_M = 5.0, 0.3, 20.0
 no farther than the longest gap."""
 DEEPEST = 0.15
 """Sag as a share of the length beyond which nothing hangs on poles or towers."""
+SWINGS_FROM_M, MOST_SWING = 60.0, 0.6
+"""From this length on a track may bow sideways, up to this share of its hang (30 degrees)."""
 MISFIT_M = 0.35
 """Root mean square distance of a seed from its curve beyond which it is not one."""
 ROUNDS = 60
@@ -34,11 +37,11 @@ DECIMETRES = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """y = y0 + y1 s, z = z0 + z1 s + z2 s^2 for s in `ends`, counted from o."""
+    """y = y0 + y1 s + y2 s^2 and z likewise for s in `ends`, counted from o; y2 is wind."""
 
     o: Float[np.ndarray, "2"]
     u: Float[np.ndarray, "2"]
-    y: Float[np.ndarray, "2"]
+    y: Float[np.ndarray, "3"]
     z: Float[np.ndarray, "3"]
     ends: tuple[float, float]
     places: int
@@ -52,14 +55,13 @@ class Track:
         """s of points, and their distances y and z from the curve there."""
         flat = points[:, :2] - self.o
         s = flat @ self.u
-        y = flat @ np.array([-self.u[1], self.u[0]]) - (self.y[0] + self.y[1] * s)
-        return np.stack([s, y, points[:, 2] - (self.z[0] + s * (self.z[1] + s * self.z[2]))], 1)
+        y = flat @ np.array([-self.u[1], self.u[0]])
+        return np.stack([s, y - polyval(s, self.y), points[:, 2] - polyval(s, self.z)], 1)
 
     def points(self, s: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         """World points of the curve."""
-        y = self.y[0] + self.y[1] * s
-        flat = self.o + s[:, None] * self.u + y[:, None] * np.array([-self.u[1], self.u[0]])
-        return np.concatenate([flat, (self.z[0] + s * (self.z[1] + s * self.z[2]))[:, None]], 1)
+        flat = self.o + s[:, None] * self.u + polyval(s, self.y)[:, None] * np.array([-self.u[1], self.u[0]])
+        return np.concatenate([flat, polyval(s, self.z)[:, None]], 1)
 
     @property
     def middle(self) -> Float[np.ndarray, "3"]:
@@ -67,7 +69,7 @@ class Track:
 
 
 def fit_track(points: Float[np.ndarray, "m 3"]) -> Track:
-    """The parabola through points, outliers counting less; z2 >= 0, since wires hang."""
+    """The parabola through points, outliers counting less; it hangs, and wind swings it little."""
     o = points[:, :2].mean(0)
     u = np.linalg.svd(points[:, :2] - o, full_matrices=False)[2][0]
     u = u if (u[0], u[1]) > (0, 0) else -u
@@ -75,10 +77,12 @@ def fit_track(points: Float[np.ndarray, "m 3"]) -> Track:
     s, across, up = flat @ u, flat @ np.array([-u[1], u[0]]), points[:, 2]
     line = np.stack([np.ones_like(s), s], 1)
     hanging = np.stack([np.ones_like(s), s, s * s], 1)
-    y = _robust(line, across)
     z = _robust(hanging, up)
     if z[2] < 0:
         z = np.append(_robust(line, up), 0.0)
+    y = _robust(hanging, across)
+    if np.ptp(s) < SWINGS_FROM_M or abs(y[2]) > MOST_SWING * z[2]:
+        y = np.append(_robust(line, across), 0.0)
     return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points))
 
 
@@ -103,7 +107,7 @@ def tracks(found: Lines) -> list[Track]:
         track = _grown(found, seed)
         if track is None:
             continue
-        used |= _near(track, found.at)
+        used |= near(track, found.at)
         done.append(track)
     return sorted(_joined(done, found), key=lambda track: -track.length_m)
 
@@ -144,20 +148,15 @@ def _hangs(track: Track) -> bool:
 
 
 def _reached(track: Track, at: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, " k"]:
-    """Places on the track and on both its continuations, each up to the first gap."""
-    local = track.local(at)
+    """Places on the track and on both its continuations."""
     reach = min(max(STEP_M, STEP_SHARE * track.length_m), GAP_M)
-    near = np.flatnonzero(
-        (np.abs(local[:, 1:]) <= GATE_M).all(1)
-        & (local[:, 0] >= track.ends[0] - reach)
-        & (local[:, 0] <= track.ends[1] + reach)
-    )
-    return near
+    return np.flatnonzero(near(track, at, reach))
 
 
-def _near(track: Track, at: Float[np.ndarray, "m 3"]) -> Bool[np.ndarray, " m"]:
+def near(track: Track, at: Float[np.ndarray, "m 3"], beyond_m: float = 1.0) -> Bool[np.ndarray, " m"]:
+    """Which places lie within the gate of a track, or of its continuation this far beyond its ends."""
     local = track.local(at)
-    inside = (local[:, 0] >= track.ends[0] - 1) & (local[:, 0] <= track.ends[1] + 1)
+    inside = (local[:, 0] >= track.ends[0] - beyond_m) & (local[:, 0] <= track.ends[1] + beyond_m)
     return inside & (np.abs(local[:, 1:]) <= GATE_M).all(1)
 
 
@@ -183,7 +182,7 @@ def _one_curve(track: Track, other: Track, found: Lines) -> Track | None:
     if gap > track.length_m or np.abs(ends[:, 1]).max() > 4 * GATE_M or abs(track.u @ other.u) < ALIKE:
         return None
     at = np.concatenate([found.at, found.loose])
-    mine, its = at[_near(track, at)], at[_near(other, at)]
+    mine, its = at[near(track, at)], at[near(other, at)]
     both = fit_track(np.concatenate([mine, its]))
     off = [np.sqrt((both.local(points)[:, 1:] ** 2).mean(0)).max() for points in (mine, its)]
     return both if max(off) <= MISFIT_M else None
