@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter
 
-from plnerf.survey.cloud_tracks import GATE_M, Track
+from plnerf.survey.cloud_tracks import GATE_M, SWINGS_FROM_M, Track
 
 CELL_M = 0.04
 BLUR_M = 0.06
@@ -40,6 +40,7 @@ def split(
     curves = np.zeros((len(peaks), 3, 2))
     curves[:, 0] = peaks
     owner = np.zeros(len(local), np.int64)
+    terms = 3 if track.length_m >= SWINGS_FROM_M else 2
     middle, half = sum(track.ends) / 2, track.length_m / 2
     t = (s - middle) / half
     A = np.stack([np.ones_like(t), t, t * t], 1)
@@ -49,7 +50,7 @@ def split(
         for k in range(len(curves)):
             mine = owner == k
             if mine.sum() >= LEAST_POINTS and np.ptp(t[mine]) > 0.5:
-                curves[k] = np.linalg.lstsq(A[mine], off[mine], rcond=None)[0]
+                curves[k, :terms] = np.linalg.lstsq(A[mine, :terms], off[mine], rcond=None)[0]
     found = [np.flatnonzero(owner == k) for k in range(len(curves))]
     seen = [len(np.unique(np.floor(s[mine] / PIECE_M))) for mine in found]
     return [

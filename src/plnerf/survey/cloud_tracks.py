@@ -63,6 +63,12 @@ class Track:
         flat = self.o + s[:, None] * self.u + polyval(s, self.y)[:, None] * np.array([-self.u[1], self.u[0]])
         return np.concatenate([flat, polyval(s, self.z)[:, None]], 1)
 
+    def turned(self) -> "Track":
+        """The same curve, directed the other way."""
+        back, up = np.array([-1.0, 1.0, -1.0]), np.array([1.0, -1.0, 1.0])
+        ends = (-self.ends[1], -self.ends[0])
+        return Track(self.o, -self.u, self.y * back, self.z * up, ends, self.places)
+
     @property
     def middle(self) -> Float[np.ndarray, "3"]:
         return self.points(np.array([sum(self.ends) / 2]))[0]
