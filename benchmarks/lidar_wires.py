@@ -4,8 +4,9 @@
 The classes (14 conductor, 15 tower; option --wire for another code of wires) serve for scoring alone.
 
 recall       share of the points classified as wire within 25 cm of a found curve
-precision    share of the found curves' length, sampled every 10 cm, within 25 cm of a point classified as wire;
-             what is within 3 m of a point classified as tower counts neither way
+precision    share of the found curves' length, sampled every 10 cm, where a point classified as wire lies
+             within 25 cm across and 2.5 m along (LiDAR has a point of a wire every 0.3 to 4 m); what is within
+             3 m of a point classified as tower counts neither way
 labelled     share of the points labelled wire that are classified so (those within 3 m of a tower left out),
              and share of the points classified as wire that are labelled so
 towers       distance in plan of each found tower from the middle of the nearest cluster of tower points
@@ -25,7 +26,7 @@ from scipy.spatial import cKDTree
 from plnerf.survey.cloud_find import Found, find_conductors
 from plnerf.survey.model import CONDUCTOR, NO_WIRE, TOWER
 
-TOLERANCE_M, STEP_M, TOWER_M = 0.25, 0.1, 3.0
+TOLERANCE_M, STEP_M, ALONG_M, TOWER_M, BOTH_M = 0.25, 0.1, 2.5, 3.0, 5.0
 
 
 def main() -> None:
@@ -67,7 +68,7 @@ def score(found: Found, wire: np.ndarray, tower: np.ndarray) -> None:
         print(f"  {wire.sum()} points are classified as wire, {len(found.conductors)} conductors found")
         return
     curves = np.concatenate([c.fit.curve.polyline(STEP_M) for c in found.conductors])
-    on = cKDTree(xyz[wire])
+    right = np.concatenate([confirmed(c, xyz[wire]) for c in found.conductors])
     far = np.ones(len(curves), bool)
     labelled = found.cloud.wire != NO_WIRE
     counted = labelled.copy()
@@ -76,7 +77,7 @@ def score(found: Found, wire: np.ndarray, tower: np.ndarray) -> None:
         far = towers.query(curves)[0] > TOWER_M
         counted[labelled] = towers.query(xyz[labelled])[0] > TOWER_M
     recall = (cKDTree(curves).query(xyz[wire])[0] <= TOLERANCE_M).mean()
-    precision = (on.query(curves[far])[0] <= TOLERANCE_M).mean()
+    precision = right[far].mean()
     print(f"  recall {recall:.4f}  precision {precision:.4f}  of {wire.sum()} wire points")
     print(f"  labelled: {wire[counted].mean():.4f} right, {labelled[wire].mean():.4f} of all wire points")
     closest = min((apart(a, b) for a, b in combinations(found.conductors, 2)), default=np.inf)
@@ -86,18 +87,34 @@ def score(found: Found, wire: np.ndarray, tower: np.ndarray) -> None:
     for t in found.towers:
         off = min((float(np.hypot(*(t.foot[:2] - m[:2]))) for m in middles), default=np.inf)
         top = max((m[2] for m in middles), default=np.nan)
-        print(f"    {off:.2f} m from the classified one; its top at {t.foot[2] + t.height_m:.2f} m, there {top:.2f} m")
+        print(f"    {off:.2f} m from the classified one, {t.foot[2] + t.height_m - top:+.2f} m higher")
     labels = found.cloud.label == TOWER
     if tower.any() and labels.any():
         print(f"    labelled tower: {tower[labels].mean():.3f} right, {labels[tower].mean():.3f} of all")
 
 
+def confirmed(conductor, truth: np.ndarray) -> np.ndarray:
+    """Which samples of a conductor's curve have a true point beside them."""
+    base, q, curve = conductor.fit.base, conductor.fit.q, conductor.fit.curve
+    local = base.local(truth)
+    inside = (local[:, 0] > -ALONG_M) & (local[:, 0] < base.length_m + ALONG_M)
+    local = local[inside]
+    off = np.linalg.norm(local[:, 1:] - base.at(q, local[:, 0]), axis=1)
+    s = np.sort(local[off <= TOLERANCE_M, 0])
+    if not len(s):
+        return np.zeros(len(curve.polyline(STEP_M)), bool)
+    samples = base.local(curve.polyline(STEP_M))[:, 0]
+    after = np.searchsorted(s, samples)
+    before = np.abs(s[np.maximum(after - 1, 0)] - samples)
+    return np.minimum(before, np.abs(s[np.minimum(after, len(s) - 1)] - samples)) <= ALONG_M
+
+
 def apart(a, b) -> float:
-    """Mean distance of two curves where both are."""
+    """Mean distance of two curves where both are, if that is for a stretch."""
     points = a.fit.curve.polyline(1.0)
     local = b.fit.base.local(points)
     both = (local[:, 0] >= 0) & (local[:, 0] <= b.fit.base.length_m)
-    if not both.any():
+    if both.sum() < BOTH_M:
         return np.inf
     return float(np.linalg.norm(local[both, 1:] - b.fit.base.at(b.fit.q, local[both, 0]), axis=1).mean())
 

@@ -1,4 +1,4 @@
-"""The wires of a track: of a bundle each one, told apart in the cross-section that is left without the hang.
+"""The wires of a track: those of a bundle are told apart in the cross-section left without the hang.
 
 Letters: n points; s along the track, (y, z) off its curve; k wires; metres.
 """
@@ -76,7 +76,9 @@ def _peaks(off: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
     return (np.array(kept) + 0.5) * CELL_M - GATE_M
 
 
-def _two(section: Float[np.ndarray, "r r"], lower: Int[np.ndarray, "2"], higher: Int[np.ndarray, "2"]) -> bool:
+def _two(
+    section: Float[np.ndarray, "r r"], lower: Int[np.ndarray, "2"], higher: Int[np.ndarray, "2"]
+) -> bool:
     """Whether the section falls between two peaks that are far enough apart."""
     between = np.linspace(lower, higher, 20).T
     valley = map_coordinates(section, between, order=1).min()

@@ -134,8 +134,8 @@ def _check(xyz: Float[np.ndarray, "n 3"]) -> None:
         )
     if wide < LEAST_EXTENT_M:
         raise SurveyError(
-            f"The cloud's {len(xyz)} points lie within {wide:.3g} m of each other in plan, but a span has tens "
-            "of metres. Give coordinates in metres."
+            f"The cloud's {len(xyz)} points lie within {wide:.3g} m of each other in plan, but a span has "
+            "tens of metres. Give coordinates in metres."
         )
 
 
@@ -204,7 +204,7 @@ def _notes(
     unseen = [k for k, support in enumerate(held_by) if not support.seen]
     if unseen:
         notes.append(
-            f"The cloud shows {len(unseen)} of {len(held_by)} towers by nothing but the wires that meet there: "
-            "they are as high as their highest wire."
+            f"The cloud shows {len(unseen)} of {len(held_by)} towers by nothing but the wires that meet "
+            "there: they are as high as their highest wire."
         )
     return notes

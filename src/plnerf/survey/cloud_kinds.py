@@ -1,8 +1,8 @@
 """Which wires of a span are shields, by where they hang and what they look like.
 
 The wires within `LEVEL_M` of the highest are shields if they are one or two, hang alone (no bundles), have
-three wires or more at least `BELOW_M` beneath them, and differ from those in a way that shields do: the others
-are bundles, they sag less, or they are so thin that they have fewer points.
+three wires or more at least `BELOW_M` beneath them, and differ from those as shields do: the others are
+bundles, they sag less, or they are so thin that they have fewer points.
 """
 
 from collections.abc import Sequence

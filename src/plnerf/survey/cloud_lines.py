@@ -1,6 +1,6 @@
 """Points of a cloud that lie on lines which run level or climb gently: the candidates for wires.
 
-Letters: n points, m cells that stand for their points, l of them alone, k neighbours; any metric frame with z up.
+Letters: n points, m cells that stand for their points, l of them alone, k neighbours; metres, z up.
 """
 
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from plnerf.survey.cloud_lines import Lines
-from plnerf.survey.cloud_tracks import GATE_M, MISFIT_M, Track, fit_track, near
+from plnerf.survey.cloud_tracks import MISFIT_M, Track, fit_track, near
 
 PARALLEL = np.cos(np.radians(5.0))
 OVERLAP = 0.5
@@ -69,16 +69,11 @@ def spans(tracks: Sequence[Track], found: Lines) -> list[Span]:
     kept = long + [span for span in short if any(meet(span, other) is not None for other in long)]
     if not kept:
         return []
-    middles = np.array([span.end(False).mean(0)[:2] + span.end(True).mean(0)[:2] for span in kept]) / 2
-    weight = np.array([span.length_m for span in kept])
-    main = sum(w * (span.u * np.sign(span.u @ kept[0].u or 1.0)) for w, span in zip(weight, kept, strict=True))
-    if len(kept) > 1:
-        across = middles - middles.mean(0)
-        axis = np.linalg.svd(across, full_matrices=False)[2][0]
-        main = axis if np.ptp(across @ axis) > LEAST_SPAN_M else main
-    main = main if (main[1], main[0]) > (0, 0) else -main
+    ends = np.array([span.end(last)[:, :2].mean(0) for span in kept for last in (False, True)])
+    main = np.linalg.svd(ends - ends.mean(0), full_matrices=False)[2][0]
+    main = main if (main[0], main[1]) > (0, 0) else -main
     directed = [span if span.u @ main >= 0 else _turned(span) for span in kept]
-    order = np.argsort(middles @ main, kind="stable")
+    order = np.argsort((ends[::2] + ends[1::2]) @ main, kind="stable")
     return [_completed(directed[k], tracks, found) for k in order]
 
 

@@ -22,12 +22,12 @@ TOP_M = 1.5
 """A support reaches up to its highest wire but for this, and what is above its lowest wire but for this is
 taller than trees may be there."""
 BODY_M, BODY_SHARE, BODY_FROM_M = 4.0, 0.4, 2.0
-"""Half the depth of its body along the line, and the share of the metres between the ground's plants and its
-lowest wire that must show it, where only one span ends."""
+"""Half the width of its body below the wires and the depth of all of it, and the share of the metres between
+the ground's plants and its lowest wire that must show it, where only one span ends."""
 FEWEST = 4
-AHEAD_M = (4.0, 7.0, 10.0)
-"""Where beyond a span's end points show that the cloud goes on."""
-VOID_M = 3.0
+AHEAD_M = (5.0, 10.0, 15.0)
+"""Where beyond its tracks' ends points show that the cloud goes on."""
+VOID_M = 2.0
 """Without a point within this distance in plan there is no cloud."""
 CELL_M = 1.0
 """Side of the cells of which neighbouring ones belong to one body."""
@@ -95,8 +95,9 @@ def on_support(support: Support, other: Float[np.ndarray, "k 3"]) -> Bool[np.nda
     mine = np.zeros(len(other), np.bool_)
     if not support.seen:
         return mine
-    flat = support.flat(other)
-    box = np.flatnonzero((np.abs(flat) <= [BODY_M, support.half_width_m + BESIDE_M]).all(1))
+    flat = np.abs(support.flat(other))
+    arms = (other[:, 2] >= support.lowest_wire_m - TOP_M) & (flat[:, 1] <= support.half_width_m + BESIDE_M)
+    box = np.flatnonzero((flat[:, 0] <= BODY_M) & (arms | (flat[:, 1] <= BODY_M)))
     cell = ((other[box] - other[box].min(0)) / CELL_M).astype(int)
     filled = np.zeros(cell.max(0) + 1, np.bool_)
     filled[tuple(cell.T)] = True
@@ -111,10 +112,11 @@ def _axes(u: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2 2"]:
 
 
 def _cloud_ends(span: Span, last: bool, plan: cKDTree) -> bool:
-    """Whether there are hardly any points beyond a span's end."""
-    ends = span.end(last)[:, :2]
+    """Whether there are hardly any points beyond the ends of its tracks."""
     outward = span.u if last else -span.u
-    ahead = np.concatenate([ends + far * outward for far in AHEAD_M])
+    ends = [track.points(np.array(track.ends))[:, :2] for track in span.tracks]
+    outer = np.array([both[(both @ outward).argmax()] for both in ends])
+    ahead = np.concatenate([outer + far * outward for far in AHEAD_M])
     return bool((plan.query(ahead)[0] > VOID_M).mean() > 0.5)
 
 

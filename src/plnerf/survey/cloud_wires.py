@@ -1,4 +1,4 @@
-"""Every wire of the spans in a cloud: its points, its catenary, what speaks for it, and whether it is a shield.
+"""Every wire of the spans in a cloud: its points, its catenary, and what speaks for it.
 
 Letters: n points that are high above the ground; s along a track; metres, z up.
 """
@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from plnerf.survey.catenary import Base, CatenaryFit, fit_catenary
 from plnerf.survey.cloud_bundles import split
-from plnerf.survey.cloud_spans import Span
+from plnerf.survey.cloud_spans import LEAST_SPAN_M, Span
 from plnerf.survey.cloud_towers import Held, Support
-from plnerf.survey.cloud_tracks import DEEPEST, Track, fit_track, near
+from plnerf.survey.cloud_tracks import DEEPEST, MOST_SWING, Track, fit_track, near
 
 END_M = 8.0
 """A wire whose points end so near to its support's axis hangs there: the string's length, or a shadow."""
@@ -34,6 +34,10 @@ SAME_M = 0.12
 """Two curves with this mean distance are one wire."""
 BOW_M = 0.1
 """A sideways bow that is told."""
+LEAST_BREAK_M, BREAK_SPACINGS = 20.0, 12.0
+"""A wire ends at a gap longer than this and than so many times the mean spacing of its points."""
+LEAST_SHARE = 0.5
+"""Of its span that a wire must have, unless it is as long as a span by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,36 +65,31 @@ def wires(
     spans: Sequence[Span], supports: Sequence[Support], held: Sequence[Held],
     points: Float[np.ndarray, "n 3"], taken: Bool[np.ndarray, " n"],
 ) -> list[Wire]:  # fmt: skip
-    """Every wire once, span by span and from the left to the right, in each from the top.
+    """Every wire once, span by span and in each from the left to the right.
 
     points: what is high above the ground; taken: which of them are supports'.
     """
     found: list[Wire] = []
     for number, (span, hold) in enumerate(zip(spans, held, strict=True)):
-        mine = []
-        for bundle, track in enumerate(span.tracks):
-            for wire in _of_track(track, [None if k is None else supports[k] for k in hold.by], span, points):
-                mine.append(Wire(number, bundle, *wire))
-        mine.sort(key=lambda wire: -len(wire.points))
+        by = [None if k is None else supports[k] for k in hold.by]
+        mine: list[Wire] = []
+        for k, track in enumerate(span.tracks):
+            mine += _of_track(track, by, span, (number, k), points)
         kept: list[Wire] = []
-        for wire in mine:
+        for wire in sorted(mine, key=lambda wire: -len(wire.points)):
             if not any(_same(wire, other) for other in kept):
                 kept.append(wire)
-        found += sorted(kept, key=lambda wire: tuple(_place(span, wire)))
+        left = [-span.flat(wire.middle()[None])[0, 1] for wire in kept]
+        found += [kept[k] for k in np.argsort(left, kind="stable")]
     clear = _clear(found, points, taken)
     return [wire for wire, good in zip(found, clear, strict=True) if good]
 
 
-def _place(span: Span, wire: Wire) -> tuple[float, float]:
-    """From left to right in steps of a bundle, then from the top."""
-    middle = wire.middle()
-    return -round(float(span.flat(middle[None])[0, 1])), -float(middle[2])
-
-
 def _of_track(
-    track: Track, by: Sequence[Support | None], span: Span, points: Float[np.ndarray, "n 3"]
-) -> list[tuple[CatenaryFit, Int[np.ndarray, " m"], float, float, float, tuple[bool, bool]]]:
-    """The wires of a track between its supports."""
+    track: Track, by: Sequence[Support | None], span: Span, place: tuple[int, int],
+    points: Float[np.ndarray, "n 3"],
+) -> list[Wire]:  # fmt: skip
+    """The wires of a track between its supports; place: the numbers of its span and of its bundle there."""
     index = np.flatnonzero(near(track, points, END_M))
     for support, inward in zip(by, (1.0, -1.0), strict=True):
         if support is not None:
@@ -103,12 +102,12 @@ def _of_track(
         track = track.turned()
     index = np.flatnonzero(near(track, points, 0.0))
     limits = [_axis(track, support) for support in by]
-    made = []
-    for curve, mine in split(track, track.local(points[index])):
-        wire = _wire(track, curve, points, index[mine], limits)
-        if wire is not None:
-            made.append(wire)
-    return made
+    least = min(LEAST_SPAN_M, LEAST_SHARE * span.length_m)
+    made = [
+        _wire(track, curve, points, index[mine], limits, place)
+        for curve, mine in split(track, track.local(points[index]))
+    ]
+    return [wire for wire in made if wire is not None and wire.fit.curve.span_m >= least]
 
 
 def _axis(track: Track, support: Support | None) -> float | None:
@@ -121,18 +120,20 @@ def _axis(track: Track, support: Support | None) -> float | None:
 
 
 def _wire(
-    track: Track, off: Float[np.ndarray, "3 2"], points: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " m"],
-    limits: Sequence[float | None],
-) -> tuple[CatenaryFit, Int[np.ndarray, " m"], float, float, float, tuple[bool, bool]] | None:  # fmt: skip
-    """A wire's catenary between its ends; None where it is no wire."""
+    track: Track, off: Float[np.ndarray, "3 2"], points: Float[np.ndarray, "n 3"],
+    index: Int[np.ndarray, " m"], limits: Sequence[float | None], place: tuple[int, int],
+) -> Wire | None:  # fmt: skip
+    """A wire between its ends from the points that may be its own; None where it is no wire."""
     local = track.local(points[index])
     t = (local[:, 0] - sum(track.ends) / 2) / (track.length_m / 2)
     apart = local[:, 1:] - polyval(t, off).T
     sigma = np.maximum(1.4826 * np.median(np.abs(apart), axis=0), 0.02)
-    good = (np.abs(apart) <= 4 * sigma).all(1)
-    if good.sum() < FEWEST or np.sqrt((apart[good] ** 2).mean(0)).max() > SPREAD_M:
+    good = np.flatnonzero((np.abs(apart) <= 4 * sigma).all(1))
+    if len(good):
+        good = good[_without_gap(local[good, 0])]
+    if len(good) < FEWEST or np.sqrt((apart[good] ** 2).mean(0)).max() > SPREAD_M:
         return None
-    index, s = index[good], local[good, 0]
+    s = local[good, 0]
     ends, seen = [float(s.min()), float(s.max())], [False, False]
     for k, limit in enumerate(limits):
         if limit is not None and abs(limit - ends[k]) <= END_M:
@@ -144,12 +145,24 @@ def _wire(
     coverage = 1 - float(gaps[gaps > GAP_M].sum()) / length
     a, b = track.points(np.array(ends))[:, :2]
     straight = float(np.linalg.norm(b - a))
-    base = Base(a, (b - a) / straight, straight)
-    fit = fit_catenary(points[index], base)
-    if coverage < LEAST_COVERAGE or fit.curve.sag_m > DEEPEST * straight:
+    fit = fit_catenary(points[index[good]], Base(a, (b - a) / straight, straight))
+    sag = fit.curve.sag_m
+    bow = abs(float(track.y[2] + off[2, 0] / (track.length_m / 2) ** 2)) * length**2 / 4
+    if coverage < LEAST_COVERAGE or sag > DEEPEST * straight or bow > max(BOW_M, MOST_SWING * sag):
         return None
-    bow = (track.y[2] + off[2, 0] / (track.length_m / 2) ** 2) * length**2 / 4
-    return fit, index, coverage, float(gaps.max()), abs(float(bow)), (seen[0], seen[1])
+    return Wire(*place, fit, index[good], coverage, float(gaps.max()), bow, (seen[0], seen[1]))
+
+
+def _without_gap(s: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
+    """Which points belong to the longest stretch without a gap that is out of proportion to their spacing."""
+    order = np.argsort(s, kind="stable")
+    gaps = np.diff(s[order])
+    longest = max(LEAST_BREAK_M, BREAK_SPACINGS * float(np.ptp(s)) / len(s))
+    stretch = np.concatenate([[0], np.cumsum(gaps > longest)])
+    length = [np.ptp(s[order][stretch == k]) for k in range(stretch[-1] + 1)]
+    keep = np.zeros(len(s), np.bool_)
+    keep[order[stretch == np.argmax(length)]] = True
+    return keep
 
 
 def _same(one: Wire, other: Wire) -> bool:

@@ -26,7 +26,7 @@ STEEP = 0.3
 """Slope of the terrain beyond its mean slope, which is taken out first."""
 LEAST_STEP_M, MOST_STEP_M = 0.3, 2.5
 """dh_0 and dh_max of the paper's eq. 7, the threshold s (w_k - w_(k-1)) c + dh_0."""
-PIT_M, PIT_AROUND, PIT_RANK = 1.5, 11, 3
+PIT_M, PIT_AROUND, PIT_RANK = 1.5, 7, 3
 """A cell this much below the fourth lowest of those around is an error of measurement, not ground."""
 WHOLE_SHARE = 0.2
 """Of the cells with points, how many must have points all around (8 of 9 at least): ground is a surface,
@@ -66,13 +66,12 @@ def find_ground(points: Float[np.ndarray, "n 3"], cell_m: float = CELL_M) -> Gro
     corner = points[:, :2].min(0)
     extent = np.ptp(points[:, :2], axis=0)
     cell_m = max(cell_m, float(np.sqrt(extent.prod() / MOST_CELLS)))
-    shape = tuple((extent[::-1] // cell_m).astype(int) + 1)
-    lowest = _lowest(points, corner, cell_m, (shape[0], shape[1]))
+    lowest = _lowest(points, corner, cell_m)
     seen = np.isfinite(lowest)
     whole = seen & (ndimage.uniform_filter(seen.astype(np.float64), 3, mode="constant") > 7.5 / 9)
     if whole.sum() < WHOLE_SHARE * seen.sum():
         return None
-    around = ndimage.rank_filter(lowest, PIT_RANK, size=PIT_AROUND, mode="nearest")
+    around = ndimage.rank_filter(lowest, PIT_RANK, size=PIT_AROUND, mode="constant", cval=np.inf)
     with np.errstate(invalid="ignore"):  # inf - inf, where nothing is seen
         seen &= ~(around - lowest > PIT_M)
     middles = corner + cell_m / 2
@@ -94,11 +93,12 @@ def vegetation(above: Float[np.ndarray, " n"]) -> UInt8[np.ndarray, " n"]:
 
 
 def _lowest(
-    points: Float[np.ndarray, "n 3"], corner: Float[np.ndarray, "2"], cell_m: float, shape: tuple[int, int]
+    points: Float[np.ndarray, "n 3"], corner: Float[np.ndarray, "2"], cell_m: float
 ) -> Float[np.ndarray, "r c"]:
     """Height of the lowest point of each cell; infinite without points."""
-    column, row = ((points[:, :2] - corner) // cell_m).astype(np.int64).T
-    lowest = np.full(shape, np.inf)
+    cell = ((points[:, :2] - corner) // cell_m).astype(np.int64)
+    column, row = cell[:, 0], cell[:, 1]
+    lowest = np.full((row.max() + 1, column.max() + 1), np.inf)
     np.minimum.at(lowest, (row, column), points[:, 2])
     return lowest
 
@@ -113,7 +113,9 @@ def _trend(lowest: Float[np.ndarray, "r c"], seen: Bool[np.ndarray, "r c"]) -> F
     return trend
 
 
-def _filled_with_nearest(z: Float[np.ndarray, "r c"], known: Bool[np.ndarray, "r c"]) -> Float[np.ndarray, "r c"]:
+def _filled_with_nearest(
+    z: Float[np.ndarray, "r c"], known: Bool[np.ndarray, "r c"]
+) -> Float[np.ndarray, "r c"]:
     nearest: Int[np.ndarray, "2 r c"] = ndimage.distance_transform_edt(
         ~known, return_distances=False, return_indices=True
     )
@@ -121,7 +123,7 @@ def _filled_with_nearest(z: Float[np.ndarray, "r c"], known: Bool[np.ndarray, "r
 
 
 def _opened(z: Float[np.ndarray, "r c"], cell_m: float) -> Bool[np.ndarray, "r c"]:
-    """Cells that no opening lowers by more than its threshold; unseen ones, infinite, neither help nor count."""
+    """Cells that no opening lowers by more than its threshold; unseen ones, infinite, do not count."""
     seen = np.isfinite(z)
     ground, before = seen.copy(), 1
     for window in WINDOWS:
