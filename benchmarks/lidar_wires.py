@@ -5,8 +5,8 @@ The classes (14 conductor, 15 tower; option --wire for another code of wires) se
 
 recall       share of the points classified as wire within 25 cm of a found curve
 precision    share of the found curves' length, sampled every 10 cm, where a point classified as wire lies
-             within 25 cm across and 2.5 m along (LiDAR has a point of a wire every 0.3 to 4 m); what is within
-             3 m of a point classified as tower counts neither way
+             within 25 cm across and 2.5 m along (LiDAR has a point of a wire every 0.3 to 4 m); what is
+             within 3 m of a point classified as tower counts neither way
 labelled     share of the points labelled wire that are classified so (those within 3 m of a tower left out),
              and share of the points classified as wire that are labelled so
 towers       distance in plan of each found tower from the middle of the nearest cluster of tower points

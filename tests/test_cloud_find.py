@@ -38,8 +38,8 @@ def found(line: made.Line) -> Found:
 
 
 def apart(one: Conductor, wire: Catenary) -> float:
-    """Greatest distance of a found curve from a true wire, across it."""
-    points = one.fit.curve.points(np.linspace(0, one.fit.curve.span_m, 50))
+    """Greatest distance of a found curve from a true wire, but for the last metre at its ends."""
+    points = one.fit.curve.points(np.linspace(1, one.fit.curve.span_m - 1, 50))
     return float(cKDTree(wire.polyline(0.01)).query(points)[0].max())
 
 

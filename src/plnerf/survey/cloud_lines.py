@@ -23,6 +23,10 @@ NEAREST = 8
 STRAIGHT = 0.25
 """Largest spread across a line, as a share of that along it: leaves have 1/3 and more, twin conductors 0.45 m
 apart 0.15."""
+TRIED = slice(12, MOST, 3)
+"""Neighbours towards which lines are tried, by their order in distance."""
+THICK_M, FULL, FULL_SHARE = 0.15, 8, 0.25
+"""Half the thickness of such a line, and how many neighbours, and which share of them, it must hold."""
 LEAST_ALONG_M = 0.4
 """Least standard deviation along it."""
 STEEPEST = 0.7
@@ -71,9 +75,30 @@ def lines(points: Float[np.ndarray, "n 3"]) -> Lines:
             axis, ratio = _axes(offset, near)
             better = ratio < straight[part]
             along[part][better], straight[part][better] = axis[better], ratio[better]
+        crowded = np.flatnonzero(straight[part] > STRAIGHT)
+        near = _on_one_line(offset[crowded], apart[crowded])
+        along[part][crowded], straight[part][crowded] = _axes(offset[crowded], near)
     level = np.abs(along[:, 2]) <= STEEPEST * np.linalg.norm(along[:, :2], axis=1)
     keep = (straight <= STRAIGHT) & level
     return Lines(at[keep], along[keep], at[loose & ~keep])
+
+
+def _on_one_line(
+    offset: Float[np.ndarray, "m k 3"], apart: Float[np.ndarray, "m k"]
+) -> Bool[np.ndarray, "m k"]:
+    """The neighbours on the fullest of some lines through a place; none where it stands out too little.
+
+    Of wires side by side, or beside a tree, no neighbourhood is long and thin, but such lines are full.
+    """
+    around = apart <= RADII_M[-1]
+    towards = offset[:, TRIED] / np.maximum(apart[:, TRIED], 1e-9)[..., None]
+    towards = np.where((around & np.isfinite(apart))[:, TRIED, None], towards, 0.0)
+    along = np.einsum("mki,mji->mjk", offset, towards)
+    squared = np.einsum("mki,mki->mk", offset, offset)[:, None]
+    on = (squared - along**2 <= THICK_M**2) & around[:, None]
+    best = np.take_along_axis(on, on.sum(2).argmax(1)[:, None, None], axis=1)[:, 0]
+    full = best.sum(1) >= np.maximum(FULL, FULL_SHARE * around.sum(1))
+    return best & full[:, None]
 
 
 def _axes(

@@ -32,6 +32,8 @@ BESIDE_M, PIECE_M, MOST_CLUTTERED = 1.0, 2.0, 0.5
 the edge of a roof or of a tree is no wire."""
 SAME_M = 0.12
 """Two curves with this mean distance are one wire."""
+TAUTEST_M = 6000.0
+"""Greatest p: what surely hangs less is a beam or a rail, or held in between.  Conductors have 300 to 2500 m."""
 BOW_M = 0.1
 """A sideways bow that is told."""
 LEAST_BREAK_M, BREAK_SPACINGS = 20.0, 12.0
@@ -149,6 +151,8 @@ def _wire(
     sag = fit.curve.sag_m
     bow = abs(float(track.y[2] + off[2, 0] / (track.length_m / 2) ** 2)) * length**2 / 4
     if coverage < LEAST_COVERAGE or sag > DEEPEST * straight or bow > max(BOW_M, MOST_SWING * sag):
+        return None
+    if sag + 3 * fit.sag_sigma_m < straight**2 / (8 * TAUTEST_M):
         return None
     return Wire(*place, fit, index[good], coverage, float(gaps.max()), bow, (seen[0], seen[1]))
 
