@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
+from scipy.spatial import cKDTree
 
 from plnerf.errors import SurveyError
 from plnerf.survey.cloud_kinds import kinds
-from plnerf.survey.cloud_lines import lines
+from plnerf.survey.cloud_lines import Lines, lines
 from plnerf.survey.cloud_spans import Span, spans
 from plnerf.survey.cloud_towers import Held, Support, on_support, supports
 from plnerf.survey.cloud_tracks import near, tracks
-from plnerf.survey.cloud_wires import BOW_M, Wire, wires
+from plnerf.survey.cloud_wires import BOW_M, MISFIT_M, Wire, wires
 from plnerf.survey.ground import NEAR_M, Ground, find_ground, vegetation
 from plnerf.survey.model import (
     CONDUCTOR,
@@ -38,6 +39,9 @@ LOW_M = 2.0
 LEAST_EXTENT_M = 1.0
 """Of a cloud in plan."""
 STAGES = 5
+EXPLAINED_M, MOST_UNEXPLAINED = 1.5, 0.15
+"""A place on a line is explained by a wire's or support's point so near; more than this share that are not
+are told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +104,8 @@ def find_conductors(
         plants = free & (above > NEAR_M)
         label[plants] = vegetation(above[plants])
     notes += _notes(conductors, held_by, len(high), least_above_m, seen)
+    if conductors:
+        notes += _unexplained(found, points[(label == TOWER) | (wire != NO_WIRE)])
     told(STAGES, STAGES)
     towers = tuple(support.tower for support in held_by) if conductors else ()
     return Found(tuple(conductors), towers, Cloud(xyz, label[which], wire[which]), tuple(notes))
@@ -187,6 +193,8 @@ def _note(wire: Wire, hold: Held) -> str | None:
             said.append(f"No support is seen at its {name} end: it may go on.")
     if wire.bow_m >= BOW_M:
         said.append(f"It bows {wire.bow_m:.2f} m sideways, by wind perhaps; its curve is upright.")
+    if wire.misfit_m >= MISFIT_M:
+        said.append(f"It departs {wire.misfit_m:.2f} m from one catenary: something may hold it in between.")
     return " ".join(said) or None
 
 
@@ -208,3 +216,15 @@ def _notes(
             "there: they are as high as their highest wire."
         )
     return notes
+
+
+def _unexplained(found: Lines, own: Float[np.ndarray, "k 3"]) -> list[str]:
+    """What is said of lines that became no wire."""
+    left = int((cKDTree(own).query(found.at)[0] > EXPLAINED_M).sum())
+    if left <= MOST_UNEXPLAINED * len(found.at):
+        return []
+    return [
+        f"{left} of {len(found.at)} places that lie on lines belong to no wire found: there are wires that "
+        "are too short, too slack or too tangled for catenaries between supports, or other things that are "
+        "long and thin."
+    ]

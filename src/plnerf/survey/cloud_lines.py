@@ -25,8 +25,9 @@ STRAIGHT = 0.25
 apart 0.15."""
 TRIED = slice(12, MOST, 3)
 """Neighbours towards which lines are tried, by their order in distance."""
-THICK_M, FULL, FULL_SHARE = 0.15, 8, 0.25
-"""Half the thickness of such a line, and how many neighbours, and which share of them, it must hold."""
+THICK_M, THICK_SHARE, FULL, FULL_SHARE = 0.12, 0.1, 8, 0.3
+"""Half the thickness of such a line, at most and as a share of the neighbourhood's radius, and how many
+neighbours, and which share of them, it must hold: of a surface's a fifth are on a line by chance."""
 LEAST_ALONG_M = 0.4
 """Least standard deviation along it."""
 STEEPEST = 0.7
@@ -95,7 +96,9 @@ def _on_one_line(
     towards = np.where((around & np.isfinite(apart))[:, TRIED, None], towards, 0.0)
     along = np.einsum("mki,mji->mjk", offset, towards)
     squared = np.einsum("mki,mki->mk", offset, offset)[:, None]
-    on = (squared - along**2 <= THICK_M**2) & around[:, None]
+    reach = np.max(apart, axis=1, initial=0.0, where=around)
+    thick = np.minimum(THICK_M, THICK_SHARE * reach)[:, None, None]
+    on = (squared - along**2 <= thick**2) & around[:, None]
     best = np.take_along_axis(on, on.sum(2).argmax(1)[:, None, None], axis=1)[:, 0]
     full = best.sum(1) >= np.maximum(FULL, FULL_SHARE * around.sum(1))
     return best & full[:, None]

@@ -33,7 +33,10 @@ the edge of a roof or of a tree is no wire."""
 SAME_M = 0.12
 """Two curves with this mean distance are one wire."""
 TAUTEST_M = 6000.0
-"""Greatest p: what surely hangs less is a beam or a rail, or held in between.  Conductors have 300 to 2500 m."""
+"""Greatest p: what surely hangs less is a beam or a rail, or held in between; conductors have 300 to 2500."""
+STRETCHES = 12
+MISFIT_M = 0.05
+"""A misfit that is told."""
 BOW_M = 0.1
 """A sideways bow that is told."""
 LEAST_BREAK_M, BREAK_SPACINGS = 20.0, 12.0
@@ -55,6 +58,8 @@ class Wire:
     longest_gap_m: float
     bow_m: float
     """Sideways, in the middle: what an upright curve leaves of a wire that the wind swings."""
+    misfit_m: float
+    """Root mean square of its stretches' mean heights above or below its catenary."""
     seen: tuple[bool, bool]
     """Whether its ends are at supports."""
 
@@ -154,7 +159,17 @@ def _wire(
         return None
     if sag + 3 * fit.sag_sigma_m < straight**2 / (8 * TAUTEST_M):
         return None
-    return Wire(*place, fit, index[good], coverage, float(gaps.max()), bow, (seen[0], seen[1]))
+    misfit = _misfit(fit, points[index[good]])
+    return Wire(*place, fit, index[good], coverage, float(gaps.max()), bow, misfit, (seen[0], seen[1]))
+
+
+def _misfit(fit: CatenaryFit, points: Float[np.ndarray, "m 3"]) -> float:
+    local = fit.base.local(points)
+    up = local[:, 2] - fit.base.at(fit.q, local[:, 0])[:, 1]
+    stretch = np.floor(np.clip(local[:, 0] / fit.base.length_m, 0, 1 - 1e-9) * STRETCHES).astype(int)
+    count = np.bincount(stretch, minlength=STRETCHES)
+    mean = np.bincount(stretch, up, STRETCHES) / np.maximum(count, 1)
+    return float(np.sqrt(np.average(mean**2, weights=count)))
 
 
 def _without_gap(s: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:

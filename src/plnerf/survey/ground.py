@@ -105,10 +105,10 @@ def _lowest(
 
 def _trend(lowest: Float[np.ndarray, "r c"], seen: Bool[np.ndarray, "r c"]) -> Float[np.ndarray, "r c"]:
     """The plane through the lowest cells: at the grid's borders openings would lower a slope."""
-    row, column = np.nonzero(seen)
-    A = np.stack([np.ones(len(row)), row, column], 1)
+    cells = np.argwhere(seen)
+    A = np.column_stack([np.ones(len(cells)), cells])
     plane = np.linalg.lstsq(A, lowest[seen], rcond=None)[0]
-    rows, columns = np.indices(lowest.shape, sparse=True)
+    rows, columns = np.ogrid[: lowest.shape[0], : lowest.shape[1]]
     trend: Float[np.ndarray, "r c"] = plane[0] + plane[1] * rows + plane[2] * columns
     return trend
 
