@@ -14,6 +14,8 @@ from plnerf.survey.model import Kind
 
 LEVEL_M, BELOW_M = 2.0, 2.0
 MOST, LEAST_BELOW = 2, 3
+BUNDLE_M = 0.65
+"""Wires so near to each other are one bundle."""
 FLATTER, THINNER = 0.93, 0.6
 """Share of the others' median hang (8 sag / span^2), and of their points per metre, below which a wire sags
 less or is thinner."""
@@ -27,8 +29,8 @@ def kinds(wires: Sequence[Wire]) -> list[Kind]:
     phases: list[Kind] = ["phase"] * len(wires)
     if not 1 <= top.sum() <= MOST or below.sum() < LEAST_BELOW or (~top & ~below).any():
         return phases
-    bundles = np.array([wire.bundle for wire in wires])
-    members = np.array([(bundles == bundle).sum() for bundle in bundles])
+    at = np.array([wire.middle() for wire in wires])
+    members = (np.linalg.norm(at[:, None] - at, axis=2) <= BUNDLE_M).sum(1)
     hang = np.array([8 * wire.fit.curve.sag_m / wire.fit.curve.span_m**2 for wire in wires])
     dense = np.array([len(wire.points) / wire.fit.curve.span_m for wire in wires])
     bundled = members[top].max() == 1 and np.median(members[below]) > 1

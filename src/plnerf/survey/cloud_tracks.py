@@ -19,8 +19,9 @@ from plnerf.survey.cloud_lines import ALIKE, Lines, pieces
 SEED_M = 20.0
 """Pieces are cut to this length: a support within one would bend it."""
 LEAST_M, LEAST_PLACES = 10.0, 8
-GATE_M = 0.6
-"""How far from the curve, sideways and in height, its places may lie: half a bundle, and noise."""
+LEAST_GATE_M, GATE_M, GATE_SIGMAS = 0.25, 0.6, 3.0
+"""How far from the curve, sideways and in height, its places may lie: so many standard deviations, within
+limits.  A bundle needs half its width; a single wire must not take its neighbour's places."""
 STEP_M, STEP_SHARE, GAP_M = 5.0, 0.3, 20.0
 """At each step a track is looked for this far beyond its ends, or a share of its length if that is more, but
 no farther than the longest gap."""
@@ -46,6 +47,8 @@ class Track:
     ends: tuple[float, float]
     places: int
     """How many it was fitted to."""
+    gate_m: float
+    """How far off its own places may lie."""
 
     @property
     def length_m(self) -> float:
@@ -67,7 +70,7 @@ class Track:
         """The same curve, directed the other way."""
         back, up = np.array([-1.0, 1.0, -1.0]), np.array([1.0, -1.0, 1.0])
         ends = (-self.ends[1], -self.ends[0])
-        return Track(self.o, -self.u, self.y * back, self.z * up, ends, self.places)
+        return Track(self.o, -self.u, self.y * back, self.z * up, ends, self.places, self.gate_m)
 
     @property
     def middle(self) -> Float[np.ndarray, "3"]:
@@ -89,7 +92,9 @@ def fit_track(points: Float[np.ndarray, "m 3"]) -> Track:
     y = _robust(hanging, across)
     if np.ptp(s) < SWINGS_FROM_M or abs(y[2]) > MOST_SWING * z[2]:
         y = np.append(_robust(line, across), 0.0)
-    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points))
+    off = np.abs([across - polyval(s, y), up - polyval(s, z)])
+    gate = np.clip(GATE_SIGMAS * 1.4826 * np.median(off, axis=1).max(), LEAST_GATE_M, GATE_M)
+    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points), float(gate))
 
 
 def _robust(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> Float[np.ndarray, " k"]:
@@ -163,7 +168,7 @@ def near(track: Track, at: Float[np.ndarray, "m 3"], beyond_m: float = 1.0) -> B
     """Which places lie within the gate of a track, or of its continuation this far beyond its ends."""
     local = track.local(at)
     inside = (local[:, 0] >= track.ends[0] - beyond_m) & (local[:, 0] <= track.ends[1] + beyond_m)
-    return inside & (np.abs(local[:, 1:]) <= GATE_M).all(1)
+    return inside & (np.abs(local[:, 1:]) <= track.gate_m).all(1)
 
 
 def _joined(parts: list[Track], found: Lines) -> list[Track]:

@@ -50,8 +50,6 @@ class Wire:
     """One conductor and its points."""
 
     span: int
-    bundle: int
-    """Its track's number in the span."""
     fit: CatenaryFit
     points: Int[np.ndarray, " m"]
     coverage: float
@@ -80,8 +78,8 @@ def wires(
     for number, (span, hold) in enumerate(zip(spans, held, strict=True)):
         by = [None if k is None else supports[k] for k in hold.by]
         mine: list[Wire] = []
-        for k, track in enumerate(span.tracks):
-            mine += _of_track(track, by, span, (number, k), points)
+        for track in span.tracks:
+            mine += _of_track(track, by, span, number, points)
         kept: list[Wire] = []
         for wire in sorted(mine, key=lambda wire: -len(wire.points)):
             if not any(_same(wire, other) for other in kept):
@@ -93,10 +91,9 @@ def wires(
 
 
 def _of_track(
-    track: Track, by: Sequence[Support | None], span: Span, place: tuple[int, int],
-    points: Float[np.ndarray, "n 3"],
-) -> list[Wire]:  # fmt: skip
-    """The wires of a track between its supports; place: the numbers of its span and of its bundle there."""
+    track: Track, by: Sequence[Support | None], span: Span, number: int, points: Float[np.ndarray, "n 3"]
+) -> list[Wire]:
+    """The wires of a track between its supports; number: the span's."""
     index = np.flatnonzero(near(track, points, END_M))
     for support, inward in zip(by, (1.0, -1.0), strict=True):
         if support is not None:
@@ -111,7 +108,7 @@ def _of_track(
     limits = [_axis(track, support) for support in by]
     least = min(LEAST_SPAN_M, LEAST_SHARE * span.length_m)
     made = [
-        _wire(track, curve, points, index[mine], limits, place)
+        _wire(track, curve, points, index[mine], limits, number)
         for curve, mine in split(track, track.local(points[index]))
     ]
     return [wire for wire in made if wire is not None and wire.fit.curve.span_m >= least]
@@ -128,7 +125,7 @@ def _axis(track: Track, support: Support | None) -> float | None:
 
 def _wire(
     track: Track, off: Float[np.ndarray, "3 2"], points: Float[np.ndarray, "n 3"],
-    index: Int[np.ndarray, " m"], limits: Sequence[float | None], place: tuple[int, int],
+    index: Int[np.ndarray, " m"], limits: Sequence[float | None], number: int,
 ) -> Wire | None:  # fmt: skip
     """A wire between its ends from the points that may be its own; None where it is no wire."""
     local = track.local(points[index])
@@ -160,7 +157,7 @@ def _wire(
     if sag + 3 * fit.sag_sigma_m < straight**2 / (8 * TAUTEST_M):
         return None
     misfit = _misfit(fit, points[index[good]])
-    return Wire(*place, fit, index[good], coverage, float(gaps.max()), bow, misfit, (seen[0], seen[1]))
+    return Wire(number, fit, index[good], coverage, float(gaps.max()), bow, misfit, (seen[0], seen[1]))
 
 
 def _misfit(fit: CatenaryFit, points: Float[np.ndarray, "m 3"]) -> float:
