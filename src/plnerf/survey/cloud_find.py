@@ -1,0 +1,230 @@
+"""Conductors, shields and supports in a point cloud that says nothing of classes.
+
+    ground -> places on lines high above it -> tracks -> spans -> supports -> every wire -> classes
+
+Letters: n points of the cloud, d distinct ones among them; metres, z up.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from scipy.spatial import cKDTree
+
+from plnerf.errors import SurveyError
+from plnerf.survey.cloud_kinds import kinds
+from plnerf.survey.cloud_lines import Lines, lines
+from plnerf.survey.cloud_spans import Span, spans
+from plnerf.survey.cloud_towers import Held, Support, on_support, supports
+from plnerf.survey.cloud_tracks import near, tracks
+from plnerf.survey.cloud_wires import BOW_M, MISFIT_M, Wire, wires
+from plnerf.survey.ground import NEAR_M, Ground, find_ground, vegetation
+from plnerf.survey.model import (
+    CONDUCTOR,
+    GROUND,
+    NO_WIRE,
+    SHIELD,
+    TOWER,
+    UNCLASSIFIED,
+    Cloud,
+    Conductor,
+    Tower,
+)
+
+LEAST_ABOVE_M = 4.0
+"""Wires hang higher above the ground; fences do not."""
+LOW_M = 2.0
+"""What is higher above the ground may be a support."""
+LEAST_EXTENT_M = 1.0
+"""Of a cloud in plan."""
+STAGES = 5
+EXPLAINED_M, MOST_UNEXPLAINED = 1.5, 0.15
+"""A place on a line is explained by a wire's or support's point so near; more than this share that are not
+are told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a cloud shows of a line."""
+
+    conductors: tuple[Conductor, ...]
+    towers: tuple[Tower, ...]
+    cloud: Cloud
+    """The points as they came, with their class and wire."""
+    notes: tuple[str, ...]
+    """What is missing or doubtful, in words."""
+
+
+def find_conductors(
+    xyz: Float[np.ndarray, "n 3"],
+    least_above_m: float = LEAST_ABOVE_M,
+    progress: Callable[[int, int], None] | None = None,
+) -> Found:
+    """Every wire of a cloud in metres with z up, span by span along the line, and the supports.
+
+    Neither the order of the points nor how often each occurs has any influence.  What is neither ground, wire
+    nor support is vegetation by its height: buildings are not told from it.  Without wires the result holds
+    none, and a note.  Raises SurveyError for clouds that are empty, not finite, all at one place, or in
+    degrees.
+    """
+    _check(xyz)
+    told = progress or (lambda done, total: None)
+    points, which = distinct(xyz)
+    notes = []
+    told(0, STAGES)
+    ground = find_ground(points)
+    seen = ground is not None
+    if ground is None:
+        ground = Ground(points[0, :2], 1.0, np.array([[points[:, 2].min()]]))
+        notes.append(
+            "The cloud shows no ground: wires are looked for among all points, heights of towers count from "
+            "the lowest point, and nothing is classified as ground or vegetation."
+        )
+    above = ground.above(points)
+    told(1, STAGES)
+    high = np.flatnonzero(above >= least_above_m) if seen else np.arange(len(points))
+    found = lines(points[high])
+    told(2, STAGES)
+    line = spans(tracks(found), found)
+    told(3, STAGES)
+    tall = np.flatnonzero(above >= LOW_M) if seen else high
+    rest = tall[~_on_tracks(line, points[tall])]
+    held_by, held = supports(line, points, points[rest], ground)
+    of_support = np.zeros(len(points), np.bool_)
+    for support in held_by:
+        of_support[rest[on_support(support, points[rest])]] = True
+    all_wires = wires(line, held_by, held, points[high], of_support[high])
+    told(4, STAGES)
+    conductors, label, wire = _named(all_wires, line, held, points, high)
+    free = (label == UNCLASSIFIED) & ~of_support
+    label[of_support & (label == UNCLASSIFIED)] = TOWER
+    if seen:
+        label[free & (np.abs(above) <= NEAR_M)] = GROUND
+        plants = free & (above > NEAR_M)
+        label[plants] = vegetation(above[plants])
+    notes += _notes(conductors, held_by, len(high), least_above_m, seen)
+    if conductors:
+        notes += _unexplained(found, points[(label == TOWER) | (wire != NO_WIRE)])
+    told(STAGES, STAGES)
+    towers = tuple(support.tower for support in held_by) if conductors else ()
+    return Found(tuple(conductors), towers, Cloud(xyz, label[which], wire[which]), tuple(notes))
+
+
+def distinct(xyz: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "d 3"], Int[np.ndarray, " n"]]:
+    """Each place once, in the order of x, y and z, and which of them each point is."""
+    order = np.lexsort(xyz.T[::-1])
+    ordered = xyz[order]
+    new = np.ones(len(xyz), np.bool_)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(1)
+    which = np.empty(len(xyz), np.int64)
+    which[order] = np.cumsum(new) - 1
+    return ordered[new], which
+
+
+def _check(xyz: Float[np.ndarray, "n 3"]) -> None:
+    if not len(xyz):
+        raise SurveyError("The cloud holds no points. Give one of a power line, in metres with z up.")
+    bad = int((~np.isfinite(xyz).all(1)).sum())
+    if bad:
+        raise SurveyError(
+            f"{bad} of the cloud's {len(xyz)} points have coordinates that are not finite. Remove them."
+        )
+    extent = np.ptp(xyz, axis=0)
+    wide = float(extent[:2].max())
+    if wide < LEAST_EXTENT_M and (np.abs(xyz[:, :2]).max(0) <= [180, 90]).all() and extent[2] > wide > 0:
+        raise SurveyError(
+            f"The cloud's x ({xyz[:, 0].min():.6f} to {xyz[:, 0].max():.6f}) and y ({xyz[:, 1].min():.6f} to "
+            f"{xyz[:, 1].max():.6f}) look like degrees, but metres are needed. Transform it to a projected "
+            "coordinate system, such as UTM."
+        )
+    if wide < LEAST_EXTENT_M:
+        raise SurveyError(
+            f"The cloud's {len(xyz)} points lie within {wide:.3g} m of each other in plan, but a span has "
+            "tens of metres. Give coordinates in metres."
+        )
+
+
+def _on_tracks(line: Sequence[Span], points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    on = np.zeros(len(points), np.bool_)
+    for track in (track for span in line for track in span.tracks):
+        on |= near(track, points)
+    return on
+
+
+def _named(
+    all_wires: Sequence[Wire], line: Sequence[Span], held: Sequence[Held],
+    points: Float[np.ndarray, "d 3"], high: Int[np.ndarray, " k"],
+) -> tuple[list[Conductor], UInt8[np.ndarray, " d"], Int[np.ndarray, " d"]]:  # fmt: skip
+    """Wires as conductors, numbered from 1 in spans numbered from 0, and the points' classes and wires."""
+    label = np.full(len(points), UNCLASSIFIED, np.uint8)
+    of_wire = np.full(len(points), NO_WIRE, np.int64)
+    conductors: list[Conductor] = []
+    used = sorted({wire.span for wire in all_wires})
+    for number, span in enumerate(used):
+        mine = [wire for wire in all_wires if wire.span == span]
+        for wire, kind in zip(mine, kinds(mine), strict=True):
+            name = len(conductors) + 1
+            its = high[wire.points]
+            label[its] = SHIELD if kind == "shield" else CONDUCTOR
+            of_wire[its] = name
+            conductors.append(
+                Conductor(
+                    id=name,
+                    span=number,
+                    kind=kind,
+                    fit=wire.fit,
+                    coverage=wire.coverage,
+                    longest_gap_m=wire.longest_gap_m,
+                    evidence=len(its),
+                    source=f"{len(its):,} points",
+                    note=_note(wire, held[span]),
+                )
+            )
+    return conductors, label, of_wire
+
+
+def _note(wire: Wire, hold: Held) -> str | None:
+    said = []
+    for name, seen, cut in zip(("first", "last"), wire.seen, hold.cut, strict=True):
+        if not seen and cut:
+            said.append(f"The cloud ends at its {name} end: its support there is not seen.")
+        elif not seen:
+            said.append(f"No support is seen at its {name} end: it may go on.")
+    if wire.bow_m >= BOW_M:
+        said.append(f"It bows {wire.bow_m:.2f} m sideways, by wind perhaps; its curve is upright.")
+    if wire.misfit_m >= MISFIT_M:
+        said.append(f"It departs {wire.misfit_m:.2f} m from one catenary: something may hold it in between.")
+    return " ".join(said) or None
+
+
+def _notes(
+    conductors: Sequence[Conductor], held_by: Sequence[Support], high: int, least_above_m: float, ground: bool
+) -> list[str]:
+    notes = []
+    if not conductors:
+        where = f"more than {least_above_m:g} m above the ground" if ground else "in the cloud"
+        notes.append(
+            f"No wires were found: of {high} points {where}, none make hanging lines of 30 m or more. A line "
+            "that is there may be too sparse: a wire needs a point every few metres."
+        )
+        return notes
+    unseen = [k for k, support in enumerate(held_by) if not support.seen]
+    if unseen:
+        notes.append(
+            f"The cloud shows {len(unseen)} of {len(held_by)} towers by nothing but the wires that meet "
+            "there: they are as high as their highest wire."
+        )
+    return notes
+
+
+def _unexplained(found: Lines, own: Float[np.ndarray, "k 3"]) -> list[str]:
+    """What is said of lines that became no wire."""
+    left = int((cKDTree(own).query(found.at)[0] > EXPLAINED_M).sum())
+    if left <= MOST_UNEXPLAINED * len(found.at):
+        return []
+    return [
+        f"{left} of {len(found.at)} places that lie on lines belong to no wire found: there are wires that "
+        "are too short, too slack or too tangled for catenaries between supports, or other things that are "
+        "long and thin."
+    ]

@@ -1,0 +1,93 @@
+"""The ground is found under what stands on it, through holes and errors; heights above it are exact."""
+
+import numpy as np
+import pytest
+
+from plnerf.survey.ground import Ground, find_ground, is_ground, vegetation
+
+EXTENT = 120.0
+
+
+def terrain(xy: np.ndarray) -> np.ndarray:
+    return 4 * np.sin(xy[:, 0] / 35) + 3 * np.cos(xy[:, 1] / 45) + 0.25 * xy[:, 0] - 0.1 * xy[:, 1]
+
+
+@pytest.fixture(scope="module")
+def cloud() -> tuple[np.ndarray, np.ndarray]:
+    """A hillside with trees, a house, a pond without points, errors below ground; and what is ground."""
+    random = np.random.default_rng(0)
+    xy = random.uniform(0, EXTENT, (40_000, 2))
+    xy = xy[np.hypot(*(xy - [80, 40]).T) > 12]  # the pond
+    house = (np.abs(xy - [30, 80]) < [6, 9]).all(1)
+    z = terrain(xy) + np.where(house, 7.0, 0.02 * random.normal(size=len(xy)))
+    parts, ground = [np.column_stack([xy, z])], [~house]
+    for middle in random.uniform(5, EXTENT - 5, (60, 2)):
+        if np.hypot(*(middle - [80, 40])) < 16 or (np.abs(middle - [30, 80]) < 14).all():
+            continue
+        leaves = middle + random.normal(size=(150, 2))
+        parts.append(np.column_stack([leaves, terrain(leaves) + random.uniform(2, 12, 150)]))
+        ground.append(np.zeros(150, bool))
+    low = random.uniform(0, EXTENT, (25, 2))
+    parts.append(np.column_stack([low, terrain(low) - random.uniform(3, 20, 25)]))
+    ground.append(np.zeros(25, bool))
+    return np.concatenate(parts), np.concatenate(ground)
+
+
+def test_the_ground_is_told_from_what_stands_on_it(cloud: tuple[np.ndarray, np.ndarray]) -> None:
+    points, truth = cloud
+    ground = find_ground(points)
+    assert ground is not None
+    mine = is_ground(points, ground)
+    assert mine[truth].mean() > 0.97 and (~mine[~truth]).mean() > 0.99
+    xy = np.random.default_rng(1).uniform(2, EXTENT - 2, (3000, 2))
+    off = np.abs(ground.below(xy) - terrain(xy))
+    assert np.median(off) < 0.15 and np.percentile(off, 99) < 0.8  # cells are as low as their lowest point
+
+
+def test_a_plane_is_a_plane_between_cells_and_across_holes() -> None:
+    """Of each cell the lowest point counts, which here lies half a cell from its middle: a constant."""
+    x, y = np.meshgrid(np.arange(0.5, 60), np.arange(0.5, 40))
+    points = np.column_stack([x.ravel(), y.ravel(), (0.3 * x - 0.2 * y + 7).ravel()])
+    hole = (np.abs(points[:, :2] - [30, 20]) < 8).all(1)
+    ground = find_ground(points[~hole])
+    assert ground is not None
+    inside = np.random.default_rng(2).uniform([1, 1], [59, 39], (500, 2))
+    off = ground.below(inside) - (0.3 * inside[:, 0] - 0.2 * inside[:, 1] + 7)
+    assert np.ptp(off) < 1e-9 and off.mean() == pytest.approx(-0.5 * 0.3 + 0.5 * 0.2)
+    above = ground.above(np.column_stack([inside, np.full(500, 50.0)]))
+    assert above == pytest.approx(50 - ground.below(inside), abs=1e-12)
+
+
+def test_moving_the_cloud_moves_the_ground(cloud: tuple[np.ndarray, np.ndarray]) -> None:
+    points, _ = cloud
+    shift = np.array([250_000.0, 5_800_000.0, 30.0])
+    one, other = find_ground(points), find_ground(points + shift)
+    assert one is not None and other is not None
+    assert other.above(points + shift) == pytest.approx(one.above(points), abs=0.05)
+
+
+def test_far_coordinates_keep_millimetres() -> None:
+    ground = Ground(np.array([250_000.5, 5_800_000.5]), 1.0, np.arange(12.0).reshape(3, 4))
+    at = np.array([[250_000.5, 5_800_000.5], [250_001.25, 5_800_001.0], [250_003.5, 5_800_002.5], [0.0, 0.0]])
+    assert ground.below(at) == pytest.approx([0.0, 2.75, 11.0, 0.0], abs=1e-6)
+
+
+def test_lines_alone_are_no_ground() -> None:
+    s = np.linspace(0, 200, 3000)
+    hang = 20 + (s - 100) ** 2 / 3000
+    wires = [np.column_stack([s, np.full_like(s, y), hang]) for y in (-5.0, 0.0, 0.4, 5.0)]
+    assert find_ground(np.concatenate(wires)) is None
+    assert find_ground(np.zeros((1, 3))) is None
+
+
+def test_memory_is_bounded_by_cells_that_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(3)
+    xy = random.uniform(0, 60_000, (100_000, 2))
+    xy = np.concatenate([xy, random.uniform(0, 10_000, (100_000, 2))])
+    monkeypatch.setattr("plnerf.survey.ground.MOST_CELLS", 10_000)
+    ground = find_ground(np.column_stack([xy, np.zeros(len(xy))]))
+    assert ground is not None and ground.z.size < 1.1e4 and np.abs(ground.z).max() < 1e-9
+
+
+def test_vegetation_is_banded_by_height() -> None:
+    assert vegetation(np.array([0.31, 0.49, 0.5, 1.99, 2.0, 30.0])).tolist() == [3, 3, 4, 4, 5, 5]
