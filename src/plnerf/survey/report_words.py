@@ -1,0 +1,170 @@
+"""Figures and sentences of a report: lengths with their unit, what was found, and what a reader must know."""
+
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Literal
+
+import numpy as np
+
+from plnerf.survey.model import Conductor, Survey
+from plnerf.survey.report_data import TWO_SIDED_95, Report
+
+LEAST_COVERAGE = 0.8
+"""A conductor with evidence on less of its length gets a caveat."""
+LOOSE_SAG = 0.1
+"""So does one whose sag is known worse than this, relatively."""
+NOTHING = "–"
+PLUS_MINUS, MINUS = "\u202f±\u202f", "−"
+
+
+@dataclass(frozen=True)
+class Units:
+    """How lengths are written."""
+
+    unit: Literal["m", "unscaled"]
+
+    @property
+    def short(self) -> str:
+        """Behind a figure."""
+        return "m" if self.unit == "m" else "units"
+
+    def length(self, value: float | None, digits: int = 2) -> str:
+        """A length: with so many decimals in metres, unscaled with five significant digits."""
+        if value is None or not np.isfinite(value):
+            return NOTHING
+        text = f"{value:,.{digits}f}" if self.unit == "m" else f"{value:.5g}"
+        return text.replace("-", MINUS)
+
+    def with_unit(self, value: float | None, digits: int = 2) -> str:
+        """The same with its unit behind."""
+        text = self.length(value, digits)
+        return text if text == NOTHING else f"{text}\u00a0{self.short}"
+
+    def known_to(self, value: float, sigma: float | None, digits: int = 2) -> str:
+        """A length and the half width of its 95 % interval."""
+        if sigma is None or not np.isfinite(sigma):
+            return f"{self.length(value, digits)}{PLUS_MINUS}?"
+        return f"{self.length(value, digits)}{PLUS_MINUS}{self.length(TWO_SIDED_95 * sigma, digits)}"
+
+    def place(self, xyz: np.ndarray) -> str:
+        """Coordinates of a world point, without separators so that they can be copied."""
+        digits = ".2f" if self.unit == "m" else ".5g"
+        return ", ".join(f"{value:{digits}}" for value in xyz)
+
+
+def counted(count: int, noun: str) -> str:
+    """ "1 span", "2 spans", "no spans"."""
+    return f"{count:,} {noun}{'s' * (count != 1)}" if count else f"no {noun}s"
+
+
+def share(part: float) -> str:
+    """Per cent."""
+    return f"{100 * part:.0f}\u00a0%"
+
+
+def listed(parts: list[str]) -> str:
+    """ "1, 2 and 3"."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def name_of(survey: Survey) -> str:
+    """What was surveyed, briefly: the last part of its path."""
+    return PurePath(survey.source).name or survey.source
+
+
+def found(report: Report) -> str:
+    """What the survey found, in one sentence."""
+    survey = report.survey
+    if not survey.conductors:
+        return f"No conductor was found among {counted(len(survey.cloud.xyz), 'point')}."
+    kinds = [one.kind for one in survey.conductors]
+    parts = [
+        counted(count, f"{kind} conductor" if kind == "phase" else "shield wire")
+        for kind, count in (("phase", kinds.count("phase")), ("shield", kinds.count("shield")))
+        if count
+    ]
+    return (
+        f"{listed(parts)} in {counted(len(report.spans), 'span')}, {counted(len(survey.towers), 'tower')}, "
+        f"{counted(len(survey.cloud.xyz), 'classified point')}."
+    )
+
+
+def where(survey: Survey) -> str:
+    """Unit and place on the earth, in words."""
+    if survey.unit == "unscaled":
+        return "Units, unscaled; the place on the earth is not known."
+    if survey.crs is None:
+        return "Metres, z up; the place on the earth is not known."
+    if survey.origin is None:
+        return f"Metres; coordinates and heights of {survey.crs}."
+    longitude, latitude, height = survey.origin
+    east, north = "E" if longitude >= 0 else "W", "N" if latitude >= 0 else "S"
+    return (
+        f"Metres east, north and up of {abs(latitude):.7f}° {north}, {abs(longitude):.7f}° {east}, "
+        f"{height:.2f} m above the WGS 84 ellipsoid; the survey's reference system is {survey.crs}."
+    )
+
+
+def temperature(survey: Survey) -> str:
+    """Of the conductors, or that it is not given."""
+    return "not given" if survey.temperature_c is None else f"{survey.temperature_c:g} °C".replace("-", MINUS)
+
+
+def caveats(report: Report) -> list[str]:
+    """What is missing or doubtful, a sentence or two each, what concerns all of the survey first."""
+    survey, units = report.survey, Units(report.survey.unit)
+    texts = []
+    if survey.unit == "unscaled":
+        texts.append(
+            "Lengths are in units, unscaled: ratios hold, but no distance can be compared with a required "
+            "clearance. Give positions or control points for a scale."
+        )
+    if survey.conductors:
+        texts.append(
+            "As surveyed: clearances and sags hold for the conductor temperature and wind at that time "
+            f"(temperature: {temperature(survey)}). At their highest temperature conductors hang lower."
+        )
+    texts += survey.notes
+    bare = sorted(
+        {profile.conductor for profile in report.profiles if not np.isfinite(profile.ground_m).any()}
+        | {one.id for one in survey.conductors} - {profile.conductor for profile in report.profiles}
+    )
+    if bare and len(bare) == len(survey.conductors):
+        texts.append("No ground is known below the conductors: heights above ground cannot be told.")
+    elif bare:
+        texts.append(f"No ground is known below {_conductors(bare)}.")
+    return texts + [text for one in survey.conductors if (text := _doubts(one, units))]
+
+
+def _doubts(one: Conductor, units: Units) -> str:
+    """What must be known of one conductor; nothing of most."""
+    parts = []
+    if one.coverage < LEAST_COVERAGE:
+        parts.append(
+            f"evidence on {share(one.coverage)} of its length only, with a gap of "
+            f"{units.with_unit(one.longest_gap_m)}, where it is the catenary's continuation"
+        )
+    if TWO_SIDED_95 * one.fit.sag_sigma_m > LOOSE_SAG * one.fit.curve.sag_m:
+        sag = units.known_to(one.fit.curve.sag_m, one.fit.sag_sigma_m, 3)
+        parts.append(f"its sag is known loosely, {sag} {units.short} (95 %)")
+    if one.note:
+        parts.append(one.note.rstrip("."))
+    return f"Conductor {one.id}: {'; '.join(parts)}." if parts else ""
+
+
+def judged(report: Report) -> str:
+    """How many clearances are kept, in one sentence; nothing where none is required."""
+    standings = [one.standing for one in report.clearances if one.standing != "open"]
+    if not standings:
+        return ""
+    short, doubtful, kept = (standings.count(one) for one in ("short", "doubtful", "kept"))
+    return (
+        f"Of {counted(len(standings), 'clearance')} with a required distance, {short or 'none'} "
+        f"{'fall' if short > 1 else 'falls'} short of it, {doubtful or 'none'} "
+        f"{'are' if doubtful > 1 else 'is'} kept but not certainly (95 %), {kept or 'none'} "
+        f"{'are' if kept > 1 else 'is'} kept."
+    )
+
+
+def _conductors(ids: list[int]) -> str:
+    return f"conductor{'s' if len(ids) > 1 else ''} {listed([str(one) for one in ids])}"
