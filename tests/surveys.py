@@ -190,9 +190,9 @@ def _told(survey: Survey) -> Report:
             apart, index = trees[name].query(wire)
             k = int(apart.argmin())
             least, sigma = float(apart[k]), 0.05 + 0.02 * one.id
-            words = "below the required distance" if least < required else "kept"
-            if required <= least < required + 1.96 * sigma:
-                words = "kept, but not certainly"
+            words = "closer than required" if least < required else "clear"
+            if abs(least - required) <= 2 * sigma:
+                words = "within its uncertainty"
             clearances.append(Clearance(
                 one.id, name, least, sigma, float(s[k]), wire[k], groups[name][index[k]], required, words
             ))  # fmt: skip

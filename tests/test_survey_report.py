@@ -165,10 +165,11 @@ def test_clearances_come_by_need_with_words() -> None:
 @pytest.mark.parametrize(
     ("distance", "sigma", "required", "standing"),
     [
-        (2.99, 0.01, 3.0, "short"),
+        (2.97, 0.01, 3.0, "short"),
+        (2.99, 0.01, 3.0, "doubtful"),
         (3.01, 0.01, 3.0, "doubtful"),
         (3.03, 0.01, 3.0, "kept"),
-        (3.0, None, 3.0, "kept"),
+        (3.001, None, 3.0, "kept"),
         (0.1, 0.2, None, "open"),
     ],
 )
@@ -178,7 +179,8 @@ def test_a_clearance_is_judged_with_its_uncertainty(
     one = Clearance(1, "trees", distance, sigma, 0.0, np.zeros(3), np.zeros(3), required, "words")
     assert one.standing == standing
     told = replace(report("short"), clearances=(replace(one, conductor=1),))
-    assert ("falls short" in judged(told)) == (required is not None)
+    counts = {"short": "1 falls short", "doubtful": "1 is too near to it", "kept": "1 is kept"}
+    assert all((text in judged(told)) == (kind == standing) for kind, text in counts.items())
 
 
 def test_names_from_outside_are_shown_as_they_are() -> None:

@@ -15,8 +15,10 @@ from plnerf.survey.model import Conductor, Survey
 
 TWO_SIDED_95 = 1.96
 """Standard deviations that 95 % of normal errors lie within."""
+SIGMAS = 2.0
+"""A distance is told from the required one if they are so many standard deviations apart."""
 Standing = Literal["short", "doubtful", "kept", "open"]
-"""Less than required; at least that but not certainly (95 %); certainly; nothing is required."""
+"""Less than required; not to be told from it; more; nothing is required."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +50,9 @@ class Clearance:
         """How the distance compares with the required one."""
         if self.margin_m is None:
             return "open"
-        if self.margin_m < 0:
-            return "short"
-        return "doubtful" if self.margin_m < TWO_SIDED_95 * (self.sigma_m or 0.0) else "kept"
+        if abs(self.margin_m) <= SIGMAS * (self.sigma_m or 0.0):
+            return "doubtful"
+        return "short" if self.margin_m < 0 else "kept"
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,7 +83,8 @@ def clearance_table(report: Report) -> Markup:
     """A row for each conductor and class, those first that need attention."""
     units = Units(report.survey.unit)
     if not report.clearances:
-        return tag("p", "No clearance was measured.", class_="empty")
+        why = "" if report.survey.unit == "m" else ": distances without a scale mean nothing to a clearance"
+        return tag("p", f"No clearance was measured{why}.", class_="empty")
     span = {one.id: one.span + 1 for one in report.survey.conductors}
     long = units.short
     rows = [

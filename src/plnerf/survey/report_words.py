@@ -161,7 +161,7 @@ def judged(report: Report) -> str:
     return (
         f"Of {counted(len(standings), 'clearance')} with a required distance, {short or 'none'} "
         f"{'fall' if short > 1 else 'falls'} short of it, {doubtful or 'none'} "
-        f"{'are' if doubtful > 1 else 'is'} kept but not certainly (95 %), {kept or 'none'} "
+        f"{'are' if doubtful > 1 else 'is'} too near to it to tell, {kept or 'none'} "
         f"{'are' if kept > 1 else 'is'} kept."
     )
 
