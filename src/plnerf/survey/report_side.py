@@ -16,7 +16,7 @@ WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1100, 64, 60, 14, 46
 """Of a drawing and its margins, in pixels."""
 MOST_HEIGHT, LEAST_HEIGHT = 440, 200
 """Of the plotting area."""
-EXAGGERATIONS = (1, 1.5, 2, 3, 4, 5, 8, 10, 15, 20, 30, 50)
+EXAGGERATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
 PLACES = 400
 
 
