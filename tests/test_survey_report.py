@@ -19,7 +19,7 @@ from plnerf.survey.report import html_page, write_report
 from plnerf.survey.report_data import Clearance, Picture, Profile, Report
 from plnerf.survey.report_json import survey_json
 from plnerf.survey.report_profile import profile
-from plnerf.survey.report_side import LEFT, below, fitting, runs, side_of, ticks
+from plnerf.survey.report_side import below, fitting, runs, side_of, ticks
 from plnerf.survey.report_view import MOST_POINTS, scene, thinned
 from plnerf.survey.report_words import caveats, judged
 from plnerf.wires.catenary import hang
@@ -83,7 +83,7 @@ class Read(HTMLParser):
         elif not self.open or self.open[-1] != "style":
             self.texts.append(data)
             if {"td", "th"} & set(self.open):
-                self.tables[-1][-1][-1] += data
+                self.tables[-1][-1][-1] += data.replace("\u00a0", " ")
 
     @property
     def text(self) -> str:
@@ -126,20 +126,20 @@ def test_the_tables_hold_the_survey() -> None:
     assert len(rows) == len(known) == 12
     for one in told.survey.conductors:
         row, curve = rows[str(one.id)], one.fit.curve
-        assert row["sag ± 95 %, m"] == plus(curve.sag_m, one.fit.sag_sigma_m, 3)
+        assert row["sag, m ± 95 %"] == plus(curve.sag_m, one.fit.sag_sigma_m, 3)
         assert row["p = H/w, m"] == f"{curve.p_m:,.1f}" and row["wire length, m"] == f"{curve.length_m:.2f}"
         assert (row["span"], row["kind"]) == (str(one.span + 1), one.kind)
         dense = curve.points(np.linspace(0, curve.span_m, 20_001))
         assert float(row["its height, m"]) == pytest.approx(dense[:, 2].min(), abs=0.006)
         row = known[str(one.id)]
-        assert row["coverage"] == f"{100 * one.coverage:.0f}\u00a0%"
+        assert row["coverage"] == f"{100 * one.coverage:.0f} %"
         assert row["longest gap, m"] == f"{one.longest_gap_m:.2f}" and row["evidence"] == one.source
         assert row["residual across, m"] == f"{one.fit.residual_across_m:.3f}"
         if one.before is None:
             assert row["note"] == one.note and row["change, m"] == "–"
         else:
             before = one.before.curve.sag_m
-            assert row["sag before refinement ± 95 %, m"] == plus(before, one.before.sag_sigma_m, 3)
+            assert row["sag before refinement, m ± 95 %"] == plus(before, one.before.sag_sigma_m, 3)
             change = float(row["change, m"].replace("−", "-"))
             assert change == pytest.approx(curve.sag_m - before, abs=6e-4)
 
@@ -152,7 +152,7 @@ def test_clearances_come_by_need_with_words() -> None:
     by_key = {(str(one.conductor), one.to): one for one in told.clearances}
     for row in rows:
         one = by_key[row["conductor"], row["to"]]
-        assert row["distance ± 95 %, m"] == plus(one.distance_m, one.sigma_m, 2)
+        assert row["distance, m ± 95 %"] == plus(one.distance_m, one.sigma_m, 2)
         assert row["verdict"].split(maxsplit=1)[1] == one.verdict
         obstacle = [float(x) for x in row["on the obstacle x, y, z"].split(", ")]
         assert np.abs(obstacle - one.on_obstacle).max() < 0.006
@@ -253,7 +253,7 @@ def test_what_is_not_known_is_null() -> None:
     assert row["sag_sigma"] is None and row["covariance"][0] == [None] * 5
     assert content["temperature_c"] is content["crs"] is content["origin_lon_lat_height"] is None
     read = Read(html_page(Report(survey)))
-    assert read.table("kind")[0]["sag ± 95 %, m"].endswith("±\u202f?")
+    assert read.table("kind")[0]["sag, m ± 95 %"].endswith("±\u202f?")
     assert "the place on the earth is not known" in read.text and "temperature: not given" in read.text
 
 
@@ -383,7 +383,8 @@ def test_a_drawing_fits_and_says_how_it_is_stretched(corners: tuple[float, float
     scale = fitting(first, last, low, high)
     assert scale.x(last) <= 1100 and scale.height <= 440.001
     assert scale.bottom <= low and scale.top >= high
-    up, along = (scale.y(low) - scale.y(high)) / (high - low), (scale.x(last) - LEFT) / (last - first)
+    up = (scale.y(low) - scale.y(high)) / (high - low)
+    along = (scale.x(last) - scale.x(first)) / (last - first)
     assert up / along == pytest.approx(scale.exaggeration)
 
 

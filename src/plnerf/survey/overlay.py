@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from plnerf.survey.report_side import runs
 
@@ -38,7 +38,7 @@ def overlay(
     aside = max(LEAST_ASIDE_PX, size[0] * ASIDE)
     for line, colour in zip(lines, colours, strict=True):
         with np.errstate(invalid="ignore"):
-            near = ((line > -FAR * size) & (line < (1 + FAR) * size)).all(1)
+            near: Bool[np.ndarray, " v"] = np.all((line > -FAR * size) & (line < (1 + FAR) * size), axis=1)
         for run in runs(near):
             piece = line[run]
             along = np.gradient(piece, axis=0)

@@ -99,7 +99,8 @@ class Report:
                 f"The {len(self.survey.conductors)} conductors of {self.survey.source} share ids. Number "
                 "them from 1."
             )
-        for part in (*self.clearances, *self.profiles):
+        parts: list[Clearance | Profile] = [*self.clearances, *self.profiles]
+        for part in parts:
             if part.conductor not in known:
                 raise SurveyError(
                     f"A {type(part).__name__.lower()} is of conductor {part.conductor}, but the survey of "

@@ -56,7 +56,9 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], caption: str, l
 
     head = tag("thead", line("th", columns))
     body = tag("tbody", *(line("td", row) for row in rows))
-    return tag("div", tag("table", tag("caption", caption), head, body), class_="wide", tabindex="0")
+    # Not the table's own caption, which would scroll away with it.
+    told = tag("figcaption", caption)
+    return tag("figure", told, tag("div", tag("table", head, body), class_="wide", tabindex="0"))
 
 
 def bullets(texts: Sequence[str]) -> Markup:

@@ -23,7 +23,7 @@ from plnerf.survey.report_side import (
     side_of,
     ticks,
 )
-from plnerf.survey.report_words import MINUS, Units
+from plnerf.survey.report_words import CERTAIN, MINUS, Units
 
 NEAR_SPAN = 0.25
 """A tower within this share of the span's length from its end is its support."""
@@ -86,9 +86,10 @@ def about(scale: Scale, length: str) -> str:
         else f"heights exaggerated {scale.exaggeration:g} times"
     )
     return (
-        f"{length} long, {stretched}. Orange: conductors, blue dashed: shield wires, both with their 95 % "
-        "band; numbers are ids. Brown: ground below the wires, paler between its lowest and highest; green: "
-        "the top of vegetation near them."
+        f"{length} long, {stretched}. Orange: conductors, blue dashed: shield wires, both with their "
+        f"{CERTAIN} band; numbers are ids. Brown: ground below the wires, paler between its lowest and "
+        "highest; green: the top of vegetation near them. Letters: worst clearances, whose lines are seen from the "
+        "side, and look shorter where the obstacle lies beside the wire."
     )
 
 
@@ -207,8 +208,9 @@ def _mark(scale: Scale, side: Side, one: Clearance, letter: str) -> list[str]:
 
 
 def _told(one: Clearance, letter: str, units: Units) -> Markup:
+    distance = f"{units.known_to(one.distance_m, one.sigma_m)} {units.short} ({CERTAIN})"
     text = (
-        f" least distance to {one.to}: {units.known_to(one.distance_m, one.sigma_m)} {units.short} (95 %), "
-        f"conductor {one.conductor}, at {units.with_unit(one.place_m, 1)}: {one.verdict}"
+        f" least distance to {one.to}: {distance}, conductor {one.conductor}, "
+        f"at {units.with_unit(one.place_m, 1)}: {one.verdict}"
     )
     return Markup(tag("b", letter, class_="letter") + safe(text))

@@ -108,6 +108,8 @@ def below(side: Side, conductors: list[Conductor], profiles: list[Profile]) -> B
 
 def fitting(first: float, last: float, low: float, high: float) -> Scale:
     """The largest drawing within the page, with the greatest of EXAGGERATIONS that fits."""
+    aside = 0.015 * (last - first)
+    first, last = first - aside, last + aside
     wide = max(last - first, 1e-9)
     tall = max(high - low, 0.02 * wide) * 1.06
     per_unit = min((WIDTH - LEFT - RIGHT) / wide, MOST_HEIGHT / tall)

@@ -6,10 +6,12 @@ from plnerf.survey.catenary import CatenaryFit
 from plnerf.survey.model import Conductor
 from plnerf.survey.report_data import Clearance, Report, Standing
 from plnerf.survey.report_markup import Markup, facts, joined, table, tag
-from plnerf.survey.report_words import NOTHING, Units, listed, share, temperature, where
+from plnerf.survey.report_words import CERTAIN, NOTHING, Units, listed, share, temperature, where
 
 SIGNS: dict[Standing, str] = {"short": "✕", "doubtful": "!", "kept": "✓", "open": NOTHING}
 """Beside a verdict's words, so that it is told neither by colour nor by reading alone."""
+XYZ = "x,\u00a0y,\u00a0z"
+"""Head of a column of places, which does not break."""
 
 
 def conductor_tables(report: Report) -> Markup:
@@ -18,19 +20,18 @@ def conductor_tables(report: Report) -> Markup:
         return tag("p", "No conductor was found, so that there is none to list.", class_="empty")
     units = Units(report.survey.unit)
     conductors = [one for span in report.spans.values() for one in span]
-    long = units.short
     measured = table(
-        ("id", "span", "kind", f"span length, {long}", f"wire length, {long}", f"sag ± 95 %, {long}",
-         f"p = H/w, {long}", f"lowest at, {long}", f"its height, {long}", f"heights of A / B, {long}"),
+        ("id", "span", "kind", *units.heads("span length", "wire length"), units.head_95("sag"),
+         *units.heads("p = H/w", "lowest at", "its height", "heights of A / B")),
         [_measured(one, units) for one in conductors],
-        "Catenaries. Sag: greatest drop below the chord between the ends, with the half width of its "
-        "95 % interval. p: horizontal tension over weight per length. The lowest point within the span, by "
-        "its horizontal distance from end A and its height z.",
+        f"Catenaries. Sag: greatest drop below the chord between the ends, ± half of its {CERTAIN} interval. "
+        "p: horizontal tension over weight per length. The lowest point within the span, by its horizontal "
+        "distance from end A and its height z.",
         {2},
     )  # fmt: skip
     known = table(
-        ("id", f"residual across, {long}", f"residual up, {long}", "coverage", f"longest gap, {long}",
-         "evidence", f"sag before refinement ± 95 %, {long}", f"change, {long}", "note"),
+        ("id", *units.heads("residual across", "residual up"), "coverage", *units.heads("longest gap"),
+         "evidence", units.head_95("sag before refinement"), *units.heads("change"), "note"),
         [_known(one, units) for one in conductors],
         "How well each is known. Residuals: root mean square of its points, horizontally across the wire and "
         "vertically; much more across than up is a wire that wind bows. Coverage: share of the length with "
@@ -83,10 +84,9 @@ def clearance_table(report: Report) -> Markup:
     """A row for each conductor and class, those first that need attention."""
     units = Units(report.survey.unit)
     if not report.clearances:
-        why = "" if report.survey.unit == "m" else ": distances without a scale mean nothing to a clearance"
+        why = "" if report.survey.unit == "m" else ": without a scale no distance can be one"
         return tag("p", f"No clearance was measured{why}.", class_="empty")
     span = {one.id: one.span + 1 for one in report.survey.conductors}
-    long = units.short
     rows = [
         [
             verdict(one), one.to, str(one.conductor), str(span[one.conductor]),
@@ -97,11 +97,12 @@ def clearance_table(report: Report) -> Markup:
         for one in report.by_need
     ]  # fmt: skip
     return table(
-        ("verdict", "to", "conductor", "span", f"distance ± 95 %, {long}", f"required, {long}",
-         f"margin, {long}", f"at, {long}", "on the wire x, y, z", "on the obstacle x, y, z"),
+        ("verdict", "to", "conductor", "span", units.head_95("distance"),
+         *units.heads("required", "margin", "at"), f"on the wire {XYZ}", f"on the obstacle {XYZ}"),
         rows,
         "Least distance in space from each conductor to each class, where along the span (horizontally from "
-        "end A) and between which points of the world. First those that fall short, or are nearest to it.",
+        "end A) and between which points of the world. First those that fall short of what is required, "
+        "or come nearest to it.",
         {0, 1},
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from plnerf.survey.model import TOWER, Cloud, Tower
 from plnerf.survey.report_colours import CLASSES, KINDS, MARK, OTHER
@@ -40,8 +40,8 @@ def view(report: Report) -> Markup:
     share = counted(total, "point") if drawn == total else f"{drawn:,} of {total:,} points, thinned evenly"
     told = (
         f"Drawn are {share}, all fitted conductors with their ids, towers, and the worst clearance to each "
-        "class. Parallel projection. Drag to turn, Shift and drag or two fingers to move, pinch, + and - or "
-        "(after a click) the wheel to zoom."
+        "class; in brackets: points. Parallel projection. Drag to turn, Shift and drag or two fingers to "
+        "move, pinch, + and - or (after a click) the wheel to zoom."
     )
     # "<" could end the script: JSON may write it as an escape.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -127,8 +127,7 @@ def thinned(
     Each class has cubes of its own, so that a thin thing in front of a large one stays.
     """
     reach = AROUND * float(np.linalg.norm(high - low))
-    near: Bool[np.ndarray, " n"] = ((cloud.xyz >= low - reach) & (cloud.xyz <= high + reach)).all(1)
-    kept = np.flatnonzero(near)
+    kept = np.flatnonzero(((cloud.xyz >= low - reach) & (cloud.xyz <= high + reach)).all(1))
     if len(kept) > _FIRST_THIN * MOST_POINTS:
         kept = np.sort(np.random.default_rng(0).choice(kept, _FIRST_THIN * MOST_POINTS, replace=False))
     edge = float(np.sqrt(np.prod(np.sort(high - low + 2 * reach)[1:]) / MOST_POINTS)) / 4
@@ -157,8 +156,7 @@ def _legend(report: Report) -> Markup:
         count = int(counts[code] if code is not None else counts.sum() - counts[list(CLASSES)].sum())
         if count:
             ticked = Markup(f'<input type="checkbox" checked data-class="{k}">')
-            about = f"{name} ({counted(count, 'point')})"
-            entries.append(tag("label", ticked, _swatch(colour), about))
+            entries.append(tag("label", ticked, _swatch(colour), f"{name} ({count:,})"))
     entries += [
         tag("span", tag("i", class_=f"line {kind}"), f"fitted {name}")
         for kind, name in (("phase", "conductor"), ("shield", "shield wire"))

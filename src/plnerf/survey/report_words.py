@@ -14,6 +14,8 @@ LEAST_COVERAGE = 0.8
 LOOSE_SAG = 0.1
 """So does one whose sag is known worse than this, relatively."""
 NOTHING = "–"
+CERTAIN = "95\u00a0%"
+"""Of the intervals behind all ± in a report."""
 PLUS_MINUS, MINUS = "\u202f±\u202f", "−"
 
 
@@ -45,6 +47,14 @@ class Units:
         if sigma is None or not np.isfinite(sigma):
             return f"{self.length(value, digits)}{PLUS_MINUS}?"
         return f"{self.length(value, digits)}{PLUS_MINUS}{self.length(TWO_SIDED_95 * sigma, digits)}"
+
+    def heads(self, *names: str) -> list[str]:
+        """Heads of columns with lengths."""
+        return [f"{name},\u00a0{self.short}" for name in names]
+
+    def head_95(self, name: str) -> str:
+        """Head of a column with lengths and their 95 % intervals."""
+        return f"{name},\u00a0{self.short} ±\u00a0{CERTAIN}"
 
     def place(self, xyz: np.ndarray) -> str:
         """Coordinates of a world point, without separators so that they can be copied."""
@@ -146,7 +156,7 @@ def _doubts(one: Conductor, units: Units) -> str:
         )
     if TWO_SIDED_95 * one.fit.sag_sigma_m > LOOSE_SAG * one.fit.curve.sag_m:
         sag = units.known_to(one.fit.curve.sag_m, one.fit.sag_sigma_m, 3)
-        parts.append(f"its sag is known loosely, {sag} {units.short} (95 %)")
+        parts.append(f"its sag is known loosely, {sag} {units.short} ({CERTAIN})")
     if one.note:
         parts.append(one.note.rstrip("."))
     return f"Conductor {one.id}: {'; '.join(parts)}." if parts else ""

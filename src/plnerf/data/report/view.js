@@ -12,6 +12,7 @@
   });
   const shown = data.colours.map(() => true);
   const PRESETS = { oblique: [-0.95, 0.3], side: [-Math.PI / 2, 0], top: [-Math.PI / 2, Math.PI / 2], along: [Math.PI, 0.06] };
+  const SHARES = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82, 0.1, 0.9];
   let azimuth, elevation, target, zoom, pixels, depth, sheet, waiting = false;
 
   // Screen axes: right, up, and towards the reader.
@@ -54,17 +55,20 @@
     drawPoints(W, H, k, screen, ratio);
     paper.putImageData(sheet, 0, 0);
     paper.lineCap = paper.lineJoin = "round";
+    paper.font = `600 ${13 * ratio}px system-ui, sans-serif`;
     for (const tower of data.towers) line(tower.map(project), data.tower_colour, 4 * ratio, []);
     for (const wire of data.wires) line(wire.points.map(project), wire.colour, 2 * ratio, wire.dashed ? [9 * ratio, 5 * ratio] : []);
-    data.wires.forEach((wire, n) => {
-      const at = Math.round((wire.points.length - 1) * (0.3 + (0.4 * n) / Math.max(1, data.wires.length - 1)));
-      const [x, y] = project(wire.points[at]);
-      write(wire.id, x, y, wire.colour, ratio, "center");
-    });
+    const taken = [];
     for (const mark of data.marks) {
       const ends = mark.points.map(project);
       line(ends, data.mark_colour, 2.5 * ratio, []);
-      write(mark.text, Math.max(ends[0][0], ends[1][0]) + 8 * ratio, (ends[0][1] + ends[1][1]) / 2, data.mark_colour, ratio, "left");
+      const x = Math.max(ends[0][0], ends[1][0]) + 8 * ratio, y = (ends[0][1] + ends[1][1]) / 2;
+      const places = [0, 17, -17, 34, -34].map((dy) => [x, y + dy * ratio]);
+      writeFree(mark.text, places, data.mark_colour, ratio, "left", taken);
+    }
+    for (const wire of data.wires) {
+      const places = SHARES.map((share) => project(wire.points[Math.round(share * (wire.points.length - 1))]));
+      writeFree(wire.id, places, wire.colour, ratio, "center", taken);
     }
     drawScale(H, k, ratio);
     drawAxes(W, H, screen, ratio);
@@ -74,7 +78,7 @@
   function drawPoints(W, H, k, [right, up, near], ratio) {
     pixels.fill(0xffffffff);
     depth.fill(-Infinity);
-    const size = Math.round(Math.min(5 * ratio, Math.max(1.5 * ratio, k * data.edge * 0.9)));
+    const size = Math.round(Math.min(7 * ratio, Math.max(1.5 * ratio, k * data.edge * 1.5)));
     const row = (axis) => [axis[0] * data.step[0], axis[1] * data.step[1], axis[2] * data.step[2]];
     const start = [0, 1, 2].map((i) => data.corner[i] - target[i]);
     const [rx, ry, rz] = row(right), [ux, uy, uz] = row(up), [nx, ny, nz] = row(near);
@@ -95,7 +99,7 @@
         }
       }
     }
-    const strength = (0.12 * k) / ratio, most = (12 * ratio) / k;
+    const strength = (0.03 * k) / ratio, most = (20 * ratio) / k;
     for (let at = W; at < W * H - W; at++) {
       const mine = depth[at];
       if (mine === -Infinity) continue;
@@ -105,7 +109,7 @@
         if (ahead > 0) before += ahead < most ? ahead : most;
       }
       if (!before) continue;
-      const light = Math.max(0.45, Math.exp(-strength * before)), value = pixels[at];
+      const light = Math.max(0.5, Math.exp(-strength * before)), value = pixels[at];
       const r = (value & 255) * light, g = ((value >> 8) & 255) * light, b = ((value >> 16) & 255) * light;
       pixels[at] = (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
     }
@@ -113,7 +117,7 @@
 
   // With a white edge, so that it shows before points of any colour.
   function line(points, stroke, width, dashes) {
-    for (const [style, wide, dash] of [["rgba(255,255,255,.75)", width * 2, []], [stroke, width, dashes]]) {
+    for (const [style, wide, dash] of [["rgba(255,255,255,.6)", width * 1.8, []], [stroke, width, dashes]]) {
       paper.beginPath();
       points.forEach(([x, y], i) => (i ? paper.lineTo(x, y) : paper.moveTo(x, y)));
       paper.setLineDash(dash);
@@ -124,11 +128,22 @@
   }
 
   function write(text, x, y, fill, ratio, align) {
-    paper.font = `600 ${13 * ratio}px system-ui, sans-serif`;
     [paper.textAlign, paper.textBaseline, paper.lineWidth] = [align, "middle", 4 * ratio];
     [paper.strokeStyle, paper.fillStyle] = ["white", fill];
     paper.strokeText(text, x, y);
     paper.fillText(text, x, y);
+  }
+
+  // At the first of some places where no other text is; nowhere if all are taken.
+  function writeFree(text, places, fill, ratio, align, taken) {
+    const width = paper.measureText(text).width + 6 * ratio, height = 16 * ratio;
+    for (const [x, y] of places) {
+      const left = align === "left" ? x : x - width / 2;
+      if (taken.some((box) => left < box[0] + box[2] && box[0] < left + width && Math.abs(y - box[1]) < height)) continue;
+      taken.push([left, y, width]);
+      write(text, x, y, fill, ratio, align);
+      return;
+    }
   }
 
   function drawScale(H, k, ratio) {
@@ -142,7 +157,7 @@
     const x = W - 46 * ratio, y = H - 46 * ratio;
     for (let k = 0; k < 3; k++) {
       const [dx, dy] = [right[k] * 28 * ratio, -up[k] * 28 * ratio];
-      if (Math.hypot(dx, dy) < 6 * ratio) continue;
+      if (Math.hypot(dx, dy) < 10 * ratio) continue;
       line([[x, y], [x + dx, y + dy]], "#555", 1.5 * ratio, []);
       write(data.axes[k], x + dx * 1.4, y + dy * 1.4, "#333", ratio, "center");
     }
