@@ -220,7 +220,7 @@ def test_an_unscaled_survey_names_no_metres() -> None:
     assert not re.search(r"\bm\b|metre|\bcm\b|\bmm\b", words), re.search(r".{30}(\bm\b|metre).{20}", words)
     assert scene(report("unscaled"))["unit"] == "units"
     curve = report("unscaled").survey.conductors[0].fit.curve
-    assert read.table("kind")[0]["span length, units"] == f"{curve.span_m:.5g}"
+    assert read.table("kind")[0]["span length, units"] == f"{curve.span_m:.4f}"
     assert survey_json(report("unscaled"))["unit"] == "unscaled"
 
 
@@ -263,6 +263,8 @@ def test_caveats_say_what_is_missing() -> None:
     assert report("short").survey.notes[0] in texts
     (third,) = [text for text in texts if text.startswith("Conductor 3")]
     assert "55\u00a0% of its length" in third and "18.00\u00a0m" in third and "4.1 px across" in third
+    refused = "Conductors 6, 9 and 12: not refined: the views do not fix it (4.1 px across)."
+    assert refused in caveats(report("long"))
     bare = replace(report("short"), profiles=())
     assert "No ground is known below the conductors: heights above ground cannot be told." in caveats(bare)
     some = replace(report("short"), profiles=report("short").profiles[2:])

@@ -23,7 +23,7 @@ from plnerf.survey.report_side import (
     side_of,
     ticks,
 )
-from plnerf.survey.report_words import CERTAIN, MINUS, Units
+from plnerf.survey.report_words import CERTAIN, MINUS, Units, units_of
 
 NEAR_SPAN = 0.25
 """A tower within this share of the span's length from its end is its support."""
@@ -33,7 +33,7 @@ LINE_PX = 13
 
 def profile(report: Report, span: int) -> Markup:
     """One span's drawing, with what its letters stand for below it."""
-    conductors, units = report.spans[span], Units(report.survey.unit)
+    conductors, units = report.spans[span], units_of(report.survey)
     side = side_of(conductors)
     ids = {one.id for one in conductors}
     under = below(side, conductors, [one for one in report.profiles if one.conductor in ids])
@@ -88,8 +88,8 @@ def about(scale: Scale, length: str) -> str:
     return (
         f"{length} long, {stretched}. Orange: conductors, blue dashed: shield wires, both with their "
         f"{CERTAIN} band; numbers are ids. Brown: ground below the wires, paler between its lowest and "
-        "highest; green: the top of vegetation near them. Letters: worst clearances, whose lines are seen from the "
-        "side, and look shorter where the obstacle lies beside the wire."
+        "highest; green: the top of vegetation near them. Letters: worst clearances, whose lines are seen "
+        "from the side, and look shorter where the obstacle lies beside the wire."
     )
 
 

@@ -6,7 +6,16 @@ from plnerf.survey.catenary import CatenaryFit
 from plnerf.survey.model import Conductor
 from plnerf.survey.report_data import Clearance, Report, Standing
 from plnerf.survey.report_markup import Markup, facts, joined, table, tag
-from plnerf.survey.report_words import CERTAIN, NOTHING, Units, listed, share, temperature, where
+from plnerf.survey.report_words import (
+    CERTAIN,
+    NOTHING,
+    Units,
+    listed,
+    share,
+    temperature,
+    units_of,
+    where,
+)
 
 SIGNS: dict[Standing, str] = {"short": "✕", "doubtful": "!", "kept": "✓", "open": NOTHING}
 """Beside a verdict's words, so that it is told neither by colour nor by reading alone."""
@@ -18,7 +27,7 @@ def conductor_tables(report: Report) -> Markup:
     """What was measured, and how well it is known; a sentence where no conductor was found."""
     if not report.survey.conductors:
         return tag("p", "No conductor was found, so that there is none to list.", class_="empty")
-    units = Units(report.survey.unit)
+    units = units_of(report.survey)
     conductors = [one for span in report.spans.values() for one in span]
     measured = table(
         ("id", "span", "kind", *units.heads("span length", "wire length"), units.head_95("sag"),
@@ -82,7 +91,7 @@ def verdict(one: Clearance) -> Markup:
 
 def clearance_table(report: Report) -> Markup:
     """A row for each conductor and class, those first that need attention."""
-    units = Units(report.survey.unit)
+    units = units_of(report.survey)
     if not report.clearances:
         why = "" if report.survey.unit == "m" else ": without a scale no distance can be one"
         return tag("p", f"No clearance was measured{why}.", class_="empty")
@@ -124,7 +133,7 @@ def protocol(report: Report) -> Markup:
 
 def cards(report: Report) -> Markup:
     """The figures to remember, large: conductors, spans, sags and the worst clearance to each class."""
-    units, conductors = Units(report.survey.unit), report.survey.conductors
+    units, conductors = units_of(report.survey), report.survey.conductors
     sags = [one.fit.curve.sag_m for one in conductors]
     lengths = [one.fit.curve.span_m for one in conductors]
     kinds = [one.kind for one in conductors]

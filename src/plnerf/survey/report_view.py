@@ -17,7 +17,7 @@ from plnerf.survey.model import TOWER, Cloud, Tower
 from plnerf.survey.report_colours import CLASSES, KINDS, MARK, OTHER
 from plnerf.survey.report_data import Report
 from plnerf.survey.report_markup import Markup, joined, tag
-from plnerf.survey.report_words import Units, counted
+from plnerf.survey.report_words import counted, listed, units_of
 
 MOST_POINTS = 60_000
 AROUND = 0.5
@@ -38,10 +38,15 @@ def view(report: Report) -> Markup:
     buttons = [tag("button", name, type="button", data_view=name) for name in names]
     drawn, total = data["count"], len(report.survey.cloud.xyz)
     share = counted(total, "point") if drawn == total else f"{drawn:,} of {total:,} points, thinned evenly"
+    parts = [
+        share,
+        *["the fitted conductors with their ids"] * bool(data["wires"]),
+        *["towers"] * bool(data["towers"]),
+        *["the worst clearance to each class"] * bool(data["marks"]),
+    ]
     told = (
-        f"Drawn are {share}, all fitted conductors with their ids, towers, and the worst clearance to each "
-        "class; in brackets: points. Parallel projection. Drag to turn, Shift and drag or two fingers to "
-        "move, pinch, + and - or (after a click) the wheel to zoom."
+        f"Drawn are {listed(parts)}; in brackets: points of the cloud. Parallel projection. Drag to turn, "
+        "Shift and drag or two fingers to move, pinch, + and - or (after a click) the wheel to zoom."
     )
     # "<" could end the script: JSON may write it as an escape.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -70,7 +75,7 @@ def scene(report: Report) -> dict[str, Any]:
     curves = [one.fit.curve for one in survey.conductors]
     first = np.subtract(curves[0].b, curves[0].a) if curves else high - low
     return {
-        "unit": Units(survey.unit).short,
+        "unit": units_of(survey).short,
         "axes": ["E", "N", "up"] if survey.crs else ["x", "y", "z"],
         "low": _plain(low - middle),
         "high": _plain(high - middle),
@@ -96,7 +101,7 @@ def scene(report: Report) -> dict[str, Any]:
         "marks": [
             {
                 "points": _plain(np.array([one.on_wire, one.on_obstacle]) - middle),
-                "text": f"{one.to} {Units(survey.unit).with_unit(one.distance_m)}",
+                "text": f"{one.to} {units_of(survey).with_unit(one.distance_m)}",
             }
             for one in report.worst()
         ],

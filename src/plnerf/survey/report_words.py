@@ -13,6 +13,7 @@ LEAST_COVERAGE = 0.8
 """A conductor with evidence on less of its length gets a caveat."""
 LOOSE_SAG = 0.1
 """So does one whose sag is known worse than this, relatively."""
+TYPICAL_M = 60.0
 NOTHING = "–"
 CERTAIN = "95\u00a0%"
 """Of the intervals behind all ± in a report."""
@@ -24,6 +25,8 @@ class Units:
     """How lengths are written."""
 
     unit: Literal["m", "unscaled"]
+    further: int = 0
+    """Decimals more than metres get, or less."""
 
     @property
     def short(self) -> str:
@@ -31,11 +34,10 @@ class Units:
         return "m" if self.unit == "m" else "units"
 
     def length(self, value: float | None, digits: int = 2) -> str:
-        """A length: with so many decimals in metres, unscaled with five significant digits."""
+        """A length, with so many decimals in metres."""
         if value is None or not np.isfinite(value):
             return NOTHING
-        text = f"{value:,.{digits}f}" if self.unit == "m" else f"{value:.5g}"
-        return text.replace("-", MINUS)
+        return f"{value:,.{max(0, digits + self.further)}f}".replace("-", MINUS)
 
     def with_unit(self, value: float | None, digits: int = 2) -> str:
         """The same with its unit behind."""
@@ -58,8 +60,16 @@ class Units:
 
     def place(self, xyz: np.ndarray) -> str:
         """Coordinates of a world point, without separators so that they can be copied."""
-        digits = ".2f" if self.unit == "m" else ".5g"
-        return ", ".join(f"{value:{digits}}" for value in xyz)
+        return ", ".join(f"{value:.{max(0, 2 + self.further)}f}" for value in xyz)
+
+
+def units_of(survey: Survey) -> Units:
+    """Decimals of an unscaled survey are those that it would have if its longest span were TYPICAL_M."""
+    if survey.unit == "m":
+        return Units("m")
+    extents = [one.fit.curve.span_m for one in survey.conductors]
+    extents += np.ptp(survey.cloud.xyz, axis=0).tolist() if len(survey.cloud.xyz) and not extents else []
+    return Units("unscaled", round(np.log10(TYPICAL_M / max(extents, default=TYPICAL_M))))
 
 
 def counted(count: int, noun: str) -> str:
@@ -122,7 +132,7 @@ def temperature(survey: Survey) -> str:
 
 def caveats(report: Report) -> list[str]:
     """What is missing or doubtful, a sentence or two each, what concerns all of the survey first."""
-    survey, units = report.survey, Units(report.survey.unit)
+    survey, units = report.survey, units_of(report.survey)
     texts = []
     if survey.unit == "unscaled":
         texts.append(
@@ -143,7 +153,11 @@ def caveats(report: Report) -> list[str]:
         texts.append("No ground is known below the conductors: heights above ground cannot be told.")
     elif bare:
         texts.append(f"No ground is known below {_conductors(bare)}.")
-    return texts + [text for one in survey.conductors if (text := _doubts(one, units))]
+    doubts: dict[str, list[int]] = {}
+    for one in survey.conductors:
+        doubts.setdefault(_doubts(one, units), []).append(one.id)
+    named = [f"{_conductors(ids).capitalize()}: {text}." for text, ids in doubts.items() if text]
+    return texts + named
 
 
 def _doubts(one: Conductor, units: Units) -> str:
@@ -159,7 +173,7 @@ def _doubts(one: Conductor, units: Units) -> str:
         parts.append(f"its sag is known loosely, {sag} {units.short} ({CERTAIN})")
     if one.note:
         parts.append(one.note.rstrip("."))
-    return f"Conductor {one.id}: {'; '.join(parts)}." if parts else ""
+    return "; ".join(parts)
 
 
 def judged(report: Report) -> str:
@@ -167,13 +181,17 @@ def judged(report: Report) -> str:
     standings = [one.standing for one in report.clearances if one.standing != "open"]
     if not standings:
         return ""
-    short, doubtful, kept = (standings.count(one) for one in ("short", "doubtful", "kept"))
-    return (
-        f"Of {counted(len(standings), 'clearance')} with a required distance, {short or 'none'} "
-        f"{'fall' if short > 1 else 'falls'} short of it, {doubtful or 'none'} "
-        f"{'are' if doubtful > 1 else 'is'} too near to it to tell, {kept or 'none'} "
-        f"{'are' if kept > 1 else 'is'} kept."
-    )
+    words = {
+        "short": ("falls short of it", "fall short of it"),
+        "doubtful": ("is too near to it to tell", "are too near to it to tell"),
+        "kept": ("is kept", "are kept"),
+    }
+    parts = [
+        f"{standings.count(kind)} {one if standings.count(kind) == 1 else more}"
+        for kind, (one, more) in words.items()
+        if kind in standings
+    ]
+    return f"Of {counted(len(standings), 'clearance')} with a required distance, {listed(parts)}."
 
 
 def _conductors(ids: list[int]) -> str:
