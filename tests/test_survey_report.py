@@ -252,6 +252,7 @@ def test_what_is_not_known_is_null() -> None:
     row = content["conductors"][0]
     assert row["sag_sigma"] is None and row["covariance"][0] == [None] * 5
     assert content["temperature_c"] is content["crs"] is content["origin_lon_lat_height"] is None
+    assert "nan" not in profile(Report(survey), 0)
     read = Read(html_page(Report(survey)))
     assert read.table("kind")[0]["sag, m ± 95 %"].endswith("±\u202f?")
     assert "the place on the earth is not known" in read.text and "temperature: not given" in read.text
@@ -265,10 +266,13 @@ def test_caveats_say_what_is_missing() -> None:
     assert "55\u00a0% of its length" in third and "18.00\u00a0m" in third and "4.1 px across" in third
     refused = "Conductors 6, 9 and 12: not refined: the views do not fix it (4.1 px across)."
     assert refused in caveats(report("long"))
-    bare = replace(report("short"), profiles=())
-    assert "No ground is known below the conductors: heights above ground cannot be told." in caveats(bare)
-    some = replace(report("short"), profiles=report("short").profiles[2:])
-    assert "No ground is known below conductors 1 and 2." in caveats(some)
+    told = report("short")
+    assert not [text for text in texts if "ground" in text]
+    some = tuple(replace(one, ground_m=np.full_like(one.ground_m, np.nan)) for one in told.profiles[:2])
+    assert "No ground is known below conductors 1 and 2." in caveats(replace(told, profiles=some))
+    cloud = replace(told.survey.cloud, label=np.full_like(told.survey.cloud.label, CONDUCTOR))
+    bare = caveats(Report(replace(told.survey, cloud=cloud)))
+    assert "No ground is known: heights above ground cannot be told." in bare
 
 
 def test_parts_of_different_surveys_are_told() -> None:
@@ -340,12 +344,15 @@ def test_points_are_thinned_evenly_and_every_class_stays() -> None:
     label[:40] = CONDUCTOR
     xyz[40:50] += 1e5
     cloud = Cloud(xyz, label, np.zeros(n, np.int64))
-    kept, edge = thinned(cloud, np.zeros(3), np.array([200.0, 60.0, 20.0]))
+    wire = np.column_stack([np.linspace(0, 200, 41), np.full(41, 30.0), np.full(41, 20.0)])
+    kept, edge = thinned(cloud, wire, 50.0)
     assert MOST_POINTS / 2 < len(kept) <= MOST_POINTS and len(set(kept.tolist())) == len(kept)
     assert not set(range(40, 50)) & set(kept.tolist())  # far from everything
     assert (label[kept] == CONDUCTOR).sum() > 20
     ground = xyz[kept][label[kept] == GROUND]
     counts = [((ground[:, 0] >= x) & (ground[:, 0] < x + 10)).sum() for x in (0, 10)]
+    apart = np.abs(xyz[kept][:, None, :2] - wire[None, :, :2])
+    assert np.hypot(*np.moveaxis(apart, 2, 0)).min(1).max() <= 50.0
     most = 600 / edge**2  # cubes in 10 m x 60 m
     assert all(0.6 * most < count <= 2.2 * most for count in counts)
 

@@ -157,7 +157,7 @@ def _wire(scale: Scale, side: Side, one: Conductor, wire: Float[np.ndarray, "k 3
     s = np.linspace(0.0, fit.base.length_m, 61)
     yz, sigma = fit.base.at(fit.q, s), fit.sigma_at(s)[:, 1]
     t = side.t(np.column_stack([fit.base.o + s[:, None] * fit.base.u + yz[:, :1] * fit.base.n, yz[:, 1]]))
-    half = TWO_SIDED_95 * sigma
+    half = np.nan_to_num(TWO_SIDED_95 * sigma)  # none where it is not known
     around = np.concatenate([yz[:, 1] + half, (yz[:, 1] - half)[::-1]]).clip(scale.bottom, scale.top)
     band = scale.path(np.concatenate([t, t[::-1]]), around)
     dashes = ' stroke-dasharray="7 3"' if one.kind == "shield" else ""
@@ -196,7 +196,7 @@ def _names(scale: Scale, side: Side, conductors: list[Conductor]) -> list[str]:
 
 def _mark(scale: Scale, side: Side, one: Clearance, letter: str) -> list[str]:
     """The line between wire and obstacle, as it shows from the side, and its letter."""
-    (x0, x1) = (scale.x(t) for t in side.t(np.array([one.on_wire, one.on_obstacle])))
+    x0, x1 = (scale.x(t) for t in side.t(np.array([one.on_wire, one.on_obstacle])))
     y0, y1 = scale.y(one.on_wire[2]), scale.y(one.on_obstacle[2])
     x, y = x0 + 13, (y0 + y1) / 2
     return [

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
 from plnerf.survey.model import TOWER, Cloud, Tower
 from plnerf.survey.report_colours import CLASSES, KINDS, MARK, OTHER
@@ -21,7 +22,7 @@ from plnerf.survey.report_words import counted, listed, units_of
 
 MOST_POINTS = 60_000
 AROUND = 0.5
-"""Points farther from the wires than this share of their box's diagonal are not drawn."""
+"""Points farther from the wires, horizontally, than this share of the longest span are not drawn."""
 WIRE_VERTICES = 49
 GRID_STEPS = 65_535
 _FIRST_THIN = 8
@@ -64,9 +65,10 @@ def view(report: Report) -> Markup:
 def scene(report: Report) -> dict[str, Any]:
     """What `view.js` draws, as plain values; points as base64 of little-endian numbers."""
     survey = report.survey
-    low, high = box(report)
+    places, reach = held(report)
+    low, high = places.min(0), places.max(0)
     middle = (low + high) / 2
-    kept, edge = thinned(survey.cloud, low, high)
+    kept, edge = thinned(survey.cloud, places, reach)
     xyz = survey.cloud.xyz[kept]
     corner = xyz.min(0) if len(xyz) else low
     step = np.maximum(np.ptp(xyz, axis=0) if len(xyz) else high - low, 1e-9) / GRID_STEPS
@@ -109,43 +111,49 @@ def scene(report: Report) -> dict[str, Any]:
     }
 
 
-def box(report: Report) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Lowest and highest corner of wires, towers and worst clearances; of the points where there is none."""
+def held(report: Report) -> tuple[Float[np.ndarray, "h 3"], float]:
+    """Places on wires, towers and worst clearances, and how far around them points of the cloud are drawn.
+
+    Where there are none, the corners of a box that holds nearly all points.
+    """
     survey = report.survey
-    held = [one.fit.curve.points(np.linspace(0, one.fit.curve.span_m, 9)) for one in survey.conductors]
-    held += [_mast(one) for one in survey.towers]
-    held += [np.array([one.on_wire, one.on_obstacle]) for one in report.worst()]
-    if not held and not len(survey.cloud.xyz):
-        return np.zeros(3), np.ones(3)
-    if not held:  # a few points far off do not make the drawing small
-        low, high = np.percentile(survey.cloud.xyz, [0.5, 99.5], axis=0)
-        return low, high
-    points = np.concatenate(held)
-    return points.min(0), points.max(0)
+    curves = [one.fit.curve for one in survey.conductors]
+    places = [curve.points(np.linspace(0, curve.span_m, WIRE_VERTICES)) for curve in curves]
+    places += [_mast(one) for one in survey.towers]
+    places += [np.array([one.on_wire, one.on_obstacle]) for one in report.worst()]
+    if not places and len(survey.cloud.xyz):  # a few points far off do not make the drawing small
+        places = [np.percentile(survey.cloud.xyz, [0.5, 99.5], axis=0)]
+    found = np.concatenate(places) if places else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    if curves:
+        return found, AROUND * max(curve.span_m for curve in curves)
+    return found, float(np.linalg.norm(np.ptp(found, axis=0)))
 
 
 def thinned(
-    cloud: Cloud, low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
+    cloud: Cloud, places: Float[np.ndarray, "h 3"], reach: float
 ) -> tuple[Int[np.ndarray, " k"], float]:
-    """At most MOST_POINTS of the points around a box, one in each cube, and the cubes' edge.
+    """At most MOST_POINTS of the points around some places, one in each cube, and the cubes' edge.
 
     Each class has cubes of its own, so that a thin thing in front of a large one stays.
     """
-    reach = AROUND * float(np.linalg.norm(high - low))
-    kept = np.flatnonzero(((cloud.xyz >= low - reach) & (cloud.xyz <= high + reach)).all(1))
+    low, high = places.min(0) - reach, places.max(0) + reach
+    kept = np.flatnonzero(((cloud.xyz >= low) & (cloud.xyz <= high)).all(1))
     if len(kept) > _FIRST_THIN * MOST_POINTS:
         kept = np.sort(np.random.default_rng(0).choice(kept, _FIRST_THIN * MOST_POINTS, replace=False))
-    edge = float(np.sqrt(np.prod(np.sort(high - low + 2 * reach)[1:]) / MOST_POINTS)) / 4
+    apart, _ = cKDTree(places[:, :2]).query(cloud.xyz[kept, :2], distance_upper_bound=reach)
+    kept = kept[np.isfinite(apart)]
+    # As if all lay on one sheet; more than that in the air takes larger cubes.
+    edge = float(np.sqrt(np.prod(np.sort(high - low)[1:]) / MOST_POINTS)) / 4
     if len(kept) <= MOST_POINTS:
         return kept, 2 * edge
     while True:
         cube = np.floor((cloud.xyz[kept] - low) / edge).astype(np.int64)
-        _, some = np.unique(
-            np.column_stack([cube, cloud.label[kept].astype(np.int64)]), axis=0, return_index=True
-        )
+        (_, b, c), label = cube.max(0) + 1, cloud.label[kept].astype(np.int64)
+        number = ((cube[:, 0] * b + cube[:, 1]) * c + cube[:, 2]) * 256 + label
+        _, some = np.unique(number, return_index=True)
         if len(some) <= MOST_POINTS:
             return kept[np.sort(some)], edge
-        edge *= 1.15
+        edge *= 1.2
 
 
 def _mast(one: Tower) -> Float[np.ndarray, "2 3"]:

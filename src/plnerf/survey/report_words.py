@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from plnerf.survey.model import Conductor, Survey
+from plnerf.survey.model import GROUND, Conductor, Survey
 from plnerf.survey.report_data import TWO_SIDED_95, Report
 
 LEAST_COVERAGE = 0.8
@@ -14,6 +14,7 @@ LEAST_COVERAGE = 0.8
 LOOSE_SAG = 0.1
 """So does one whose sag is known worse than this, relatively."""
 TYPICAL_M = 60.0
+"""Of a span, whose figures have the usual decimals."""
 NOTHING = "–"
 CERTAIN = "95\u00a0%"
 """Of the intervals behind all ± in a report."""
@@ -98,11 +99,8 @@ def found(report: Report) -> str:
     if not survey.conductors:
         return f"No conductor was found among {counted(len(survey.cloud.xyz), 'point')}."
     kinds = [one.kind for one in survey.conductors]
-    parts = [
-        counted(count, f"{kind} conductor" if kind == "phase" else "shield wire")
-        for kind, count in (("phase", kinds.count("phase")), ("shield", kinds.count("shield")))
-        if count
-    ]
+    nouns = {"phase": "phase conductor", "shield": "shield wire"}
+    parts = [counted(kinds.count(kind), noun) for kind, noun in nouns.items() if kind in kinds]
     return (
         f"{listed(parts)} in {counted(len(report.spans), 'span')}, {counted(len(survey.towers), 'tower')}, "
         f"{counted(len(survey.cloud.xyz), 'classified point')}."
@@ -145,14 +143,11 @@ def caveats(report: Report) -> list[str]:
             f"(temperature: {temperature(survey)}). At their highest temperature conductors hang lower."
         )
     texts += survey.notes
-    bare = sorted(
-        {profile.conductor for profile in report.profiles if not np.isfinite(profile.ground_m).any()}
-        | {one.id for one in survey.conductors} - {profile.conductor for profile in report.profiles}
-    )
-    if bare and len(bare) == len(survey.conductors):
-        texts.append("No ground is known below the conductors: heights above ground cannot be told.")
+    bare = [one.conductor for one in report.profiles if not np.isfinite(one.ground_m).any()]
+    if survey.conductors and not (survey.cloud.label == GROUND).any():
+        texts.append("No ground is known: heights above ground cannot be told.")
     elif bare:
-        texts.append(f"No ground is known below {_conductors(bare)}.")
+        texts.append(f"No ground is known below {_conductors(sorted(bare))}.")
     doubts: dict[str, list[int]] = {}
     for one in survey.conductors:
         doubts.setdefault(_doubts(one, units), []).append(one.id)
