@@ -443,6 +443,17 @@ def test_lines_lie_beside_the_wire_and_leave_it_free() -> None:
     assert (drawn[..., 2] <= 90).all()
 
 
+@pytest.mark.parametrize("degrees", [0, 35, 90, 125, 200])
+def test_lines_keep_their_distance_whichever_way_the_wire_runs(degrees: int) -> None:
+    u = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    line = [150.0, 150.0] + np.linspace(-100, 100, 30)[:, None] * u
+    drawn = overlay(np.zeros((300, 300, 3), np.uint8), [line], [(255, 255, 255)])
+    row, column = np.nonzero(drawn[..., 0] > 100)
+    across = (np.column_stack([column, row]) + 0.5 - 150) @ [-u[1], u[0]]
+    assert np.abs(np.abs(across) - LEAST_ASIDE_PX).max() < 0.8
+    assert abs((across > 0).mean() - 0.5) < 0.05
+
+
 def test_what_cannot_be_seen_is_not_drawn() -> None:
     grey = np.full((200, 300, 3), 90, np.uint8)
     line = np.column_stack([np.linspace(0, 300, 61), np.full(61, 100.0)])

@@ -26,7 +26,7 @@ AROUND = 0.5
 WIRE_VERTICES = 49
 GRID_STEPS = 65_535
 _FIRST_THIN = 8
-"""So many times MOST_POINTS are looked at when points are thinned evenly."""
+"""Of more points than so many times MOST_POINTS about as many are drawn by lot, before the even thinning."""
 
 
 def view(report: Report) -> Markup:
@@ -139,7 +139,7 @@ def thinned(
     low, high = places.min(0) - reach, places.max(0) + reach
     kept = np.flatnonzero(((cloud.xyz >= low) & (cloud.xyz <= high)).all(1))
     if len(kept) > _FIRST_THIN * MOST_POINTS:
-        kept = np.sort(np.random.default_rng(0).choice(kept, _FIRST_THIN * MOST_POINTS, replace=False))
+        kept = kept[np.random.default_rng(0).random(len(kept)) < _FIRST_THIN * MOST_POINTS / len(kept)]
     apart, _ = cKDTree(places[:, :2]).query(cloud.xyz[kept, :2], distance_upper_bound=reach)
     kept = kept[np.isfinite(apart)]
     # As if all lay on one sheet; more than that in the air takes larger cubes.
