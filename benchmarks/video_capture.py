@@ -49,8 +49,8 @@ def main() -> None:
     x = np.stack([shot.T_world_camera[:3, 3] for shot in found.shots])
     off = np.linalg.norm(fit_similarity(x, exact[at])(x) - exact[at], axis=1)
     track = np.linalg.norm(np.diff(exact, axis=0), axis=1).sum()
-    print(f"{len(at)} centres, median {np.median(off):.3f} m off, worst {off.max():.3f} m, track {track:.1f} m: "
-          f"worst {off.max() / track:.2%} of the track")  # fmt: skip
+    print(f"{len(at)} centres, median {np.median(off):.3f} m off, worst {off.max():.3f} m, track "
+          f"{track:.1f} m: worst {off.max() / track:.2%} of the track")  # fmt: skip
 
 
 if __name__ == "__main__":

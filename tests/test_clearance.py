@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from catenary_surveys import UTM, cloud, conductor, corridor
 from plnerf.errors import SurveyError
 from plnerf.survey import obstacles as room
 from plnerf.survey.clearance import APART_M, Clearances, _lowest, measure_clearances
@@ -13,7 +14,6 @@ from plnerf.survey.model import Survey, Tower
 from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, stations
 from plnerf.survey.thresholds import GROUPS, own_requirement
 from plnerf.wires.catenary import Catenary, hang
-from catenary_surveys import UTM, cloud, conductor, corridor
 
 ZERO = np.zeros(3)
 WIRE = hang((0.0, 0.0, 20.0), (100.0, 0.0, 20.0), 4.0)

@@ -15,6 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from catenary_surveys import UTM, corridor
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.errors import CaptureError, SurveyError
 from plnerf.survey import export_dxf, export_gis, export_las, export_tables, exports, places
@@ -26,7 +27,6 @@ from plnerf.survey.model import Cloud, Conductor, Survey
 from plnerf.survey.places import places_of
 from plnerf.survey.thresholds import own_requirement
 from plnerf.wires.ply import read_ply
-from catenary_surveys import UTM, corridor
 
 ORIGIN = np.array([9.0, 51.45, 250.0])
 RD = np.array([155_000.0, 463_000.0, 0.0])

@@ -5,6 +5,7 @@ import sys
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from plnerf.cli import main
 from plnerf.errors import CaptureError
 from test_frames import seen
 
+COST: dict[str, Any] = {"preset": "nerfacto", "rays_per_s": 2e4}
 START = datetime(2026, 5, 1, 12, 0, 0)
 FACTS = PhotoFacts(4000, 3000, 1, START, None, None, None, None, 3000.0, "a camera")
 
@@ -68,7 +70,12 @@ def photos(tmp_path: Path) -> Path:
 
 def test_every_fault_is_named_with_its_photos(photos: Path, tmp_path: Path) -> None:
     usable = examine_photos(
-        photos, distance_m=None, wire_diameter_m=0.03, preset="nerfacto", rays_per_s=2e4, out=tmp_path / "d.json", console=Console(quiet=True)
+        photos,
+        distance_m=None,
+        wire_diameter_m=0.03,
+        **COST,
+        out=tmp_path / "d.json",
+        console=Console(quiet=True),
     )
     content = json.loads((tmp_path / "d.json").read_text())
     found = {finding["kind"]: finding for finding in content["findings"]}
@@ -86,7 +93,7 @@ def test_too_few_photos_stop(photos: Path, tmp_path: Path) -> None:
     for path in sorted(photos.iterdir())[2:]:
         path.unlink()
     assert not examine_photos(
-        photos, distance_m=None, wire_diameter_m=0.03, preset="nerfacto", rays_per_s=2e4, out=None, console=Console(quiet=True)
+        photos, distance_m=None, wire_diameter_m=0.03, **COST, out=None, console=Console(quiet=True)
     )
     assert about_files({}, [])[0].degree == "stops"
 
@@ -160,5 +167,10 @@ def test_the_command_takes_photos_and_ends_with_its_status(
         assert stop.value.code == status and "17 photos can be read" in out and "px wide" in out
     with pytest.raises(CaptureError, match="is no folder of photos"):
         examine_photos(
-            photos / "absent", distance_m=None, wire_diameter_m=0.03, preset="nerfacto", rays_per_s=2e4, out=None, console=Console(quiet=True)
+            photos / "absent",
+            distance_m=None,
+            wire_diameter_m=0.03,
+            **COST,
+            out=None,
+            console=Console(quiet=True),
         )

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from plnerf.synth.capture import View, look
-from plnerf.wires.catenary import hang
 from plnerf.synth.config import CaptureConfig
 from plnerf.synth.seen import MIN_IMAGES, STEP_M, seen_stretches, shown, stretches
 from plnerf.synth.tiles import strips, tiles_of
+from plnerf.wires.catenary import hang
 
 CAPTURE = CaptureConfig(width_px=120, height_px=80, focal_px=100.0)
 CURVE = hang((-20.0, 0.0, 10.0), (20.0, 1.0, 11.0), 1.0)

@@ -109,14 +109,14 @@ def fit_catenary(
 ) -> CatenaryFit:
     """The catenary that most of the points lie on; the others are told from them.
 
-    sigma_m: least standard deviation of a point across the wire; what the points show instead wins where it is
-    more.  per_point: independent observations in a point, less than 1 where neighbours share their error.
+    sigma_m: least standard deviation of a point across the wire; what the points show instead wins where it
+    is more.  per_point: independent observations in a point, less than 1 where neighbours share their error.
     Raises SurveyError for fewer than LEAST_POINTS points, or points at one place.
     """
     if len(points) < LEAST_POINTS:
         raise SurveyError(
-            f"A catenary needs {LEAST_POINTS} points or more, but {len(points)} are given. Join the pieces of "
-            "the wire, or leave it out."
+            f"A catenary needs {LEAST_POINTS} points or more, but {len(points)} are given. Join the pieces "
+            "of the wire, or leave it out."
         )
     base = base or base_of(points)
     local = base.local(points)

@@ -48,8 +48,8 @@ def read_las(path: Path) -> tuple[Float[np.ndarray, "n 3"], str | None, tuple[st
         with laspy.open(path) as reader:
             if reader.header.point_count > MOST_POINTS:
                 raise SurveyError(
-                    f"{path} has {reader.header.point_count:,} points, more than {MOST_POINTS:,} that fit into "
-                    "memory. Cut it into pieces of some kilometres."
+                    f"{path} has {reader.header.point_count:,} points, more than {MOST_POINTS:,} that fit "
+                    "into memory. Cut it into pieces of some kilometres."
                 )
             las = reader.read()
     except (OSError, ValueError, laspy.LaspyException, lazrs.LazrsError) as error:

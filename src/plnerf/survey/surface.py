@@ -27,8 +27,8 @@ FARTHEST = 1.6
 """Points further from the middle than so many half sides of the scene's box are background."""
 NEIGHBOURS = 8
 LONELY = 4.0
-"""A point whose neighbours are so many times as far as those of most, for its distance from the cameras, floats
-in the air."""
+"""A point whose neighbours are so many times as far as those of most, for its distance from the cameras,
+floats in the air."""
 WIDEST = 0.25
 """Standard deviation along the ray, as a share of the distance, beyond which a depth says nothing."""
 
@@ -57,7 +57,8 @@ def surface_points(
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
         for done, i in enumerate(scene.train):
-            bundle = pixel_rays(scene.cameras, *_pixels(scene.cameras.size_px[i], i, each, random), model.backend)
+            drawn = _pixels(scene.cameras.size_px[i], i, each, random)
+            bundle = pixel_rays(scene.cameras, *drawn, model.backend)
             for first in range(0, len(bundle), default_chunk(model)):
                 some = bundle[first : first + default_chunk(model)].to(train.device)
                 out = model(some, appearance=model.mean_appearance(len(some), train))
@@ -73,16 +74,15 @@ def surface_points(
             if progress is not None:
                 progress(done + 1, len(scene.train))
     xyz, view = torch.cat(places).double().numpy(), np.concatenate(views)
-    spread, footprint = torch.cat(spreads).double().numpy(), torch.cat(footprints).double().numpy()
+    along, footprint = torch.cat(spreads).double().numpy(), torch.cat(footprints).double().numpy()
     low, high = scene.box
     middle, half = (low + high) / 2, (high - low) / 2
     use = (np.abs(xyz - middle) <= FARTHEST * half.max()).all(1)
     use[use], scatter = _seen_together(xyz[use], view[use], footprint[use])
-    sigma = np.sqrt(spread[use] ** 2 + scatter**2 + footprint[use] ** 2 / 12)
+    sigma = np.sqrt(along[use] ** 2 + scatter**2 + footprint[use] ** 2 / 12)
     frames = scene.frames
-    return Surface(
-        frames.to_world(xyz[use]), torch.cat(colours).numpy()[use], sigma / frames.scale, each * len(scene.train)
-    )
+    rgb = torch.cat(colours).numpy()[use]
+    return Surface(frames.to_world(xyz[use]), rgb, sigma / frames.scale, each * len(scene.train))
 
 
 def half_width(t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"]) -> Float[Tensor, " r"]:

@@ -106,8 +106,9 @@ def table(diagnosis: Diagnosis) -> str:
     thin = [stretch.wire_px for stretch in diagnosis.stretches if stretch.wire_px is not None]
     if thin and np.median(thin) < 1:
         lines.append(
-            f"Wires of {1000 * diagnosis.wire_diameter_m:.0f} mm are {np.median(thin):.1f} px wide: below 1 px "
-            "they show only where they contrast, and not in smaller images. Fly closer, or with a longer lens."
+            f"Wires of {1000 * diagnosis.wire_diameter_m:.0f} mm are {np.median(thin):.1f} px wide: below "
+            "1 px they show only where they contrast, and not in smaller images. Fly closer, or with a "
+            "longer lens."
         )
     if not diagnosis.usable:
         lines.append("Not usable for wires: over more than half of the line the views do not place them.")
