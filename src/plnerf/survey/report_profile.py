@@ -62,9 +62,8 @@ def profile(report: Report, span: int) -> Markup:
     parts += [part for one in conductors for part in _wire(scale, side, one, wires[one.id])]
     parts += _names(scale, side, conductors)
     letters = [chr(ord("A") + k) for k in range(len(worst))]
-    parts += [
-        part for letter, one in zip(letters, worst, strict=True) for part in _mark(scale, side, one, letter)
-    ]
+    for k, one in enumerate(worst):
+        parts += _mark(scale, side, one, letters[k], (k + 1) / (len(worst) + 1))
     length = units.with_unit(side.length)
     title = f"Span {span + 1} from the side, {length} long, with {len(conductors)} conductors"
     height = TOP + scale.height + BOTTOM
@@ -194,11 +193,14 @@ def _names(scale: Scale, side: Side, conductors: list[Conductor]) -> list[str]:
     return parts
 
 
-def _mark(scale: Scale, side: Side, one: Clearance, letter: str) -> list[str]:
-    """The line between wire and obstacle, as it shows from the side, and its letter."""
+def _mark(scale: Scale, side: Side, one: Clearance, letter: str, share: float) -> list[str]:
+    """The line between wire and obstacle, as it shows from the side, and its letter.
+
+    share: of the way to the obstacle where the letter is, unlike the others' that may begin beside it.
+    """
     x0, x1 = (scale.x(t) for t in side.t(np.array([one.on_wire, one.on_obstacle])))
     y0, y1 = scale.y(one.on_wire[2]), scale.y(one.on_obstacle[2])
-    x, y = x0 + 13, (y0 + y1) / 2
+    x, y = x0 + 13, y0 + share * (y1 - y0)
     return [
         f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}" stroke="{MARK}" stroke-width="2"/>',
         f'<circle cx="{x1:.1f}" cy="{y1:.1f}" r="3" fill="{MARK}"/>',
