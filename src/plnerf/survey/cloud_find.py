@@ -35,7 +35,7 @@ from plnerf.survey.model import (
 LEAST_ABOVE_M = 4.0
 """Wires hang higher above the ground; fences do not."""
 LOW_M = 2.0
-"""What is higher above the ground may be a support."""
+"""What is higher above the ground may be a support's, or beside a wire."""
 LEAST_EXTENT_M = 1.0
 """Of a cloud in plan."""
 STAGES = 5
@@ -90,24 +90,24 @@ def find_conductors(
     told(3, STAGES)
     tall = np.flatnonzero(above >= LOW_M) if seen else high
     rest = tall[~_on_tracks(line, points[tall])]
-    held_by, held = supports(line, points, points[rest], ground)
-    of_support = np.zeros(len(points), np.bool_)
-    for support in held_by:
-        of_support[rest[on_support(support, points[rest])]] = True
-    all_wires = wires(line, held_by, held, points[high], of_support[high])
+    stands, held = supports(line, points, points[rest], ground)
+    bodies = [rest[on_support(support, points[rest])] for support in stands]
+    body = np.isin(tall, np.concatenate([*bodies, []]))
+    all_wires = wires(line, stands, held, points[tall], body)
+    holding = sorted({k for wire in all_wires for k in held[wire.span].by if k is not None})
     told(4, STAGES)
-    conductors, label, wire = _named(all_wires, line, held, points, high)
-    free = (label == UNCLASSIFIED) & ~of_support
-    label[of_support & (label == UNCLASSIFIED)] = TOWER
+    conductors, label, wire = _named(all_wires, held, points, tall)
+    for k in holding:
+        label[bodies[k][label[bodies[k]] == UNCLASSIFIED]] = TOWER
     if seen:
-        label[free & (np.abs(above) <= NEAR_M)] = GROUND
-        plants = free & (above > NEAR_M)
+        label[(label == UNCLASSIFIED) & (np.abs(above) <= NEAR_M)] = GROUND
+        plants = (label == UNCLASSIFIED) & (above > NEAR_M)
         label[plants] = vegetation(above[plants])
-    notes += _notes(conductors, held_by, len(high), least_above_m, seen)
+    notes += _notes(conductors, [stands[k] for k in holding], len(high), least_above_m, seen)
     if conductors:
         notes += _unexplained(found, points[(label == TOWER) | (wire != NO_WIRE)])
     told(STAGES, STAGES)
-    towers = tuple(support.tower for support in held_by) if conductors else ()
+    towers = tuple(stands[k].tower for k in holding)
     return Found(tuple(conductors), towers, Cloud(xyz, label[which], wire[which]), tuple(notes))
 
 
@@ -153,8 +153,8 @@ def _on_tracks(line: Sequence[Span], points: Float[np.ndarray, "n 3"]) -> Bool[n
 
 
 def _named(
-    all_wires: Sequence[Wire], line: Sequence[Span], held: Sequence[Held],
-    points: Float[np.ndarray, "d 3"], high: Int[np.ndarray, " k"],
+    all_wires: Sequence[Wire], held: Sequence[Held],
+    points: Float[np.ndarray, "d 3"], tall: Int[np.ndarray, " k"],
 ) -> tuple[list[Conductor], UInt8[np.ndarray, " d"], Int[np.ndarray, " d"]]:  # fmt: skip
     """Wires as conductors, numbered from 1 in spans numbered from 0, and the points' classes and wires."""
     label = np.full(len(points), UNCLASSIFIED, np.uint8)
@@ -165,7 +165,7 @@ def _named(
         mine = [wire for wire in all_wires if wire.span == span]
         for wire, kind in zip(mine, kinds(mine), strict=True):
             name = len(conductors) + 1
-            its = high[wire.points]
+            its = tall[wire.points]
             label[its] = SHIELD if kind == "shield" else CONDUCTOR
             of_wire[its] = name
             conductors.append(
@@ -199,7 +199,7 @@ def _note(wire: Wire, hold: Held) -> str | None:
 
 
 def _notes(
-    conductors: Sequence[Conductor], held_by: Sequence[Support], high: int, least_above_m: float, ground: bool
+    conductors: Sequence[Conductor], stands: Sequence[Support], high: int, least_above_m: float, ground: bool
 ) -> list[str]:
     notes = []
     if not conductors:
@@ -209,10 +209,10 @@ def _notes(
             "that is there may be too sparse: a wire needs a point every few metres."
         )
         return notes
-    unseen = [k for k, support in enumerate(held_by) if not support.seen]
+    unseen = [support for support in stands if not support.seen]
     if unseen:
         notes.append(
-            f"The cloud shows {len(unseen)} of {len(held_by)} towers by nothing but the wires that meet "
+            f"The cloud shows {len(unseen)} of {len(stands)} towers by nothing but the wires that meet "
             "there: they are as high as their highest wire."
         )
     return notes
