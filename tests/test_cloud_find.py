@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 import lidar_clouds as made
 from plnerf.errors import SurveyError
-from plnerf.survey.cloud_find import Found, distinct, find_conductors
+from plnerf.survey.cloud_checks import distinct
+from plnerf.survey.cloud_find import Found, find_conductors
 from plnerf.survey.model import (
     CONDUCTOR,
     GROUND,
@@ -18,6 +19,7 @@ from plnerf.survey.model import (
     NO_WIRE,
     SHIELD,
     TOWER,
+    UNCLASSIFIED,
     VEGETATION,
     Conductor,
 )
@@ -125,6 +127,22 @@ def test_part_of_a_span_is_found_and_told(line: made.Line) -> None:
     for conductor in found.conductors:
         end = "first" if conductor.span == 0 else "last"
         assert conductor.note == f"The cloud ends at its {end} end: its support there is not seen."
+
+
+def test_points_far_away_and_points_beside_wires_change_no_wire(line: made.Line, found: Found) -> None:
+    """A file's places left at 0, 0; noise half a metre from a wire, and a branch that reaches it."""
+    random, (a, b) = np.random.default_rng(2), line.xyz[line.owner == 4][:2]
+    noise = np.add([a, b], [0.0, 0.0, 0.6])
+    branch = line.xyz[line.owner == 3][9] + np.linspace([0, 0, -0.5], [0, 0, -4], 12)
+    branch += 0.05 * random.normal(size=(12, 3))
+    more = np.concatenate([line.xyz, noise, branch, np.full((3, 3), -2e5)])
+    again = find_conductors(more)
+    assert again.notes == ("3 points lie far away from the others in plan and are left out.",)
+    pairs = matched(again, line.wires)
+    assert len(pairs) == 14 and max(off for _, off in pairs.values()) < 0.06
+    added = again.cloud.label[len(line.xyz) :]
+    assert (added[:2] == UNCLASSIFIED).all() and (added[-3:] == UNCLASSIFIED).all()
+    assert (added[2:14] == HIGH_VEGETATION).all()
 
 
 def test_wires_alone_are_found(line: made.Line) -> None:
