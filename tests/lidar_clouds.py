@@ -7,7 +7,7 @@ import numpy as np
 from plnerf.wires.catenary import Catenary, hang
 
 SHIELD_M = 33.0
-ARMS = {18.0: 6.0, 23.0: 6.0, 28.0: 4.0}
+ARMS = {20.0: 6.0, 26.0: 5.0}
 """Height of the wires on each arm, and how far to either side they hang."""
 
 
@@ -49,8 +49,8 @@ def relief(xy: np.ndarray) -> np.ndarray:
 def line(
     feet: np.ndarray, twin_m: float = 0.4, noise_m: float = 0.03, density: float = 3.0, seed: int = 0
 ) -> Line:
-    """Spans over towers at `feet` (x, y): three phases on the left, as bundles of two, three on the right
-    that are single, and a shield; ground, trees beside the line."""
+    """Spans over towers at `feet` (x, y): two phases on the left, as bundles of two, two on the right that
+    are single, and a shield; ground, trees beside the line."""
     random, made = np.random.default_rng(seed), Line()
     at = [np.append(xy, relief(xy[None])[0]) for xy in feet.astype(float)]
     made.feet = at
@@ -66,7 +66,7 @@ def line(
     corner, size = feet.min(0) - 30, np.ptp(feet, axis=0) + 60
     ground(made, corner, size, random)
     for k in range(len(feet) - 1):
-        for share in (0.2, 0.5, 0.7):
+        for share in (0.3, 0.7):
             middle = feet[k] + share * (feet[k + 1] - feet[k]) + 16 * left[k]
             tree(made, middle, random)
     return made
@@ -93,9 +93,9 @@ def _hang(
 def tower(foot: np.ndarray, left: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Four legs that come together, and arms 2 m above the wires they hold."""
     along = np.array([left[1], -left[0]])
-    up = np.sort(random.uniform(0, 35.0, 900))
+    up = np.sort(random.uniform(0, 35.0, 600))
     half = 2.5 - 2.2 * up / 35.0
-    signs = random.choice([-1.0, 1.0], (900, 2))
+    signs = random.choice([-1.0, 1.0], (600, 2))
     legs = foot[:2] + (signs[:, :1] * along + signs[:, 1:] * left) * half[:, None]
     parts = [np.column_stack([legs, foot[2] + up])]
     for height, arm in ARMS.items():
@@ -106,7 +106,7 @@ def tower(foot: np.ndarray, left: np.ndarray, random: np.random.Generator) -> np
 
 
 def ground(
-    made: Line, corner: np.ndarray, size: np.ndarray, random: np.random.Generator, density: float = 2.0
+    made: Line, corner: np.ndarray, size: np.ndarray, random: np.random.Generator, density: float = 1.5
 ) -> None:
     xy = corner + random.random((int(density * size.prod()), 2)) * size
     made.add(np.column_stack([xy, relief(xy) + 0.03 * random.normal(size=len(xy))]), 2)

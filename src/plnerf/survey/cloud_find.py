@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 
-from plnerf.errors import SurveyError
+from plnerf.survey.cloud_checks import astray, check_cloud, distinct
 from plnerf.survey.cloud_kinds import kinds
 from plnerf.survey.cloud_lines import Lines, lines
 from plnerf.survey.cloud_spans import Span, spans
@@ -35,10 +35,10 @@ from plnerf.survey.model import (
 LEAST_ABOVE_M = 4.0
 """Wires hang higher above the ground; fences do not."""
 LOW_M = 2.0
-"""What is higher above the ground may be a support."""
-LEAST_EXTENT_M = 1.0
-"""Of a cloud in plan."""
+"""What is higher above the ground may be a support's, or beside a wire."""
 STAGES = 5
+STRAY_M, APART_M = 0.75, 1.0
+"""Points so near to a wire are plants only if they are so near to plants that are farther away."""
 EXPLAINED_M, MOST_UNEXPLAINED = 1.5, 0.15
 """A place on a line is explained by a wire's or support's point so near; more than this share that are not
 are told."""
@@ -68,9 +68,24 @@ def find_conductors(
     none, and a note.  Raises SurveyError for clouds that are empty, not finite, all at one place, or in
     degrees.
     """
-    _check(xyz)
-    told = progress or (lambda done, total: None)
+    check_cloud(xyz)
     points, which = distinct(xyz)
+    kept = ~astray(points)
+    told = progress or (lambda done, of: None)
+    conductors, towers, cloud, notes = _found(points[kept], least_above_m, told)
+    if not kept.all():
+        far = f"{(~kept[which]).sum()} points lie far away from the others in plan and are left out."
+        notes = (far, *notes)
+    label = np.full(len(points), UNCLASSIFIED, np.uint8)
+    wire = np.full(len(points), NO_WIRE, np.int64)
+    label[kept], wire[kept] = cloud.label, cloud.wire
+    return Found(conductors, towers, Cloud(xyz, label[which], wire[which]), notes)
+
+
+def _found(
+    points: Float[np.ndarray, "d 3"], least_above_m: float, told: Callable[[int, int], None]
+) -> tuple[tuple[Conductor, ...], tuple[Tower, ...], Cloud, tuple[str, ...]]:
+    """`find_conductors` of distinct points."""
     notes = []
     told(0, STAGES)
     ground = find_ground(points)
@@ -90,59 +105,41 @@ def find_conductors(
     told(3, STAGES)
     tall = np.flatnonzero(above >= LOW_M) if seen else high
     rest = tall[~_on_tracks(line, points[tall])]
-    held_by, held = supports(line, points, points[rest], ground)
-    of_support = np.zeros(len(points), np.bool_)
-    for support in held_by:
-        of_support[rest[on_support(support, points[rest])]] = True
-    all_wires = wires(line, held_by, held, points[high], of_support[high])
+    stands, held = supports(line, points, points[rest], ground)
+    bodies = [tall[on_support(support, points[tall])] for support in stands]
+    body = np.isin(tall, np.concatenate([*bodies, []]))
+    all_wires = wires(line, stands, held, points[tall], body)
+    holding = sorted({k for wire in all_wires for k in held[wire.span].by if k is not None})
     told(4, STAGES)
-    conductors, label, wire = _named(all_wires, line, held, points, high)
-    free = (label == UNCLASSIFIED) & ~of_support
-    label[of_support & (label == UNCLASSIFIED)] = TOWER
+    conductors, label, wire = _named(all_wires, held, points, tall)
+    for k in holding:
+        label[bodies[k][label[bodies[k]] == UNCLASSIFIED]] = TOWER
     if seen:
-        label[free & (np.abs(above) <= NEAR_M)] = GROUND
-        plants = free & (above > NEAR_M)
+        label[(label == UNCLASSIFIED) & (np.abs(above) <= NEAR_M)] = GROUND
+        plants = np.flatnonzero((label == UNCLASSIFIED) & (above > NEAR_M))
+        plants = plants[~_stray(points[plants], points[wire != NO_WIRE], conductors)]
         label[plants] = vegetation(above[plants])
-    notes += _notes(conductors, held_by, len(high), least_above_m, seen)
+    notes += _notes(conductors, [stands[k] for k in holding], len(high), least_above_m, seen)
     if conductors:
         notes += _unexplained(found, points[(label == TOWER) | (wire != NO_WIRE)])
     told(STAGES, STAGES)
-    towers = tuple(support.tower for support in held_by) if conductors else ()
-    return Found(tuple(conductors), towers, Cloud(xyz, label[which], wire[which]), tuple(notes))
+    towers = tuple(stands[k].tower for k in holding)
+    return tuple(conductors), towers, Cloud(points, label, wire), tuple(notes)
 
 
-def distinct(xyz: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "d 3"], Int[np.ndarray, " n"]]:
-    """Each place once, in the order of x, y and z, and which of them each point is."""
-    order = np.lexsort(xyz.T[::-1])
-    ordered = xyz[order]
-    new = np.ones(len(xyz), np.bool_)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(1)
-    which = np.empty(len(xyz), np.int64)
-    which[order] = np.cumsum(new) - 1
-    return ordered[new], which
+def _stray(
+    plants: Float[np.ndarray, "k 3"], on_wires: Float[np.ndarray, "m 3"], conductors: Sequence[Conductor]
+) -> Bool[np.ndarray, " k"]:
+    """Which points beside wires have nothing but the wire near them: noise, spacers, dampers, no plants.
 
-
-def _check(xyz: Float[np.ndarray, "n 3"]) -> None:
-    if not len(xyz):
-        raise SurveyError("The cloud holds no points. Give one of a power line, in metres with z up.")
-    bad = int((~np.isfinite(xyz).all(1)).sum())
-    if bad:
-        raise SurveyError(
-            f"{bad} of the cloud's {len(xyz)} points have coordinates that are not finite. Remove them."
-        )
-    extent = np.ptp(xyz, axis=0)
-    wide = float(extent[:2].max())
-    if wide < LEAST_EXTENT_M and (np.abs(xyz[:, :2]).max(0) <= [180, 90]).all() and extent[2] > wide > 0:
-        raise SurveyError(
-            f"The cloud's x ({xyz[:, 0].min():.6f} to {xyz[:, 0].max():.6f}) and y ({xyz[:, 1].min():.6f} to "
-            f"{xyz[:, 1].max():.6f}) look like degrees, but metres are needed. Transform it to a projected "
-            "coordinate system, such as UTM."
-        )
-    if wide < LEAST_EXTENT_M:
-        raise SurveyError(
-            f"The cloud's {len(xyz)} points lie within {wide:.3g} m of each other in plan, but a span has "
-            "tens of metres. Give coordinates in metres."
-        )
+    As plants they would break every clearance.
+    """
+    if not conductors or not len(plants):
+        return np.zeros(len(plants), np.bool_)
+    curves = np.concatenate([on_wires, *(c.fit.curve.polyline(STRAY_M / 2) for c in conductors)])
+    beside = cKDTree(curves).query(plants, distance_upper_bound=STRAY_M)[0] <= STRAY_M
+    beside[beside] = cKDTree(plants[~beside]).query(plants[beside])[0] > APART_M if (~beside).any() else True
+    return beside
 
 
 def _on_tracks(line: Sequence[Span], points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -153,8 +150,8 @@ def _on_tracks(line: Sequence[Span], points: Float[np.ndarray, "n 3"]) -> Bool[n
 
 
 def _named(
-    all_wires: Sequence[Wire], line: Sequence[Span], held: Sequence[Held],
-    points: Float[np.ndarray, "d 3"], high: Int[np.ndarray, " k"],
+    all_wires: Sequence[Wire], held: Sequence[Held],
+    points: Float[np.ndarray, "d 3"], tall: Int[np.ndarray, " k"],
 ) -> tuple[list[Conductor], UInt8[np.ndarray, " d"], Int[np.ndarray, " d"]]:  # fmt: skip
     """Wires as conductors, numbered from 1 in spans numbered from 0, and the points' classes and wires."""
     label = np.full(len(points), UNCLASSIFIED, np.uint8)
@@ -165,7 +162,7 @@ def _named(
         mine = [wire for wire in all_wires if wire.span == span]
         for wire, kind in zip(mine, kinds(mine), strict=True):
             name = len(conductors) + 1
-            its = high[wire.points]
+            its = tall[wire.points]
             label[its] = SHIELD if kind == "shield" else CONDUCTOR
             of_wire[its] = name
             conductors.append(
@@ -199,7 +196,7 @@ def _note(wire: Wire, hold: Held) -> str | None:
 
 
 def _notes(
-    conductors: Sequence[Conductor], held_by: Sequence[Support], high: int, least_above_m: float, ground: bool
+    conductors: Sequence[Conductor], stands: Sequence[Support], high: int, least_above_m: float, ground: bool
 ) -> list[str]:
     notes = []
     if not conductors:
@@ -209,10 +206,10 @@ def _notes(
             "that is there may be too sparse: a wire needs a point every few metres."
         )
         return notes
-    unseen = [k for k, support in enumerate(held_by) if not support.seen]
+    unseen = [support for support in stands if not support.seen]
     if unseen:
         notes.append(
-            f"The cloud shows {len(unseen)} of {len(held_by)} towers by nothing but the wires that meet "
+            f"The cloud shows {len(unseen)} of {len(stands)} towers by nothing but the wires that meet "
             "there: they are as high as their highest wire."
         )
     return notes

@@ -19,8 +19,9 @@ from plnerf.survey.cloud_tracks import MISFIT_M, Track, fit_track, near
 PARALLEL = np.cos(np.radians(5.0))
 OVERLAP = 0.5
 """Share of a track beside which another must run to hang in the same span."""
-CLOSE_M, WIDE_M = 12.0, 30.0
-"""Tracks so near side by side belong together; wider apart only where they are as long as each other."""
+CLOSE_M, WIDE_M, EVEN_M, EVEN_SHARE = 8.0, 20.0, 15.0, 0.15
+"""Tracks so near side by side belong together; wider apart only where both ends are side by side too, but for
+so many metres or such a share of the length: lines that run in parallel have towers of their own."""
 LEAST_SPAN_M = 30.0
 """A span that stands alone is at least so long: booms and crossarms are shorter."""
 MEET_M = 15.0
@@ -104,10 +105,11 @@ def _side_by_side(one: Track, other: Track) -> bool:
     ends = one.local(other.points(np.array(other.ends)))
     low, high = ends[:, 0].min(), ends[:, 0].max()
     both = min(high, one.ends[1]) - max(low, one.ends[0])
-    either = max(high, one.ends[1]) - min(low, one.ends[0])
+    uneven = max(abs(high - one.ends[1]), abs(low - one.ends[0]))
+    even = uneven <= max(EVEN_M, EVEN_SHARE * one.length_m)
     apart = float(np.abs(ends[:, 1]).mean())
     beside = both >= OVERLAP * min(one.length_m, other.length_m)
-    return bool(beside and (apart <= CLOSE_M or (apart <= WIDE_M and both >= OVERLAP * either)))
+    return bool(beside and (apart <= CLOSE_M or (apart <= WIDE_M and even)))
 
 
 def _span_of(groups: list[list[Track]]) -> list[Span]:

@@ -31,6 +31,8 @@ SWINGS_FROM_M, MOST_SWING = 60.0, 0.6
 """From this length on a track may bow sideways, up to this share of its hang (30 degrees)."""
 MISFIT_M = 0.35
 """Root mean square distance of a seed from its curve beyond which it is not one."""
+WORSE_M = 0.05
+"""By how much two tracks may spread more about one curve than each about its own, if they are one."""
 ROUNDS = 60
 DECIMETRES = 0.1
 """Distances beyond which places count less (Cauchy)."""
@@ -136,8 +138,7 @@ def _parts(at: Float[np.ndarray, "m 3"], piece: Int[np.ndarray, " k"]) -> list[n
 
 def _grown(found: Lines, seed: Int[np.ndarray, " k"]) -> Track | None:
     track = fit_track(found.at[seed])
-    off = track.local(found.at[seed])[:, 1:]
-    if np.sqrt((off**2).mean(0)).max() > MISFIT_M or not _hangs(track):
+    if _spread(track, found.at[seed]) > MISFIT_M or not _hangs(track):
         return None
     flat = found.along[:, :2] / np.linalg.norm(found.along[:, :2], axis=1)[:, None]
     parallel = np.flatnonzero(np.abs(flat @ track.u) >= ALIKE)
@@ -195,5 +196,10 @@ def _one_curve(track: Track, other: Track, found: Lines) -> Track | None:
     at = np.concatenate([found.at, found.loose])
     mine, its = at[near(track, at)], at[near(other, at)]
     both = fit_track(np.concatenate([mine, its]))
-    off = [np.sqrt((both.local(points)[:, 1:] ** 2).mean(0)).max() for points in (mine, its)]
-    return both if max(off) <= MISFIT_M else None
+    worse = max(_spread(both, mine) - _spread(track, mine), _spread(both, its) - _spread(other, its))
+    return both if worse <= WORSE_M else None
+
+
+def _spread(track: Track, points: Float[np.ndarray, "k 3"]) -> float:
+    """Root mean square distance of points from a track, in the worse direction."""
+    return float(np.sqrt((track.local(points)[:, 1:] ** 2).mean(0)).max())

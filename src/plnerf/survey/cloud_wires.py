@@ -1,6 +1,6 @@
 """Every wire of the spans in a cloud: its points, its catenary, and what speaks for it.
 
-Letters: n points that are high above the ground; s along a track; metres, z up.
+Letters: n points that are above the ground; s along a track; metres, z up.
 """
 
 from collections.abc import Sequence
@@ -28,12 +28,14 @@ LEAST_COVERAGE = 0.25
 SPREAD_M = 0.15
 """Root mean square distance of a wire's points beyond which it is none."""
 BESIDE_M, PIECE_M, MOST_CLUTTERED = 1.0, 2.0, 0.5
-"""In this share of its pieces at most may a wire have more other points within so many metres than own ones:
-the edge of a roof or of a tree is no wire."""
+"""In this share of its pieces at most may a wire have more than half as many other points within so many
+metres as own ones: the edge of a roof or of a tree is no wire."""
 SAME_M = 0.12
 """Two curves with this mean distance are one wire."""
 TAUTEST_M = 6000.0
 """Greatest p: what surely hangs less is a beam or a rail, or held in between; conductors have 300 to 2500."""
+SURELY_SIGMAS = 4.0
+"""In a span that stands alone one wire's sag is at least so many standard deviations."""
 STRETCHES = 12
 MISFIT_M = 0.05
 """A misfit that is told."""
@@ -72,7 +74,7 @@ def wires(
 ) -> list[Wire]:  # fmt: skip
     """Every wire once, span by span and in each from the left to the right.
 
-    points: what is high above the ground; taken: which of them are supports'.
+    points: what is above the ground; taken: which of them are supports'.
     """
     found: list[Wire] = []
     for number, (span, hold) in enumerate(zip(spans, held, strict=True)):
@@ -84,6 +86,8 @@ def wires(
         for wire in sorted(mine, key=lambda wire: -len(wire.points)):
             if not any(_same(wire, other) for other in kept):
                 kept.append(wire)
+        if span.length_m >= LEAST_SPAN_M and not any(_surely_hangs(wire) for wire in kept):
+            continue
         left = [-span.flat(wire.middle()[None])[0, 1] for wire in kept]
         found += [kept[k] for k in np.argsort(left, kind="stable")]
     clear = _clear(found, points, taken)
@@ -181,6 +185,12 @@ def _without_gap(s: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
     return keep
 
 
+def _surely_hangs(wire: Wire) -> bool:
+    """Whether a wire is no straight bar for all that its points tell."""
+    curve, sigma = wire.fit.curve, wire.fit.sag_sigma_m
+    return curve.sag_m > max(SURELY_SIGMAS * sigma, curve.span_m**2 / (8 * TAUTEST_M))
+
+
 def _same(one: Wire, other: Wire) -> bool:
     """Whether two curves lie on each other where both are."""
     curve = one.fit.curve
@@ -211,5 +221,5 @@ def _clear(
         beside = tree.query_ball_point(curve.points(s), BESIDE_M, return_length=True)
         along = wire.fit.base.local(points[wire.points])[:, 0]
         own = np.histogram(along, np.append(s - PIECE_M / 2, s[-1] + PIECE_M / 2))[0]
-        clear.append(bool((beside > np.maximum(own, 1)).mean() <= MOST_CLUTTERED))
+        clear.append(bool((beside > np.maximum(own / 2, 1)).mean() <= MOST_CLUTTERED))
     return clear
