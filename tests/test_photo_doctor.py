@@ -143,11 +143,11 @@ def test_the_cost_grows_with_pixels_and_pairs() -> None:
     # 1600 x 1200 px of each are looked at; 190 pairs; 240 MP, of which a 16th takes 3 minutes.
     seconds = FEATURES_S_PER_MP * 20 * 1.92 + PAIR_S * 190 + MODEL_S_PER_IMAGE * 20
     assert f"poses take about {in_words(seconds)}; " in few.what
-    assert f"training nerfacto on each pixel once, {in_words(12_000)}; 0.7 GB" in few.what
+    assert f"training nerfacto on each pixel once, {in_words(12_000.0)}; 0.7 GB" in few.what
     assert few.do.startswith("train with --downscale 8: 3 min")  # by 4 it is still more than ten minutes
     unknown = about_cost({f"{i}": FACTS for i in range(20)}, "mine", None)
     assert "training" not in unknown.what and not unknown.do
-    assert [in_words(s) for s in (40, 720, 20_000, 300_000)] == ["40 s", "12 min", "5.6 h", "3 days"]
+    assert [in_words(s) for s in (40.0, 720.0, 20_000.0, 300_000.0)] == ["40 s", "12 min", "5.6 h", "3 days"]
 
 
 def test_the_command_takes_photos_and_ends_with_its_status(

@@ -68,7 +68,8 @@ def deliver(
     if survey.unit == "m" and survey.conductors:
         clearances = measure_clearances(survey, options.requirement(survey))
     exports = write_exports(survey, clearances, out, synthetic=synthetic)
-    notes = (*survey.notes, *(clearances.notes if clearances is not None else ()), *exports.notes)
+    # The first of the clearances' notes is what the report says of itself: as surveyed.
+    notes = (*survey.notes, *(clearances.notes[1:] if clearances is not None else ()), *exports.notes)
     report = Report(
         replace(survey, notes=tuple(dict.fromkeys(notes))),
         _rows(clearances),

@@ -12,11 +12,10 @@ from jaxtyping import Float, UInt8
 
 from plnerf.errors import SurveyError
 from plnerf.survey.model import Conductor, Survey
+from plnerf.survey.thresholds import SIGMAS
 
 TWO_SIDED_95 = 1.96
 """Standard deviations that 95 % of normal errors lie within."""
-SIGMAS = 2.0
-"""A distance is told from the required one if they are so many standard deviations apart."""
 Standing = Literal["short", "doubtful", "kept", "open"]
 """Less than required; not to be told from it; more; nothing is required."""
 
