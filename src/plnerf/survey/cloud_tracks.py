@@ -49,8 +49,8 @@ class Track:
     ends: tuple[float, float]
     places: int
     """How many it was fitted to."""
-    gate_m: float
-    """How far off its own places may lie."""
+    gate_m: Float[np.ndarray, "2"]
+    """How far off its own places may lie, sideways and in height."""
 
     @property
     def length_m(self) -> float:
@@ -95,8 +95,8 @@ def fit_track(points: Float[np.ndarray, "m 3"]) -> Track:
     if np.ptp(s) < SWINGS_FROM_M or abs(y[2]) > MOST_SWING * z[2]:
         y = np.append(_robust(line, across), 0.0)
     off = np.abs([across - polyval(s, y), up - polyval(s, z)])
-    gate = np.clip(GATE_SIGMAS * 1.4826 * np.median(off, axis=1).max(), LEAST_GATE_M, GATE_M)
-    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points), float(gate))
+    gate = np.clip(GATE_SIGMAS * 1.4826 * np.median(off, axis=1), LEAST_GATE_M, GATE_M)
+    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points), gate)
 
 
 def _robust(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> Float[np.ndarray, " k"]:
