@@ -120,6 +120,16 @@ def test_a_moved_line_is_found_moved(line: made.Line) -> None:
     assert len(moved.towers) == 3
 
 
+def test_level_spans_in_a_straight_line_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The slope breaks by 6 % only, and the sag is 0.7 m."""
+    monkeypatch.setattr(made, "relief", lambda xy: np.zeros(len(xy)))
+    level = made.line(np.array([[0.0, 0.0], [90.0, 0.0], [180.0, 0.0]]), seed=1)
+    found = find_conductors(level.xyz)
+    pairs = matched(found, level.wires)
+    assert len(pairs) == 14 and max(off for _, off in pairs.values()) < 0.06
+    assert len(found.towers) == 3 and all(c.note is None for c in found.conductors)
+
+
 def test_part_of_a_span_is_found_and_told(line: made.Line) -> None:
     part = line.xyz[(line.xyz[:, 0] > 45) & (line.xyz[:, 0] < 150)]
     found = find_conductors(part)

@@ -61,7 +61,8 @@ def test_tracks_end_where_the_slope_breaks_and_go_on_over_gaps() -> None:
 ])  # fmt: skip
 def test_the_wires_of_a_bundle_are_told_apart(offsets: list[tuple[float, float]]) -> None:
     random = np.random.default_rng(1)
-    track = Track(np.zeros(2), np.array([1.0, 0.0]), np.zeros(3), np.zeros(3), (-100.0, 100.0), 0, 0.6)
+    u, gate = np.array([1.0, 0.0]), np.full(2, 0.6)
+    track = Track(np.zeros(2), u, np.zeros(3), np.zeros(3), (-100.0, 100.0), 0, gate)
     s = random.uniform(-100, 100, (len(offsets), 400))
     parts = [
         np.column_stack([t, y + 0.0004 * t, z + 0.00001 * t * t]) + 0.04 * random.normal(size=(400, 3))

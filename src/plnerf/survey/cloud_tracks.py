@@ -49,8 +49,8 @@ class Track:
     ends: tuple[float, float]
     places: int
     """How many it was fitted to."""
-    gate_m: float
-    """How far off its own places may lie."""
+    gate_m: Float[np.ndarray, "2"]
+    """How far off its own places may lie, sideways and in height."""
 
     @property
     def length_m(self) -> float:
@@ -95,8 +95,8 @@ def fit_track(points: Float[np.ndarray, "m 3"]) -> Track:
     if np.ptp(s) < SWINGS_FROM_M or abs(y[2]) > MOST_SWING * z[2]:
         y = np.append(_robust(line, across), 0.0)
     off = np.abs([across - polyval(s, y), up - polyval(s, z)])
-    gate = np.clip(GATE_SIGMAS * 1.4826 * np.median(off, axis=1).max(), LEAST_GATE_M, GATE_M)
-    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points), float(gate))
+    gate = np.clip(GATE_SIGMAS * 1.4826 * np.median(off, axis=1), LEAST_GATE_M, GATE_M)
+    return Track(o, u, y, z, (float(s.min()), float(s.max())), len(points), gate)
 
 
 def _robust(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> Float[np.ndarray, " k"]:
@@ -138,7 +138,7 @@ def _parts(at: Float[np.ndarray, "m 3"], piece: Int[np.ndarray, " k"]) -> list[n
 
 def _grown(found: Lines, seed: Int[np.ndarray, " k"]) -> Track | None:
     track = fit_track(found.at[seed])
-    if _spread(track, found.at[seed]) > MISFIT_M or not _hangs(track):
+    if _spread(track, found.at[seed]).max() > MISFIT_M or not _hangs(track):
         return None
     flat = found.along[:, :2] / np.linalg.norm(found.along[:, :2], axis=1)[:, None]
     parallel = np.flatnonzero(np.abs(flat @ track.u) >= ALIKE)
@@ -196,10 +196,10 @@ def _one_curve(track: Track, other: Track, found: Lines) -> Track | None:
     at = np.concatenate([found.at, found.loose])
     mine, its = at[near(track, at)], at[near(other, at)]
     both = fit_track(np.concatenate([mine, its]))
-    worse = max(_spread(both, mine) - _spread(track, mine), _spread(both, its) - _spread(other, its))
-    return both if worse <= WORSE_M else None
+    worse = [_spread(both, mine) - _spread(track, mine), _spread(both, its) - _spread(other, its)]
+    return both if np.max(worse) <= WORSE_M else None
 
 
-def _spread(track: Track, points: Float[np.ndarray, "k 3"]) -> float:
-    """Root mean square distance of points from a track, in the worse direction."""
-    return float(np.sqrt((track.local(points)[:, 1:] ** 2).mean(0)).max())
+def _spread(track: Track, points: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "2"]:
+    """Root mean square distances of points from a track, sideways and in height."""
+    return np.sqrt((track.local(points)[:, 1:] ** 2).mean(0))
