@@ -1,30 +1,44 @@
 """The survey of a run: what its field shows as a classified cloud, its conductors, and the report."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
+from plnerf.scene.transforms import Frames
 from plnerf.survey.curve_wires import conductors_of_curves, metre_of
 from plnerf.survey.deliver import SurveyOptions, deliver
 from plnerf.survey.ground import find_ground, vegetation
-from plnerf.survey.model import CONDUCTOR, GROUND, NO_WIRE, SHIELD, UNCLASSIFIED, Cloud, Conductor, Survey
+from plnerf.survey.model import (
+    CONDUCTOR,
+    GROUND,
+    NO_WIRE,
+    SHIELD,
+    TOWER,
+    UNCLASSIFIED,
+    Cloud,
+    Conductor,
+    Survey,
+    Tower,
+)
 from plnerf.survey.obstacles import sampled
 from plnerf.survey.overlay import overlay
 from plnerf.survey.report_colours import KINDS
 from plnerf.survey.report_data import Picture
+from plnerf.survey.run_towers import find_columns
 from plnerf.survey.surface import Surface, surface_points
 from plnerf.survey.survey import POINTS, survey_wires
 from plnerf.train.guidance import CURVES
 from plnerf.train.run import TrainedRun
-from plnerf.wires.curves import read_curves
+from plnerf.wires.curves import Curve, read_curves
 from plnerf.wires.ply import read_ply
 
 NEAR_GROUND_M = 0.3
@@ -43,15 +57,23 @@ def survey_run(
     vertex = read_ply(out / POINTS)["vertex"]
     points = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     frames, path = run.scene.frames, run.folder / CURVES
-    conductors = conductors_of_curves(read_curves(path), frames, points) if path.exists() else []
+    curves = [curve for curve in read_curves(path) if curve.certain] if path.exists() else []
     notes = [] if path.exists() else [
         f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
     ]  # fmt: skip
     surface = surface_points(run, progress=lambda done, of: told(of + done, 2 * of))
-    cloud, more = classified(surface, conductors, metre_of(frames))
+    curves, towers, of_tower = between_supports(surface, curves, frames)
+    conductors = conductors_of_curves(curves, frames, points)
+    if conductors and len(towers) < 2:
+        notes.append(
+            f"{len(towers)} of 2 supports are seen: where none is, wires end with what the images show, and "
+            "their sag is that of this piece."
+        )
+    cloud, more = classified(surface, conductors, of_tower, metre_of(frames))
     survey = Survey(
-        tuple(conductors), (), cloud, frames.unit, frames.crs, frames.origin, str(run.folder), (*notes, *more)
-    )
+        tuple(conductors), towers, cloud, frames.unit, frames.crs, frames.origin, str(run.folder),
+        (*notes, *more),
+    )  # fmt: skip
     made = {
         "input": f"{run.scene.root.name}: {len(run.scene.names)} images",
         "preset": f"{run.config.preset}, step {run.step:,}",
@@ -62,17 +84,37 @@ def survey_run(
     return deliver(survey, out, options, pictures=pictures, made=made, synthetic=True)
 
 
-def classified(
-    surface: Surface, conductors: Sequence[Conductor], metre: float = 1.0
-) -> tuple[Cloud, list[str]]:
-    """The surface's points as ground, plants by their height, and conductors; and what could not be told.
+def between_supports(
+    surface: Surface, curves: Sequence[Curve], frames: Frames
+) -> tuple[list[Curve], tuple[Tower, ...], Bool[np.ndarray, " n"]]:
+    """The curves cut at the supports that the surface shows, these, and which of its points are theirs."""
+    metre = frames.scale * metre_of(frames)
+    wires = [curve.points(np.linspace(*curve.ends, 60)) / metre for curve in curves]
+    found = find_columns(frames.to_scene(surface.xyz) / metre, wires)
+    of_tower, towers, ends = np.zeros(len(surface.xyz), bool), [], []
+    for column, open_end in zip(found, (-np.inf, np.inf), strict=True):
+        ends.append(open_end if column is None else column.x_m * metre)
+        if column is not None:
+            of_tower |= column.points
+            foot = frames.to_world(metre * np.array([[column.x_m, column.y_m, column.foot_m]]))[0]
+            towers.append(Tower(foot, (column.top_m - column.foot_m) * metre_of(frames)))
+    cut = [
+        replace(curve, ends=(max(curve.ends[0], ends[0]), min(curve.ends[1], ends[1]))) for curve in curves
+    ]
+    return cut, tuple(towers), of_tower
 
-    Towers and buildings are not told from plants.  metre: its length in the surface's units.
+
+def classified(
+    surface: Surface, conductors: Sequence[Conductor], of_tower: Bool[np.ndarray, " n"], metre: float = 1.0
+) -> tuple[Cloud, list[str]]:
+    """The surface's points as ground, supports, plants by their height, and conductors; and what is doubtful.
+
+    Buildings are not told from plants.  metre: its length in the surface's units.
     """
     label = np.full(len(surface.xyz), UNCLASSIFIED, np.uint8)
     wire = np.full(len(surface.xyz), NO_WIRE, np.int64)
     notes = []
-    ground = find_ground(surface.xyz / metre) if len(surface.xyz) else None
+    ground = find_ground(surface.xyz[~of_tower] / metre) if (~of_tower).any() else None
     if ground is None:
         notes.append("The field shows no ground: its points are not classified, and no heights are known.")
     else:
@@ -81,7 +123,8 @@ def classified(
         label[on_it] = GROUND
         higher = (above > 0) & ~on_it
         label[higher] = vegetation(above[higher])
-        notes.append("Towers, buildings and all else that stands are classified as vegetation by height.")
+        notes.append("Buildings and all else that stands are classified as vegetation, by height.")
+    label[of_tower] = TOWER
     for conductor in conductors:
         apart, _ = cKDTree(sampled(conductor.fit.curve)).query(
             surface.xyz, distance_upper_bound=ON_WIRE_M * metre, workers=-1

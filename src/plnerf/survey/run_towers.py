@@ -1,0 +1,94 @@
+"""Supports in the cloud of a field: where the wires' corridor is filled below them.
+
+Cameras that fly beside wires see the upper half of a support best: that is what is asked for.
+
+Letters: n points in the scene frame in metres (x along the line, z up); e wires' ends.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import minimum_filter1d
+
+STEP_M = 0.5
+"""Pieces of the corridor, along it and in height."""
+BESIDE_M = 1.0
+"""How much wider than the wires the corridor is, on either side."""
+FILLED = 0.6
+"""Share of the heights below the lowest wire, down to half of its height, that a support has points in."""
+FOOT_M = 1.0
+"""Points nearer to the ground are taken for the ground."""
+AROUND_M = 20.0
+"""The ground at a place is the lowest within this distance along the corridor."""
+OUTER = 0.3
+"""Share of the line, at either end, in which a support is looked for."""
+HALF_DEPTH_M = 2.5
+"""Of a support's body along the line, from its axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A support."""
+
+    x_m: float
+    """Of its axis, along the line."""
+    y_m: float
+    foot_m: float
+    top_m: float
+    points: Bool[np.ndarray, " n"]
+    """Those on it."""
+
+
+def find_columns(
+    points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]]
+) -> tuple[Column | None, Column | None]:
+    """The supports at the first and the last end of wires (polylines along x); None where none is seen."""
+    if not len(points) or not wires:
+        return None, None
+    every = np.concatenate(wires)
+    low, high = float(every[:, 0].min()), float(every[:, 0].max())
+    beside = points[:, 1] - np.interp(points[:, 0], *_outline(every, low, high, np.min))
+    beyond = np.interp(points[:, 0], *_outline(every, low, high, np.max)) - points[:, 1]
+    corridor = (beside >= -BESIDE_M) & (beyond >= -BESIDE_M)
+    corridor &= (points[:, 0] >= low) & (points[:, 0] <= high)
+    count = max(1, int((high - low) / STEP_M))
+    piece = np.clip(((points[:, 0] - low) / (high - low) * count).astype(int), 0, count - 1)
+    ground = np.full(count, np.inf)
+    np.minimum.at(ground, piece[corridor], points[corridor, 2])
+    ground = minimum_filter1d(ground, 2 * int(AROUND_M / STEP_M) + 1, mode="nearest")
+    x = low + (np.arange(count) + 0.5) / count * (high - low)
+    lowest = np.min([np.interp(x, wire[:, 0], wire[:, 2]) for wire in wires], axis=0)
+    filled = np.zeros(count)
+    for k in np.flatnonzero(np.isfinite(ground)):
+        z = points[corridor & (piece == k), 2]
+        half = (ground[k] + lowest[k]) / 2
+        bins = max(1, int((lowest[k] - half) / STEP_M))
+        inside = z[(z > half) & (z < half + bins * STEP_M)]
+        filled[k] = len(np.unique(((inside - half) / STEP_M).astype(int))) / bins
+    found: list[Column | None] = []
+    for outer in (x < low + OUTER * (high - low), x > high - OUTER * (high - low)):
+        tall = np.flatnonzero(outer & (filled >= FILLED))
+        if not len(tall):
+            found.append(None)
+            continue
+        best = tall[np.argmax(filled[tall])]
+        near = corridor & (np.abs(points[:, 0] - x[best]) <= HALF_DEPTH_M)
+        # Lattice and poles are symmetric about their axis; plants at the foot are not.
+        upper = near & (points[:, 2] > (ground[best] + lowest[best]) / 2)
+        axis = float(np.median(points[upper, 0]))
+        mine = corridor & (np.abs(points[:, 0] - axis) <= HALF_DEPTH_M)
+        mine &= points[:, 2] > ground[best] + FOOT_M
+        y, top = float(np.median(points[upper, 1])), float(points[mine, 2].max())
+        found.append(Column(axis, y, float(ground[best]), top, mine))
+    return found[0], found[1]
+
+
+def _outline(every: Float[np.ndarray, "v 3"], low: float, high: float, pick) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
+    """Outermost y of the wires at places along the line."""
+    x = np.linspace(low, high, 20)
+    slot = np.clip(((every[:, 0] - low) / (high - low) * 19).round().astype(int), 0, 19)
+    y = np.array([pick(every[slot == k, 1]) if (slot == k).any() else np.nan for k in range(20)])
+    known = np.isfinite(y)
+    return x[known], y[known]
