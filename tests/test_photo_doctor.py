@@ -143,7 +143,8 @@ def test_the_cost_grows_with_pixels_and_pairs() -> None:
     # 1600 x 1200 px of each are looked at; 190 pairs; 240 MP, of which a 16th takes 3 minutes.
     seconds = FEATURES_S_PER_MP * 20 * 1.92 + PAIR_S * 190 + MODEL_S_PER_IMAGE * 20
     assert f"poses take about {in_words(seconds)}; " in few.what
-    assert f"training nerfacto on each pixel once, {in_words(12_000.0)}; 0.7 GB" in few.what
+    assert f"training nerfacto on each pixel once, {in_words(12_000.0)}; 1.5 GB of memory" in few.what
+    assert few.what.endswith("and 0.7 GB of pixels on disk")
     assert few.do.startswith("train with --downscale 8: 3 min")  # by 4 it is still more than ten minutes
     unknown = about_cost({f"{i}": FACTS for i in range(20)}, "mine", None)
     assert "training" not in unknown.what and not unknown.do

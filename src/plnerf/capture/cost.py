@@ -10,9 +10,11 @@ from plnerf.capture.findings import Finding
 from plnerf.capture.pairs import PairConfig, choose_pairs
 from plnerf.capture.sfm import SfmConfig
 
-FEATURES_S_PER_MP, PAIR_S, MODEL_S_PER_IMAGE = 2.2, 0.11, 0.4
+FEATURES_S_PER_MP, PAIR_S, MODEL_S_PER_IMAGE = 2.2, 0.15, 0.7
 """Seconds of structure from motion: of a megapixel in which features are looked for, of a pair of images, of
 an image in the model."""
+MEMORY_GB = 1.5
+"""Peak of structure from motion (1.1 to 1.5 for 18 to 70 photos); of training, whose pixels stay on disk."""
 ENOUGH_S = 600.0
 """A pass over all pixels that is called affordable."""
 DOWNSCALES = (1, 2, 4, 8, 16)
@@ -39,7 +41,7 @@ def about_cost(facts: Mapping[str, PhotoFacts], preset: str, rays_per_s: float |
         what += f"; training {preset} on each pixel once, {in_words(seconds[1])}"
         if k > 1:
             do = f"train with --downscale {k}: {in_words(seconds[k])}; as little as wires allow"
-    what += f"; {3 * sum(pixels) / 1e9:.1f} GB of pixels on disk"
+    what += f"; {MEMORY_GB:g} GB of memory, and {3 * sum(pixels) / 1e9:.1f} GB of pixels on disk"
     return Finding("cost", "note", what, (), do)
 
 

@@ -17,4 +17,5 @@ PRESET = Preset(
     ),
     train=TrainConfig(detail_share=0.0, normal_rays=0, loss=LossWeights(interlevel=0.0, distortion=0.0)),
     year=2022,
+    rays_per_s=20_000.0,
 )

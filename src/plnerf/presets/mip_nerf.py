@@ -19,4 +19,5 @@ PRESET = Preset(
     ),
     train=replace(NERF.train, loss=replace(NERF.train.loss, coarse=0.1)),
     year=2021,
+    rays_per_s=449.0,
 )

@@ -14,4 +14,5 @@ PRESET = Preset(
     model=DeepProposalsConfig(),
     train=replace(NERF.train, anneal_steps=300, loss=LossWeights(distortion=0.01)),
     year=2022,
+    rays_per_s=985.0,
 )

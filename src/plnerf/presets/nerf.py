@@ -24,4 +24,5 @@ PRESET = Preset(
         loss=LossWeights(interlevel=0.0, distortion=0.0),
     ),
     year=2020,
+    rays_per_s=455.0,
 )

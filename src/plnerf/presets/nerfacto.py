@@ -12,4 +12,5 @@ PRESET = Preset(
     model=replace(PL_NERF.model, field=replace(PL_NERF.model.field, direction_encoding="sh", normals=False)),
     train=TrainConfig(detail_share=0.0, normal_rays=0),
     year=2023,
+    rays_per_s=15_600.0,
 )

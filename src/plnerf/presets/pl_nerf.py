@@ -24,4 +24,5 @@ PRESET = Preset(
     ),
     train=TrainConfig(),
     year=2023,
+    rays_per_s=12_200.0,
 )

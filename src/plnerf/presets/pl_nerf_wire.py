@@ -31,4 +31,5 @@ PRESET = Preset(
         loss=LossWeights(distortion=0.0003),
     ),
     year=2026,
+    rays_per_s=6_730.0,
 )
