@@ -112,7 +112,9 @@ class _WrongGradient(torch.autograd.Function):
 
 
 @pytest.mark.parametrize(
-    "twin", [lambda x: 2.001 * x, lambda x: 2 * x * math.nan, _WrongGradient.apply], ids=str
+    "twin",
+    [lambda x: 2.001 * x, lambda x: 2 * x * math.nan, _WrongGradient.apply],
+    ids=["larger", "nan", "gradient"],
 )
 def test_a_twin_that_computes_something_else_gets_no_times(
     twin: Any, tiny_ceilings: ceilings.Ceilings
