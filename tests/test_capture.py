@@ -121,7 +121,7 @@ def test_a_video_becomes_an_unscaled_scene(video: Path, tmp_path: Path) -> None:
     assert report["not_georeferenced_because"] == "no image says where it was taken"
     assert {shot.path.stem for shot in listing.shots} <= set(kept)
     assert listing.up is not None and list(listing.up) == [0, 0, 1]
-    assert all(shot.T_world_camera[2, 1] < -0.99 for shot in listing.shots)  # the picture's down is down
+    assert all(shot.T_world_camera[2, 2] < -0.99 for shot in listing.shots)  # they look straight down
     told: list[str] = []
     capture(video, tmp_path / "scene", CONFIG, lambda stage, done, of: told.append(f"{stage} {done}"))
     assert not any(text.startswith("video") for text in told)  # neither looked at again

@@ -24,7 +24,9 @@ LEAST_BEND_M = 1e-6
 ROBUST_SIGMAS = 2.5
 """Residuals beyond so many standard deviations count less (Cauchy)."""
 OUTLIER_SIGMAS = 5.0
-ROUNDS = 4
+ROUNDS, SETTLED = 30, 1e-7
+"""Most rounds of scales and fit, and the relative change at which they end: a deep wire is no parabola, and
+comes to its points by steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +137,12 @@ def fit_catenary(
         apart = off(q)
         # 1.4826 times the median is the standard deviation of normal errors, whatever a minority does.
         scale = np.maximum(1.4826 * np.median(np.abs(apart), axis=0), sigma_m)
-        q = least_squares(
+        before, q = q, least_squares(
             lambda p, scale=scale: (off(p) / scale).ravel(), q, loss="cauchy", f_scale=ROBUST_SIGMAS,
             bounds=([-np.inf] * 4 + [LEAST_BEND_M], np.inf), x_scale=np.maximum(np.abs(q), 0.1),
         ).x  # fmt: skip
+        if np.abs(q - before).max() <= SETTLED * np.abs(q).max():
+            break
     apart = off(q)
     inlier = (np.abs(apart) <= OUTLIER_SIGMAS * scale).all(1)
     J = jacobian(lambda p: base.at(p, s[inlier]).ravel(), q).reshape(-1, 2, 5)
