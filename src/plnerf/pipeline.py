@@ -211,7 +211,8 @@ def run_demo(
     survey(out, console=console)
     score_survey(out, truth=span, out=None, classes=None, console=console)
     render(out, views="path", outputs=("rgb", "depth"), frames=frames, fps=12.0, scale=scale, console=console)
-    _say(console, f"Look at {out}: eval/panels, renders, and `tensorboard --logdir {out}` for the curves.")
+    _say(console, f"Look at {out}: survey/report.html, eval/panels, renders.")
+    _say(console, f"Curves of the training: tensorboard --logdir {out}")
     return out
 
 
