@@ -48,7 +48,6 @@ def short(density: float = 1.0) -> Report:
         **built, unit="m", crs="EPSG:25832", origin=np.array([8.1234567, 49.7654321, 212.4]),
         source="/data/runs/span-40m", temperature_c=31.0,
         notes=("The scale rests on the photos' positions: it is known to 0.4 %.",),
-        extra={"images": 96.0, "training minutes": 41.5},
     )  # fmt: skip
     return _told(survey)
 
@@ -87,7 +86,7 @@ def unscaled() -> Report:
     cloud = report.survey.cloud
     conductors = tuple(
         replace(
-            one, fit=fit_catenary(k * one.fit.curve.polyline(0.2), sigma_m=0.001), before=None,
+            one, fit=fit_catenary(k * one.fit.curve.polyline(0.2), sigma_m=0.001),
             longest_gap_m=k * one.longest_gap_m,
         ) for one in report.survey.conductors
     )  # fmt: skip
@@ -165,11 +164,9 @@ def _built(
             seen = seen[(share < 0.5 - gap / 2) | (share > 0.5 + gap / 2)]
             noisy = seen + 0.02 * random.normal(size=seen.shape)
             add(noisy, SHIELD if kind == "shield" else CONDUCTOR, id_)
-            before = fit_catenary(noisy + 0.03 * random.normal(size=seen.shape)) if id_ % 3 else None
             conductors.append(Conductor(
                 id_, span, kind, fit_catenary(noisy), 1 - gap, gap * wire.span_m, len(noisy),
-                f"{60 + id_} images" if before else f"{len(noisy):,} points", before,
-                None if before else "not refined: the views do not fix it (4.1 px across).",
+                f"{len(noisy):,} points", None if id_ % 3 else "its support is not seen.",
             ))  # fmt: skip
     cloud = Cloud(np.concatenate(points), np.concatenate(labels), np.concatenate(owners).astype(np.int64))
     return {"cloud": cloud, "conductors": tuple(conductors), "towers": tuple(masts)}

@@ -5,13 +5,18 @@ import pytest
 
 from plnerf.survey.catenary import Base, CatenaryFit
 from plnerf.survey.cloud_kinds import kinds
-from plnerf.survey.cloud_wires import Wire
+
+Wire = tuple[CatenaryFit, int]
 
 
 def wire(y: float, z: float, sag: float = 4.0, points: int = 300) -> Wire:
     base = Base(np.zeros(2), np.array([1.0, 0.0]), 100.0)
     fit = CatenaryFit(base, np.array([y, y, z, z, sag]), np.zeros((5, 5)), np.ones(9, bool), 0.0, 0.0)
-    return Wire(0, fit, np.arange(points), 1.0, 1.0, 0.0, 0.0, (True, True))
+    return fit, points
+
+
+def kinds_of(wires: list[Wire]) -> list[str]:
+    return list(kinds([fit for fit, _ in wires], [points for _, points in wires]))
 
 
 PHASES = [(side * 5.0, z) for side in (-1, 1) for z in (18.0, 24.0, 30.0)]
@@ -30,9 +35,9 @@ TWINS = [wire(y + twin, z) for y, z in PHASES for twin in (-0.2, 0.2)]
     (TWINS, [wire(-0.2, 36.0), wire(0.2, 36.0)], "phase"),  # a bundle itself
 ])  # fmt: skip
 def test_shields_are_the_highest_and_differ(below: list[Wire], top: list[Wire], expected: str) -> None:
-    assert kinds([*below, *top]) == ["phase"] * len(below) + [expected] * len(top)
-    assert kinds([*top, *below]) == [expected] * len(top) + ["phase"] * len(below)
+    assert kinds_of([*below, *top]) == ["phase"] * len(below) + [expected] * len(top)
+    assert kinds_of([*top, *below]) == [expected] * len(top) + ["phase"] * len(below)
 
 
 def test_no_wires_have_no_kinds() -> None:
-    assert kinds([]) == []
+    assert kinds([], []) == []

@@ -19,7 +19,7 @@ from plnerf.scene.transforms import Frames
 from plnerf.survey.cloud_survey import read_las, survey_cloud
 from plnerf.survey.curve_wires import conductors_of_curves
 from plnerf.survey.deliver import SurveyOptions
-from plnerf.survey.run_survey import classified, survey_run
+from plnerf.survey.run_survey import between_supports, classified, survey_run
 from plnerf.survey.surface import Surface, half_width, surface_points
 from plnerf.train.guidance import CURVES
 from plnerf.train.loop import train
@@ -162,3 +162,27 @@ def test_points_on_a_conductor_are_its_own() -> None:
     assert (cloud.wire[4000:4050] == 1).all() and (cloud.label[4000:4050] == 14).all()
     assert (cloud.label[:4000] == 2).mean() > 0.99 and np.isin(cloud.label[4050:], (4, 5)).mean() > 0.9
     assert len(notes) == 1 and cloud.rgb is not None and cloud.sigma_m is not None
+
+
+@pytest.mark.parametrize("seen", [(True, True), (True, False), (False, False)])
+def test_wires_end_at_the_supports_that_the_surface_shows(seen: tuple[bool, bool]) -> None:
+    """Columns at x = -15 and 16 m under wires that go on to 18 m; plants under the wires are no supports."""
+    frames = Frames(np.eye(3), 0.05, np.array([7.0, -3.0, 12.0]), "m", None, "file")
+    curves = [hanging(-0.1, 0.0), hanging(0.1, 0.08)]
+    random = np.random.default_rng(0)
+    floor = np.column_stack([random.uniform(-20, 20, (4000, 2)), np.full(4000, -10.0)])
+    bush = random.uniform([-1, -1, -10], [1, 1, -6], (300, 3))
+    parts = [floor, bush]
+    for x, there in zip((-15.0, 16.0), seen, strict=True):
+        if there:
+            parts.append(random.uniform([x - 0.4, -2, -10], [x + 0.4, 2, 1.5], (900, 3)))
+    xyz = np.concatenate(parts) + frames.shift_world
+    surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), len(xyz))
+    cut, towers, of_tower = between_supports(surface, curves, frames)
+    ends = [-15.0 if seen[0] else -18.0, 16.0 if seen[1] else 18.0]
+    for curve in cut:
+        assert np.array(curve.ends) / 0.05 == pytest.approx(ends, abs=0.05)
+    assert len(towers) == sum(seen) and not of_tower[:4300].any()
+    for tower, x in zip(towers, (-15.0, 16.0), strict=False):
+        assert tower.foot == pytest.approx([x + 7, -3, 2], abs=0.15)
+        assert tower.height_m == pytest.approx(11.5, abs=0.1)

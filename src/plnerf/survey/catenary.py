@@ -9,6 +9,7 @@ The wire's own plane is upright and goes through A and B: a steady wind that swi
 bows sideways, which `residual_across_m` then tells.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,13 +108,12 @@ def fit_catenary(
     points: Float[np.ndarray, "m 3"],
     base: Base | None = None,
     sigma_m: float = 0.02,
-    per_point: float = 1.0,
 ) -> CatenaryFit:
     """The catenary that most of the points lie on; the others are told from them.
 
     sigma_m: least standard deviation of a point across the wire; what the points show instead wins where it
-    is more.  per_point: independent observations in a point, less than 1 where neighbours share their error.
-    Raises SurveyError for fewer than LEAST_POINTS points, or points at one place.
+    is more.  Points are taken for independent.  Raises SurveyError for fewer than LEAST_POINTS points, or
+    points at one place.
     """
     if len(points) < LEAST_POINTS:
         raise SurveyError(
@@ -147,7 +147,7 @@ def fit_catenary(
     inlier = (np.abs(apart) <= OUTLIER_SIGMAS * scale).all(1)
     J = jacobian(lambda p: base.at(p, s[inlier]).ravel(), q).reshape(-1, 2, 5)
     rms = np.sqrt((apart[inlier] ** 2).mean(0))
-    information = sum(J[:, k].T @ J[:, k] * per_point / max(rms[k], sigma_m) ** 2 for k in range(2))
+    information = sum(J[:, k].T @ J[:, k] / max(rms[k], sigma_m) ** 2 for k in range(2))
     return CatenaryFit(
         base, q, np.linalg.pinv(information, hermitian=True), inlier, float(rms[0]), float(rms[1])
     )
@@ -173,11 +173,13 @@ def _least_absolute(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> 
     return x
 
 
-def jacobian(function, q: Float[np.ndarray, " k"], step: float = 1e-5) -> Float[np.ndarray, "r k"]:  # type: ignore[no-untyped-def]
+def jacobian(
+    function: Callable[[Float[np.ndarray, " k"]], Float[np.ndarray, " r"]], q: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, "r k"]:
     """By central differences, good to ten digits for what is as smooth as a catenary."""
     columns = []
     for k in range(len(q)):
         h = np.zeros(len(q))
-        h[k] = step * max(1.0, abs(q[k]))
+        h[k] = 1e-5 * max(1.0, abs(q[k]))
         columns.append((function(q + h) - function(q - h)) / (2 * h[k]))
     return np.stack(columns, 1)

@@ -160,7 +160,7 @@ def _named(
     used = sorted({wire.span for wire in all_wires})
     for number, span in enumerate(used):
         mine = [wire for wire in all_wires if wire.span == span]
-        for wire, kind in zip(mine, kinds(mine), strict=True):
+        for wire, kind in zip(mine, kinds([w.fit for w in mine], [len(w.points) for w in mine]), strict=True):
             name = len(conductors) + 1
             its = tall[wire.points]
             label[its] = SHIELD if kind == "shield" else CONDUCTOR

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from plnerf.survey.cloud_wires import Wire
+from plnerf.survey.catenary import CatenaryFit
 from plnerf.survey.model import Kind
 
 LEVEL_M, BELOW_M = 2.0, 2.0
@@ -21,18 +21,22 @@ FLATTER, THINNER = 0.93, 0.6
 less or is thinner."""
 
 
-def kinds(wires: Sequence[Wire]) -> list[Kind]:
-    """The kind of each wire of one span.  Letters: h height of its middle."""
-    h = np.array([wire.middle()[2] for wire in wires])
+def kinds(fits: Sequence[CatenaryFit], points: Sequence[int]) -> list[Kind]:
+    """The kind of each wire of one span, by its curve and its number of points.
+
+    Letters: h height of its middle.
+    """
+    curves = [fit.curve for fit in fits]
+    at = np.array([curve.points(np.array([curve.span_m / 2]))[0] for curve in curves]).reshape(-1, 3)
+    h = at[:, 2]
     top = h >= h.max(initial=-np.inf) - LEVEL_M
     below = h < h[top].min(initial=np.inf) - BELOW_M
-    phases: list[Kind] = ["phase"] * len(wires)
+    phases: list[Kind] = ["phase"] * len(fits)
     if not 1 <= top.sum() <= MOST or below.sum() < LEAST_BELOW or (~top & ~below).any():
         return phases
-    at = np.array([wire.middle() for wire in wires])
     members = (np.linalg.norm(at[:, None] - at, axis=2) <= BUNDLE_M).sum(1)
-    hang = np.array([8 * wire.fit.curve.sag_m / wire.fit.curve.span_m**2 for wire in wires])
-    dense = np.array([len(wire.points) / wire.fit.curve.span_m for wire in wires])
+    hang = np.array([8 * curve.sag_m / curve.span_m**2 for curve in curves])
+    dense = np.array([count / curve.span_m for count, curve in zip(points, curves, strict=True)])
     bundled = members[top].max() == 1 and np.median(members[below]) > 1
     flatter = np.median(hang[top]) < FLATTER * np.median(hang[below])
     thinner = np.median(dense[top]) < THINNER * np.median(dense[below])

@@ -11,7 +11,8 @@ from jaxtyping import Float
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base, CatenaryFit
-from plnerf.survey.model import Conductor, Kind
+from plnerf.survey.cloud_kinds import kinds
+from plnerf.survey.model import Conductor
 from plnerf.wires.curves import Curve
 
 STEEPEST_UP = 1e-3
@@ -22,9 +23,6 @@ STEP_M = 0.25
 """Length of the pieces of a wire that are with a point or without."""
 HALF_SPAN_M = 20.0
 """What half of an unscaled scene's box stands for, so that its lengths have an order of magnitude."""
-ABOVE_ALL = 0.6
-"""The highest wire is a shield wire where it hangs above the next by more than this share of the height over
-which the others spread."""
 
 
 def conductors_of_curves(
@@ -42,15 +40,14 @@ def conductors_of_curves(
         )
     certain, metre = [curve for curve in curves if curve.certain], metre_of(frames)
     fits = [_fit(curve, frames, points) for curve in certain]
-    order = sorted(range(len(fits)), key=lambda i: -_middle(fits[i]))
-    heights = [_middle(fits[i]) for i in order]
+    fits.sort(key=lambda fit: -float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1]))
     rows = []
-    for k, i in enumerate(order):
-        fit, mine = fits[i], points[fits[i].inlier]
+    for k, (fit, kind) in enumerate(zip(fits, kinds(fits, [int(f.inlier.sum()) for f in fits]), strict=True)):
+        mine = points[fit.inlier]
         gaps = _gaps(fit, mine, STEP_M * metre)
         rows.append(
             Conductor(
-                id=k + 1, span=0, kind=_kind(k, heights), fit=fit,
+                id=k + 1, span=0, kind=kind, fit=fit,
                 coverage=1 - sum(gaps) / fit.base.length_m, longest_gap_m=max(gaps, default=0.0),
                 evidence=len(mine), source=f"the images, and {len(mine):,} points of the field",
                 note=None if len(mine) else "The field shows no point of it.",
@@ -87,13 +84,3 @@ def _gaps(fit: CatenaryFit, mine: Float[np.ndarray, "k 3"], step: float) -> list
     bare[piece] = 0
     edges = np.flatnonzero(np.diff(np.concatenate([[0], bare, [0]])))
     return [float(b - a) * fit.base.length_m / count for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _middle(fit: CatenaryFit) -> float:
-    return float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1])
-
-
-def _kind(place: int, heights: Sequence[float]) -> Kind:
-    if place or len(heights) < 3:
-        return "phase"
-    return "shield" if heights[0] - heights[1] > ABOVE_ALL * (heights[1] - heights[-1]) else "phase"

@@ -63,7 +63,6 @@ def conductor_properties(conductor: Conductor, survey: Survey) -> Row:
         "longest_gap_m": conductor.longest_gap_m,
         "evidence": conductor.evidence,
         "source": conductor.source,
-        "sag_before_refining_m": None if conductor.before is None else conductor.before.curve.sag_m,
         "note": conductor.note,
     }
     return {_unit(name, survey): _plain(value) for name, value in row.items()}

@@ -4,7 +4,7 @@ All in the world frame: metres, z up; local east-north-up of `origin` where ther
 `crs` themselves (a LiDAR cloud's), float64.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -47,10 +47,8 @@ class Conductor:
     """Points on it, or ridges in images."""
     source: str
     """What the fit rests on, in words: "1,204 points", "83 images"."""
-    before: CatenaryFit | None = None
-    """Before it was refitted to images."""
     note: str | None = None
-    """What a reader must know, such as why it was not refined."""
+    """What a reader must know, such as a support that is not seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,5 +84,3 @@ class Survey:
     """What is missing or doubtful, in words."""
     temperature_c: float | None = None
     """Of the conductors when they were surveyed, if it is known."""
-    extra: dict[str, float] = field(default_factory=dict)
-    """Further figures for the protocol, by name."""

@@ -43,7 +43,6 @@ def survey_json(report: Report) -> dict[str, Any]:
         "profiles": [_profile(one) for one in report.profiles],
         "pictures": [one.caption for one in report.pictures],
         "files": report.files,
-        "extra": survey.extra,
     }
     plain: dict[str, Any] = _plain(content)
     return plain
@@ -60,7 +59,6 @@ def _conductor(one: Conductor) -> dict[str, Any]:
         "evidence": one.evidence,
         "source": one.source,
         "note": one.note,
-        "before_refinement": None if one.before is None else _fit(one.before),
     }
 
 

@@ -40,12 +40,12 @@ def conductor_tables(report: Report) -> Markup:
     )  # fmt: skip
     known = table(
         ("id", *units.heads("residual across", "residual up"), "coverage", *units.heads("longest gap"),
-         "evidence", units.head_95("sag before refinement"), *units.heads("change"), "note"),
+         "evidence", "note"),
         [_known(one, units) for one in conductors],
         "How well each is known. Residuals: root mean square of its points, horizontally across the wire and "
         "vertically; much more across than up is a wire that wind bows. Coverage: share of the length with "
-        "evidence; the rest is the catenary's continuation. Refinement: the fit to the images themselves.",
-        {5, 8},
+        "evidence; the rest is the catenary's continuation.",
+        {5, 6},
     )  # fmt: skip
     return joined([measured, known])
 
@@ -63,16 +63,9 @@ def _measured(one: Conductor, units: Units) -> list[str]:
 
 
 def _known(one: Conductor, units: Units) -> list[str]:
-    before, change = NOTHING, NOTHING
-    if one.before is not None:
-        sag = one.before.curve.sag_m
-        before = units.known_to(sag, one.before.sag_sigma_m, 3)
-        moved = one.fit.curve.sag_m - sag
-        change = ("+" if moved > 0 else "") + units.length(moved, 3)
     return [
         str(one.id), units.length(one.fit.residual_across_m, 3), units.length(one.fit.residual_up_m, 3),
-        share(one.coverage), units.length(one.longest_gap_m), one.source, before, change,
-        one.note or NOTHING,
+        share(one.coverage), units.length(one.longest_gap_m), one.source, one.note or NOTHING,
     ]  # fmt: skip
 
 
@@ -124,7 +117,6 @@ def protocol(report: Report) -> Markup:
         *report.made.items(),
         ("unit and place", where(survey)),
         ("conductor temperature", temperature(survey)),
-        *((name, f"{value:,.6g}") for name, value in survey.extra.items()),
     ]
     if report.files:
         pairs.append(("files beside this report", listed(list(report.files))))

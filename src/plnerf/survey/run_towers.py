@@ -49,9 +49,8 @@ def find_columns(
         return None, None
     every = np.concatenate(wires)
     low, high = float(every[:, 0].min()), float(every[:, 0].max())
-    beside = points[:, 1] - np.interp(points[:, 0], *_outline(every, low, high, np.min))
-    beyond = np.interp(points[:, 0], *_outline(every, low, high, np.max)) - points[:, 1]
-    corridor = (beside >= -BESIDE_M) & (beyond >= -BESIDE_M)
+    across = np.array([np.interp(points[:, 0], wire[:, 0], wire[:, 1]) for wire in wires])
+    corridor = (points[:, 1] >= across.min(0) - BESIDE_M) & (points[:, 1] <= across.max(0) + BESIDE_M)
     corridor &= (points[:, 0] >= low) & (points[:, 0] <= high)
     count = max(1, int((high - low) / STEP_M))
     piece = np.clip(((points[:, 0] - low) / (high - low) * count).astype(int), 0, count - 1)
@@ -83,12 +82,3 @@ def find_columns(
         y, top = float(np.median(points[upper, 1])), float(points[mine, 2].max())
         found.append(Column(axis, y, float(ground[best]), top, mine))
     return found[0], found[1]
-
-
-def _outline(every: Float[np.ndarray, "v 3"], low: float, high: float, pick) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
-    """Outermost y of the wires at places along the line."""
-    x = np.linspace(low, high, 20)
-    slot = np.clip(((every[:, 0] - low) / (high - low) * 19).round().astype(int), 0, 19)
-    y = np.array([pick(every[slot == k, 1]) if (slot == k).any() else np.nan for k in range(20)])
-    known = np.isfinite(y)
-    return x[known], y[known]
