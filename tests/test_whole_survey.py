@@ -119,6 +119,16 @@ def test_a_run_that_looked_for_no_wires_says_so(run: TrainedRun, tmp_path: Path)
     assert any("looks for no conductors in the images" in text for text in content["caveats"])
 
 
+def test_a_world_on_its_side_is_not_classified(run: TrainedRun, tmp_path: Path) -> None:
+    aside = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    frames = dataclasses.replace(run.scene.frames, R_scene_world=aside)
+    turned = dataclasses.replace(run, scene=dataclasses.replace(run.scene, frames=frames))
+    survey_run(turned, tmp_path / "out", SurveyOptions())
+    content = json.loads((tmp_path / "out" / "survey.json").read_text())
+    assert any("z is not up, so that nothing is classified" in text for text in content["caveats"])
+    assert {one["code"] for one in content["points_by_class"]} <= {1}
+
+
 def test_a_surface_is_the_same_twice_and_in_the_world(run: TrainedRun) -> None:
     one, other = surface_points(run, rays=3000), surface_points(run, rays=3000)
     assert (one.xyz == other.xyz).all() and one.rays <= 3000 and len(one.xyz) <= one.rays

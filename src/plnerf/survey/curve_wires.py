@@ -33,12 +33,12 @@ def conductors_of_curves(
     A curve states one standard deviation, that of its least certain point in its least certain direction: it
     stands here for all of them.  Raises SurveyError where the world's z is not up.
     """
-    if 1 - frames.R_scene_world[2, 2] > STEEPEST_UP:
+    certain, metre = [curve for curve in curves if curve.certain], metre_of(frames)
+    if certain and not is_upright(frames):
         raise SurveyError(
             "Sag needs a world with z up, but this scene's up direction is "
             f"{frames.R_scene_world[2].round(3).tolist()}. Turn its poses, or make them by `plnerf capture`."
         )
-    certain, metre = [curve for curve in curves if curve.certain], metre_of(frames)
     fits = [_fit(curve, frames, points) for curve in certain]
     fits.sort(key=lambda fit: -float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1]))
     rows = []
@@ -54,6 +54,11 @@ def conductors_of_curves(
             )
         )  # fmt: skip
     return rows
+
+
+def is_upright(frames: Frames) -> bool:
+    """Whether the world's z is up."""
+    return bool(1 - frames.R_scene_world[2, 2] <= STEEPEST_UP)
 
 
 def metre_of(frames: Frames) -> float:

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
-from plnerf.survey.curve_wires import conductors_of_curves, metre_of
+from plnerf.survey.curve_wires import conductors_of_curves, is_upright, metre_of
 from plnerf.survey.deliver import SurveyOptions, deliver
 from plnerf.survey.ground import find_ground, vegetation
 from plnerf.survey.model import (
@@ -69,7 +69,14 @@ def survey_run(
             f"{len(towers)} of 2 supports are seen: where none is, wires end with what the images show, and "
             "their sag is that of this piece."
         )
-    cloud, more = classified(surface, conductors, of_tower, metre_of(frames))
+    if is_upright(frames):
+        cloud, more = classified(surface, conductors, of_tower, metre_of(frames))
+    else:
+        n = len(surface.xyz)
+        cloud = Cloud(
+            surface.xyz, np.full(n, UNCLASSIFIED, np.uint8), np.full(n, NO_WIRE), surface.rgb, surface.sigma
+        )
+        more = ["The world's z is not up, so that nothing is classified: turn the poses of the scene."]
     survey = Survey(
         tuple(conductors), towers, cloud, frames.unit, frames.crs, frames.origin, str(run.folder),
         (*notes, *more),
