@@ -3,7 +3,8 @@
     python benchmarks/coarse_fine.py -o runs/coarse-fine [--steps 2000] [--width 128]
 
 A room with chequered walls, three balls and a thin post is drawn exactly; `nerf` learns it with a coarse look
-of 32 intervals and a fine one of those and 32 more, 96 evaluations a ray in all, and with one look of 96.
+of so many intervals (32) and a fine one of those and as many more, 96 evaluations a ray in all, and with one
+look of as many evaluations.
 """
 
 import json
@@ -25,10 +26,6 @@ BALLS = ((0.35, 0.3, -0.75, 0.25), (-0.4, 0.1, -0.8, 0.2), (0.05, -0.45, -0.7, 0
 """Centre and radius, in a room from -1 to 1."""
 POST = (-0.15, 0.45, 0.03)
 """Place on the floor and radius; it reaches the ceiling."""
-LOOKS = {
-    "32 coarse, 32 + 32 fine": ("model.sampler.proposals=[32]", "model.sampler.final=32"),
-    "one look of 96": ("model.sampler.proposals=[]", "model.sampler.final=96", "model.networks=1"),
-}
 
 
 @dataclass(frozen=True)
@@ -41,6 +38,8 @@ class Arguments:
     """Steps of each run, of 256 rays."""
     width: int = 128
     """Of the networks' layers; NeRF's own are 256."""
+    intervals: int = 32
+    """Of the coarse look; a third of all evaluations of a ray."""
     seeds: tuple[int, ...] = (0, 1)
 
 
@@ -50,7 +49,7 @@ def main(arguments: Arguments) -> None:
     if not (scene / "transforms.json").exists():
         write_room(scene)
     lines = ["| looks | seed | PSNR dB | SSIM | training s |", "| --- | ---: | ---: | ---: | ---: |"]
-    for name, looks in LOOKS.items():
+    for name, looks in looks_of(arguments.intervals).items():
         for seed in arguments.seeds:
             run = arguments.out / f"{name.replace(' ', '-')}-{seed}"
             if not (run / "eval/metrics.json").exists():
@@ -71,6 +70,21 @@ def main(arguments: Arguments) -> None:
             lines.append(f"| {name} | {seed} | {mean['psnr_db']:.2f} | {mean['ssim']:.3f} | {seconds:.0f} |")
     write_text(arguments.out / "table.md", "\n".join(lines) + "\n")
     print("\n".join(lines))
+
+
+def looks_of(intervals: int) -> dict[str, tuple[str, ...]]:
+    """Settings of the two, by their names."""
+    return {
+        f"{intervals} coarse, {intervals} + {intervals} fine": (
+            f"model.sampler.proposals=[{intervals}]",
+            f"model.sampler.final={intervals}",
+        ),
+        f"one look of {3 * intervals}": (
+            "model.sampler.proposals=[]",
+            f"model.sampler.final={3 * intervals}",
+            "model.networks=1",
+        ),
+    }
 
 
 def write_room(folder: Path) -> None:
