@@ -23,8 +23,8 @@ from plnerf.survey.model import (
     Survey,
     Tower,
 )
-from plnerf.survey.overlay import overlay
-from plnerf.survey.report_data import Clearance, Picture, Profile, Report
+from plnerf.survey.report.data import Clearance, Picture, Profile, Report
+from plnerf.survey.report.overlay import overlay
 from plnerf.wires.catenary import Catenary, hang
 
 REQUIRED_M = {"vegetation": 3.0, "ground": 6.0}

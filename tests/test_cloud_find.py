@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 import lidar_clouds as made
 from plnerf.errors import SurveyError
-from plnerf.survey.cloud_checks import distinct
-from plnerf.survey.cloud_find import Found, find_conductors
+from plnerf.survey.cloud.checks import distinct
+from plnerf.survey.cloud.find import Found, find_conductors
 from plnerf.survey.model import (
     CONDUCTOR,
     GROUND,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plnerf.survey.catenary import Base, CatenaryFit
-from plnerf.survey.cloud_kinds import kinds
+from plnerf.survey.kinds import kinds
 
 Wire = tuple[CatenaryFit, int]
 

@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from plnerf.survey.cloud_bundles import split
-from plnerf.survey.cloud_lines import lines, pieces, thinned
-from plnerf.survey.cloud_spans import meet, spans
-from plnerf.survey.cloud_tracks import Track, fit_track, near, tracks
+from plnerf.survey.cloud.bundles import split
+from plnerf.survey.cloud.lines import lines, pieces, thinned
+from plnerf.survey.cloud.spans import meet, spans
+from plnerf.survey.cloud.tracks import Track, fit_track, near, tracks
 from plnerf.wires.catenary import Catenary, hang
 
 

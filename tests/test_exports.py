@@ -18,11 +18,12 @@ from scipy.spatial import cKDTree
 from catenary_surveys import UTM, corridor
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.errors import CaptureError, SurveyError
-from plnerf.survey import export_dxf, export_gis, export_las, export_tables, exports, places
+from plnerf.survey import places
 from plnerf.survey.catenary import fit_catenary
 from plnerf.survey.clearance import measure_clearances
-from plnerf.survey.export_las import wkt_of
-from plnerf.survey.exports import write_exports
+from plnerf.survey.export import dxf, exports, gis, las, tables
+from plnerf.survey.export.exports import write_exports
+from plnerf.survey.export.las import wkt_of
 from plnerf.survey.model import Cloud, Conductor, Survey
 from plnerf.survey.places import places_of
 from plnerf.survey.thresholds import own_requirement
@@ -81,9 +82,9 @@ def test_the_laz_is_what_the_format_asks_for(survey: Survey, written: exports.Ex
 
 def test_the_synthetic_flag_is_for_clouds_from_images(survey: Survey, tmp_path: Path) -> None:
     plain = replace(survey.cloud, sigma_m=None, rgb=None)
-    export_las.write_las(tmp_path / "c.laz", plain, places_of(survey), synthetic=False)
-    las = laspy.read(tmp_path / "c.laz")
-    assert not np.asarray(las.synthetic).any() and "sigma" not in las.point_format.dimension_names
+    las.write_las(tmp_path / "c.laz", plain, places_of(survey), synthetic=False)
+    read = laspy.read(tmp_path / "c.laz")
+    assert not np.asarray(read.synthetic).any() and "sigma" not in read.point_format.dimension_names
 
 
 @pytest.mark.parametrize(
@@ -263,9 +264,9 @@ def test_an_empty_survey_is_written_and_says_so(survey: Survey, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("module", "name", "value", "file"),
     [
-        (export_las, "SCALE", 0.01, "cloud.laz"),
-        (export_gis, "DEGREE_DECIMALS", 6, "conductors.geojson"),
-        (export_gis, "METRE_DECIMALS", 1, "conductors-projected.geojson"),
+        (las, "SCALE", 0.01, "cloud.laz"),
+        (gis, "DEGREE_DECIMALS", 6, "conductors.geojson"),
+        (gis, "METRE_DECIMALS", 1, "conductors-projected.geojson"),
     ],
 )
 def test_a_file_that_reads_back_differently_is_not_kept(
@@ -280,24 +281,24 @@ def test_a_file_that_reads_back_differently_is_not_kept(
 
 def test_a_table_that_reads_back_differently_is_not_kept(tmp_path: Path) -> None:
     with pytest.raises(SurveyError, match="reads back differently: numbers of the column 'a' differ"):
-        export_tables.write_csv(tmp_path / "t.csv", [{"a": float("nan")}], ["a"])
+        tables.write_csv(tmp_path / "t.csv", [{"a": float("nan")}], ["a"])
     assert not (tmp_path / "t.csv").exists()
 
 
 def test_a_drawing_that_reads_back_differently_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    line = export_dxf.Line("TOWER", 1, np.array([UTM, UTM + 1]))
-    read = export_dxf.readfile
+    line = dxf.Line("TOWER", 1, np.array([UTM, UTM + 1]))
+    read = dxf.readfile
 
     def moved(path: Path) -> Drawing:
         drawing = read(path)
         drawing.modelspace()[0].translate(0, 0.002, 0)
         return drawing
 
-    monkeypatch.setattr(export_dxf, "readfile", moved)
+    monkeypatch.setattr(dxf, "readfile", moved)
     with pytest.raises(SurveyError, match=r"of its 2 vertices, number 0 \(from 0\) should be at"):
-        export_dxf.write_dxf(tmp_path / "t.dxf", [line], "metre")
+        dxf.write_dxf(tmp_path / "t.dxf", [line], "metre")
     assert not list(tmp_path.iterdir())
 
 
@@ -305,7 +306,7 @@ def test_what_las_cannot_hold_is_told(survey: Survey, tmp_path: Path) -> None:
     cloud = replace(survey.cloud, xyz=survey.cloud.xyz.copy())
     cloud.xyz[-1] += 3e6
     with pytest.raises(SurveyError, match=r"cannot hold the cloud, which is wider than 2147484 m"):
-        export_las.write_las(tmp_path / "c.laz", cloud, places_of(replace(survey, crs=None)), synthetic=False)
+        las.write_las(tmp_path / "c.laz", cloud, places_of(replace(survey, crs=None)), synthetic=False)
     assert not list(tmp_path.iterdir())
 
 

@@ -9,11 +9,11 @@ import pytest
 
 import surveys
 from plnerf.survey.model import CONDUCTOR, GROUND, HIGH_VEGETATION, Cloud
-from plnerf.survey.overlay import ASIDE, LEAST_ASIDE_PX, overlay
-from plnerf.survey.report_data import Profile, Report
-from plnerf.survey.report_profile import profile
-from plnerf.survey.report_side import below, fitting, runs, side_of, ticks
-from plnerf.survey.report_view import MOST_POINTS, scene, thinned
+from plnerf.survey.report.data import Profile, Report
+from plnerf.survey.report.overlay import ASIDE, LEAST_ASIDE_PX, overlay
+from plnerf.survey.report.profile import profile
+from plnerf.survey.report.side import below, fitting, runs, side_of, ticks
+from plnerf.survey.report.view import MOST_POINTS, scene, thinned
 from plnerf.wires.catenary import hang
 from read_html import Read
 

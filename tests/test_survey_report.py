@@ -12,12 +12,12 @@ import pytest
 import surveys
 from plnerf.errors import SurveyError
 from plnerf.survey.model import CONDUCTOR, Cloud
-from plnerf.survey.report import html_page, write_report
-from plnerf.survey.report_data import Clearance, Picture, Report
-from plnerf.survey.report_json import survey_json
-from plnerf.survey.report_profile import profile
-from plnerf.survey.report_view import scene
-from plnerf.survey.report_words import caveats, judged
+from plnerf.survey.report.data import Clearance, Picture, Report
+from plnerf.survey.report.profile import profile
+from plnerf.survey.report.report import html_page, write_report
+from plnerf.survey.report.survey_json import survey_json
+from plnerf.survey.report.view import scene
+from plnerf.survey.report.words import caveats, judged
 from read_html import Read
 
 NASTY = """<script>alert("1")</script> & 'q' </script><img src=x onerror=alert(2)> \\u003c"""

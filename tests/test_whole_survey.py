@@ -16,7 +16,7 @@ from lidar_clouds import line
 from plnerf.cli import main
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
-from plnerf.survey.cloud_survey import read_las, survey_cloud
+from plnerf.survey.cloud.survey import read_las, survey_cloud
 from plnerf.survey.curve_wires import conductors_of_curves
 from plnerf.survey.deliver import SurveyOptions
 from plnerf.survey.run_survey import between_supports, classified, survey_run

@@ -20,7 +20,7 @@ from plnerf.ops.dispatch import BackendChoice, resolve_backend
 from plnerf.presets import preset_names
 from plnerf.render.systems import SystemConfig
 from plnerf.scene.scene import load_scene
-from plnerf.survey.cloud_survey import SUFFIXES, survey_cloud
+from plnerf.survey.cloud.survey import SUFFIXES, survey_cloud
 from plnerf.survey.deliver import CONTENT, SurveyOptions
 from plnerf.survey.run_survey import survey_run
 from plnerf.synth.options import SceneOptions, find_scene

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base, CatenaryFit
-from plnerf.survey.cloud_kinds import kinds
+from plnerf.survey.kinds import kinds
 from plnerf.survey.model import Conductor
 from plnerf.wires.curves import Curve
 

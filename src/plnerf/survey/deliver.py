@@ -6,10 +6,10 @@ from pathlib import Path
 
 from plnerf.errors import SurveyError
 from plnerf.survey.clearance import Clearances, Place, measure_clearances
-from plnerf.survey.exports import write_exports
+from plnerf.survey.export.exports import write_exports
 from plnerf.survey.model import Survey
-from plnerf.survey.report import write_report
-from plnerf.survey.report_data import Clearance, Picture, Profile, Report
+from plnerf.survey.report.data import Clearance, Picture, Profile, Report
+from plnerf.survey.report.report import write_report
 from plnerf.survey.thresholds import (
     Requirement,
     altitude_m,

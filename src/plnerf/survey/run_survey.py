@@ -30,9 +30,9 @@ from plnerf.survey.model import (
     Tower,
 )
 from plnerf.survey.obstacles import sampled
-from plnerf.survey.overlay import overlay
-from plnerf.survey.report_colours import KINDS
-from plnerf.survey.report_data import Picture
+from plnerf.survey.report.colours import KINDS
+from plnerf.survey.report.data import Picture
+from plnerf.survey.report.overlay import overlay
 from plnerf.survey.run_towers import find_columns
 from plnerf.survey.surface import Surface, surface_points
 from plnerf.survey.survey import POINTS, survey_wires

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.survey.model import GROUND, HIGH_VEGETATION, TOWER, Conductor, Tower
-from plnerf.survey.report_colours import CLASSES, KINDS, MARK
-from plnerf.survey.report_data import TWO_SIDED_95, Clearance, Report
-from plnerf.survey.report_markup import Markup, bullets, safe, tag
-from plnerf.survey.report_side import (
+from plnerf.survey.report.colours import CLASSES, KINDS, MARK
+from plnerf.survey.report.data import TWO_SIDED_95, Clearance, Report
+from plnerf.survey.report.markup import Markup, bullets, safe, tag
+from plnerf.survey.report.side import (
     BOTTOM,
     LEFT,
     RIGHT,
@@ -23,7 +23,7 @@ from plnerf.survey.report_side import (
     side_of,
     ticks,
 )
-from plnerf.survey.report_words import CERTAIN, MINUS, Units, units_of
+from plnerf.survey.report.words import CERTAIN, MINUS, Units, units_of
 
 NEAR_SPAN = 0.25
 """A tower within this share of the span's length from its end is its support."""

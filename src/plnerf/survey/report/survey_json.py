@@ -9,10 +9,10 @@ import numpy as np
 
 from plnerf.survey.catenary import CatenaryFit
 from plnerf.survey.model import Conductor
-from plnerf.survey.report_colours import CLASSES, OTHER
-from plnerf.survey.report_data import Clearance, Profile, Report
-from plnerf.survey.report_tables import lowest_within
-from plnerf.survey.report_words import caveats
+from plnerf.survey.report.colours import CLASSES, OTHER
+from plnerf.survey.report.data import Clearance, Profile, Report
+from plnerf.survey.report.tables import lowest_within
+from plnerf.survey.report.words import caveats
 
 FORMAT_VERSION = 2
 """1 was written before conductors were fitted."""

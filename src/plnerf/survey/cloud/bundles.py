@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter
 
-from plnerf.survey.cloud_tracks import GATE_M, SWINGS_FROM_M, Track
+from plnerf.survey.cloud.tracks import GATE_M, SWINGS_FROM_M, Track
 
 CELL_M = 0.04
 BLUR_M = 0.06

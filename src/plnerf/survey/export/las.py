@@ -17,7 +17,7 @@ from pyproj.exceptions import CRSError
 
 from plnerf.errors import SurveyError
 from plnerf.scene.files import complete_file
-from plnerf.survey.export_check import check_all, check_places, check_same
+from plnerf.survey.export.check import check_all, check_places, check_same
 from plnerf.survey.model import Cloud
 from plnerf.survey.places import Places
 

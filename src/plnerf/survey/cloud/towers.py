@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from plnerf.survey.cloud_spans import Span, meet
+from plnerf.survey.cloud.spans import Span, meet
 from plnerf.survey.ground import Ground
 from plnerf.survey.model import Tower
 

@@ -14,7 +14,7 @@ from ezdxf.filemanagement import new, readfile
 from jaxtyping import Float
 
 from plnerf.scene.files import complete_file
-from plnerf.survey.export_check import check_places, check_same
+from plnerf.survey.export.check import check_places, check_same
 
 VERSION = "R2010"
 APPLICATION = "PLNERF"

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.scene.files import complete_file
-from plnerf.survey.export_check import check_places, check_same
-from plnerf.survey.export_tables import Row
+from plnerf.survey.export.check import check_places, check_same
+from plnerf.survey.export.tables import Row
 
 DEGREE_DECIMALS = 9
 """A tenth of a millimetre."""

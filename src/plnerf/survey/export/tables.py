@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from plnerf.scene.files import complete_file
 from plnerf.survey.clearance import STATE, Clearances
-from plnerf.survey.export_check import TOLERANCE_M, check_all, check_same
+from plnerf.survey.export.check import TOLERANCE_M, check_all, check_same
 from plnerf.survey.model import CONDUCTOR, SHIELD, Conductor, Survey
 from plnerf.survey.places import Places
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from plnerf.survey.catenary import CatenaryFit
 from plnerf.survey.model import Conductor
-from plnerf.survey.report_data import Clearance, Report, Standing
-from plnerf.survey.report_markup import Markup, facts, joined, table, tag
-from plnerf.survey.report_words import (
+from plnerf.survey.report.data import Clearance, Report, Standing
+from plnerf.survey.report.markup import Markup, facts, joined, table, tag
+from plnerf.survey.report.words import (
     CERTAIN,
     NOTHING,
     Units,

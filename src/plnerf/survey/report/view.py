@@ -15,10 +15,10 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from plnerf.survey.model import TOWER, Cloud, Tower
-from plnerf.survey.report_colours import CLASSES, KINDS, MARK, OTHER
-from plnerf.survey.report_data import Report
-from plnerf.survey.report_markup import Markup, joined, tag
-from plnerf.survey.report_words import counted, listed, units_of
+from plnerf.survey.report.colours import CLASSES, KINDS, MARK, OTHER
+from plnerf.survey.report.data import Report
+from plnerf.survey.report.markup import Markup, joined, tag
+from plnerf.survey.report.words import counted, listed, units_of
 
 MOST_POINTS = 60_000
 AROUND = 0.5

@@ -10,11 +10,11 @@ import numpy as np
 
 from plnerf.scene.files import complete_file
 from plnerf.survey.clearance import Clearances
-from plnerf.survey.export_check import check_all, check_places
-from plnerf.survey.export_dxf import Line, write_dxf
-from plnerf.survey.export_gis import Feature, write_geojson
-from plnerf.survey.export_las import write_las
-from plnerf.survey.export_tables import clearance_rows, conductor_properties, conductor_rows, write_csv
+from plnerf.survey.export.check import check_all, check_places
+from plnerf.survey.export.dxf import Line, write_dxf
+from plnerf.survey.export.gis import Feature, write_geojson
+from plnerf.survey.export.las import write_las
+from plnerf.survey.export.tables import clearance_rows, conductor_properties, conductor_rows, write_csv
 from plnerf.survey.model import Cloud, Survey
 from plnerf.survey.places import Places, places_of
 from plnerf.wires.ply import read_ply, write_ply

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from plnerf.survey.model import Conductor
-from plnerf.survey.report_data import Profile
+from plnerf.survey.report.data import Profile
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1100, 64, 60, 14, 46
 """Of a drawing and its margins, in pixels."""

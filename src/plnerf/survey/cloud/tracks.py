@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.polynomial.polynomial import polyval
 
-from plnerf.survey.cloud_lines import ALIKE, Lines, pieces
+from plnerf.survey.cloud.lines import ALIKE, Lines, pieces
 
 SEED_M = 20.0
 """Pieces are cut to this length: a support within one would bend it."""

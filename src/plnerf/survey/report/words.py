@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from plnerf.survey.model import GROUND, Conductor, Survey
-from plnerf.survey.report_data import TWO_SIDED_95, Report
+from plnerf.survey.report.data import TWO_SIDED_95, Report
 
 LEAST_COVERAGE = 0.8
 """A conductor with evidence on less of its length gets a caveat."""

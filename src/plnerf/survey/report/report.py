@@ -5,13 +5,13 @@ from importlib.resources import files
 from pathlib import Path
 
 from plnerf.scene.files import write_text
-from plnerf.survey.report_data import Report
-from plnerf.survey.report_json import survey_json
-from plnerf.survey.report_markup import Markup, bullets, joined, picture, safe, section, tag
-from plnerf.survey.report_profile import profile
-from plnerf.survey.report_tables import cards, clearance_table, conductor_tables, protocol
-from plnerf.survey.report_view import view
-from plnerf.survey.report_words import caveats, found, judged, name_of, where
+from plnerf.survey.report.data import Report
+from plnerf.survey.report.markup import Markup, bullets, joined, picture, safe, section, tag
+from plnerf.survey.report.profile import profile
+from plnerf.survey.report.survey_json import survey_json
+from plnerf.survey.report.tables import cards, clearance_table, conductor_tables, protocol
+from plnerf.survey.report.view import view
+from plnerf.survey.report.words import caveats, found, judged, name_of, where
 
 
 def write_report(page: Path, content: Path, report: Report) -> None:

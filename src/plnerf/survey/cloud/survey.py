@@ -12,7 +12,7 @@ from jaxtyping import Float
 from pyproj.exceptions import CRSError
 
 from plnerf.errors import SurveyError
-from plnerf.survey.cloud_find import find_conductors
+from plnerf.survey.cloud.find import find_conductors
 from plnerf.survey.deliver import SurveyOptions, deliver
 from plnerf.survey.model import Survey
 

@@ -12,10 +12,10 @@ from numpy.polynomial.polynomial import polyval
 from scipy.spatial import cKDTree
 
 from plnerf.survey.catenary import Base, CatenaryFit, fit_catenary
-from plnerf.survey.cloud_bundles import split
-from plnerf.survey.cloud_spans import LEAST_SPAN_M, Span
-from plnerf.survey.cloud_towers import Held, Support
-from plnerf.survey.cloud_tracks import DEEPEST, MOST_SWING, Track, fit_track, near
+from plnerf.survey.cloud.bundles import split
+from plnerf.survey.cloud.spans import LEAST_SPAN_M, Span
+from plnerf.survey.cloud.towers import Held, Support
+from plnerf.survey.cloud.tracks import DEEPEST, MOST_SWING, Track, fit_track, near
 
 END_M = 8.0
 """A wire whose points end so near to its support's axis hangs there: the string's length, or a shadow."""

@@ -13,8 +13,8 @@ from scipy.ndimage import uniform_filter
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from plnerf.survey.cloud_lines import Lines
-from plnerf.survey.cloud_tracks import MISFIT_M, Track, fit_track, near
+from plnerf.survey.cloud.lines import Lines
+from plnerf.survey.cloud.tracks import MISFIT_M, Track, fit_track, near
 
 PARALLEL = np.cos(np.radians(5.0))
 OVERLAP = 0.5

@@ -12,14 +12,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 
-from plnerf.survey.cloud_checks import astray, check_cloud, distinct
-from plnerf.survey.cloud_kinds import kinds
-from plnerf.survey.cloud_lines import Lines, lines
-from plnerf.survey.cloud_spans import Span, spans
-from plnerf.survey.cloud_towers import Held, Support, on_support, supports
-from plnerf.survey.cloud_tracks import near, tracks
-from plnerf.survey.cloud_wires import BOW_M, MISFIT_M, Wire, wires
+from plnerf.survey.cloud.checks import astray, check_cloud, distinct
+from plnerf.survey.cloud.lines import Lines, lines
+from plnerf.survey.cloud.spans import Span, spans
+from plnerf.survey.cloud.towers import Held, Support, on_support, supports
+from plnerf.survey.cloud.tracks import near, tracks
+from plnerf.survey.cloud.wires import BOW_M, MISFIT_M, Wire, wires
 from plnerf.survey.ground import NEAR_M, Ground, find_ground, vegetation
+from plnerf.survey.kinds import kinds
 from plnerf.survey.model import (
     CONDUCTOR,
     GROUND,

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from plnerf.survey.report_side import runs
+from plnerf.survey.report.side import runs
 
 ASIDE = 1 / 260
 """From the wire to either line, as a share of the picture's width, and LEAST_ASIDE_PX or more."""

@@ -1,0 +1,1 @@
+"""What a classified cloud tells of a line: wires, spans, supports."""

@@ -1,0 +1,1 @@
+"""A survey as files: CSV, GeoJSON, GeoPackage, DXF, LAS, PLY."""

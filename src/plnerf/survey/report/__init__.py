@@ -1,0 +1,1 @@
+"""A survey as a report: one HTML page and survey.json."""
