@@ -139,7 +139,7 @@ def test_demo_goes_from_photos_to_pictures(
     shutil.copy(pipeline.bundled_span() / "truth.json", tiny_scene)  # of other wires: none is found
     monkeypatch.setattr(pipeline, "bundled_span", lambda: tiny_scene)
     out = pipeline.run_demo(tmp_path / "demo", seconds=0.5, console=console)
-    score = json.loads((out / "survey" / "wires.score.json").read_text())
+    score = json.loads((out / "survey" / "survey.score.json").read_text())
     assert score["overall"]["recall_25cm"] == 0
     assert open_run(out).seconds >= 0.5
     assert len(list((out / "eval" / "panels").glob("*.png"))) == 2

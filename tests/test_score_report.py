@@ -17,9 +17,10 @@ from rich.console import Console
 from plnerf.cli import main
 from plnerf.errors import SurveyError
 from plnerf.pipeline import bundled_span
+from plnerf.survey.score.report import score_survey
 from plnerf.wires.clouds import read_cloud, write_ply
 from plnerf.wires.score import score_points
-from plnerf.wires.score_report import find_points, find_truth, markdown, score_survey, to_json
+from plnerf.wires.score_report import find_points, find_truth, markdown, to_json
 from plnerf.wires.truth import read_truth
 from spans import on, span, wire
 

@@ -269,15 +269,16 @@ def score(
     out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     classes: tuple[int, ...] | None = None,
 ) -> None:
-    """Score points or curves of wires against the true ones: found, whole, where they are.
+    """Score a survey against the truth: wires found and whole, where they are, sag, clearances, certainty.
 
     Args:
-        survey: PLY, LAS, GeoJSON, text or NumPy file (world frame), or a run folder with survey/wires.ply.
+        survey: Survey or run folder, or survey.json; or points or curves of wires alone (world frame): a PLY,
+            LAS, GeoJSON, text or NumPy file.
         truth: The truth.json of a scene, or its folder; that of the run's scene when left out.
         out: JSON to write; beside the survey's file when left out.
         classes: Classes of LAS to take; wires (13 and 14) if there are any, else all, when left out.
     """
-    from plnerf.wires.score_report import score_survey
+    from plnerf.survey.score.report import score_survey
 
     score_survey(survey, truth=truth, out=out, classes=classes, console=Console())
 

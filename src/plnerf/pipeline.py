@@ -23,6 +23,7 @@ from plnerf.scene.scene import load_scene
 from plnerf.survey.cloud.survey import SUFFIXES, survey_cloud
 from plnerf.survey.deliver import CONTENT, SurveyOptions
 from plnerf.survey.run_survey import survey_run
+from plnerf.survey.score.report import score_survey
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import summary, synthesize
 from plnerf.train.checkpoint import list_checkpoints
@@ -33,7 +34,6 @@ from plnerf.train.render_run import Output, Views, render_run
 from plnerf.train.report import Report, RunReport
 from plnerf.train.run import open_run, read_config
 from plnerf.train.settings import override
-from plnerf.wires.score_report import score_survey
 
 Device = Literal["auto", "cpu", "cuda"]
 

@@ -1,4 +1,4 @@
-"""A score as JSON and as a table, and the way there from files: which points, which truth.
+"""A score of points as JSON and as a table, and the way there from files: which points, which truth.
 
 Points and truth meet only through files, so that the survey may come from any program.
 """
@@ -9,14 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from plnerf.errors import SurveyError
-from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
 from plnerf.wires.clouds import read_cloud
 from plnerf.wires.score import RULES, TOLERANCES_M, Score, WireScore, score_points
-from plnerf.wires.truth import read_truth
+from plnerf.wires.truth import WireTruth
 
 FORMAT_VERSION = 1
 SURVEY_FILES = ("wires.ply", "conductors.geojson", "survey/wires.ply", "survey/conductors.geojson")
@@ -24,32 +21,16 @@ SURVEY_FILES = ("wires.ply", "conductors.geojson", "survey/wires.ply", "survey/c
 _LABELS = tuple(f"{round(100 * tolerance)}cm" for tolerance in TOLERANCES_M)
 
 
-def score_survey(
-    survey: Path,
-    *,
-    truth: Path | None = None,
-    out: Path | None = None,
-    classes: tuple[int, ...] | None = None,
-    console: Console | None = None,
-) -> Path:
-    """Scores a file or folder of points or curves; prints the table and writes the JSON, whose path returns.
+def score_file(
+    points_at: Path, truth: WireTruth, classes: tuple[int, ...] | None = None
+) -> tuple[dict[str, Any], str]:
+    """The score of a file of points or curves, as JSON's values and as tables.
 
-    truth: a truth.json or a scene folder; None: that of the scene which the run around the survey was trained
-    on.  out: None: beside the survey's file, named after it.  Raises SurveyError or SceneError where anything
-    is not there or cannot be read.
+    classes: of LAS, as in `read_cloud`.  Raises SurveyError where the file cannot be read.
     """
-    console = console or Console()
-    points_at = find_points(survey)
-    truth_at = find_truth(truth if truth is not None else _scene_of(points_at, survey))
     cloud = read_cloud(points_at, classes=classes)
-    score = score_points(cloud.points, read_truth(truth_at))
-    content = to_json(score) | {"survey": str(points_at), "taken": cloud.taken, "truth": str(truth_at)}
-    path = out or points_at.with_name(f"{points_at.stem}.score.json")
-    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
-    console.print(markdown(score), highlight=False, markup=False, soft_wrap=True)
-    said = f"{points_at} ({cloud.taken}) against {truth_at}\nscore: {path}"
-    console.print(said, markup=False, highlight=False, emoji=False, soft_wrap=True)
-    return path
+    score = score_points(cloud.points, truth)
+    return to_json(score) | {"taken": cloud.taken}, markdown(score)
 
 
 def find_points(survey: Path) -> Path:
@@ -81,9 +62,9 @@ def find_truth(place: Path) -> Path:
     )
 
 
-def _scene_of(points: Path, survey: Path) -> Path:
-    """The scene that the run around the points was trained on."""
-    for folder in (survey, points.parent, points.parent.parent):
+def scene_of(judged: Path, survey: Path) -> Path:
+    """The scene that the run around a survey was trained on; judged: the file of it that is taken."""
+    for folder in (survey, judged.parent, judged.parent.parent):
         config = folder / "config.json"
         if config.is_file():
             try:

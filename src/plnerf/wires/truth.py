@@ -29,6 +29,19 @@ class TrueWire:
     """Horizontal unit vector from a along the span."""
     seen_m: tuple[tuple[float, float], ...] | None = None
     """Stretches of s that show in enough images; None: all of it."""
+    diameter_m: float = 0.0
+
+    @property
+    def span_m(self) -> float:
+        """Horizontal distance between its ends."""
+        return float(np.linalg.norm(self.polyline[-1, :2] - self.polyline[0, :2]))
+
+    @property
+    def sag_m(self) -> float:
+        """Greatest drop of a vertex below the chord between its ends."""
+        s, z = self.s_of(self.polyline), self.polyline[:, 2]
+        chord = z[0] + (z[-1] - z[0]) * (s - s[0]) / (s[-1] - s[0])
+        return float((chord - z).max())
 
     def s_of(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Horizontal distances from a along the span."""
@@ -44,6 +57,16 @@ class TrueTower:
     height_m: float
 
 
+@dataclass(frozen=True)
+class TruePlant:
+    """A plant beside the line."""
+
+    clearance_m: float
+    """The least distance from its leaves to the surface of a wire."""
+    wire: str
+    """The wire's name."""
+
+
 @dataclass(frozen=True, eq=False)
 class WireTruth:
     """What a survey of wires is compared with."""
@@ -52,6 +75,11 @@ class WireTruth:
     towers: tuple[TrueTower, ...] = ()
     attachments: Float[np.ndarray, "m 3"] | None = None
     """Where insulators hold the wires; None: at the wires' ends."""
+    ground: Float[np.ndarray, "g 3"] | None = None
+    """Points of the ground's surface, dense enough to interpolate between; None: it is not known."""
+    plants: tuple[TruePlant, ...] = ()
+    """Those whose clearance is known, the nearest ones among them."""
+    houses: int = 0
 
 
 def read_truth(path: Path) -> WireTruth:
@@ -84,16 +112,39 @@ def read_truth(path: Path) -> WireTruth:
                 a=_points([entry.get("a", line[0].tolist())], f"{where}, a")[0],
                 direction=direction / np.linalg.norm(direction),
                 seen_m=_stretches(entry.get("seen_m"), where),
+                diameter_m=_number(entry.get("diameter_m", 0.0), f"{where}, diameter_m"),
             )
         )
     towers, held = [], []
     for i, entry in enumerate(data.get("towers") or []):
         where = f"{path}, tower {i}"
         foot = _points([entry.get("foot")], f"{where}, foot")[0]
-        towers.append(TrueTower(foot, float(entry.get("height_m", 0.0))))
+        towers.append(TrueTower(foot, _number(entry.get("height_m", 0.0), f"{where}, height_m")))
         if entry.get("attachments"):
             held.append(_points(entry["attachments"], f"{where}, attachments"))
-    return WireTruth(tuple(wires), tuple(towers), np.concatenate(held) if held else None)
+    return WireTruth(
+        tuple(wires),
+        tuple(towers),
+        np.concatenate(held) if held else None,
+        _ground(data.get("ground"), path),
+        tuple(
+            TruePlant(
+                _number(entry["clearance_m"], f"{path}, plant {i}, clearance_m"),
+                str(entry.get("nearest_conductor", "")),
+            )
+            for i, entry in enumerate(data.get("vegetation") or [])
+            if "clearance_m" in entry
+        ),
+        len(data.get("houses") or []),
+    )
+
+
+def _ground(value: Any, path: Path) -> Float[np.ndarray, "g 3"] | None:
+    """The points of all rows."""
+    rows = value.get("rows") if isinstance(value, dict) else None
+    if not rows:
+        return None
+    return np.concatenate([_points(row.get("points"), f"{path}, ground") for row in rows])
 
 
 def _load(path: Path) -> Mapping[str, Any]:
@@ -121,6 +172,12 @@ def _points(value: Any, where: str, least: int = 1) -> Float[np.ndarray, "n 3"]:
             f"{str(value)[:80]}. Correct the file, or make the truth again."
         )
     return points
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise SurveyError(f"{where}: expected a finite number, but found {value!r}. Correct the file.")
+    return float(value)
 
 
 def _stretches(value: Any, where: str) -> tuple[tuple[float, float], ...] | None:
