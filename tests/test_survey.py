@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from drawn import hanging
-from plnerf.errors import ConfigError
+from plnerf.errors import PlnerfError
 from plnerf.scene.cameras import project
 from plnerf.survey import points as survey_points
 from plnerf.survey.points import MOST_PER_VIEW, WirePoints, ridge_pixels, wire_points
@@ -75,7 +75,7 @@ def test_curves_that_guided_a_run_are_told_in_world_units(run: TrainedRun, tmp_p
 
 def test_a_file_is_not_written_over(run: TrainedRun, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(ConfigError, match="is a file") as caught:
+    with pytest.raises(PlnerfError, match=r"is to be a folder, but .* is a file") as caught:
         survey_wires(run, tmp_path / "out")
     assert str(tmp_path / "out") in str(caught.value)
     assert (tmp_path / "out").read_text() == "mine"

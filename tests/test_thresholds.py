@@ -70,7 +70,7 @@ def test_a_table_of_the_user(tmp_path: Path) -> None:
         ("[3.0, 3.5]", "[3.0]", "110 kV has 1 distances for 2 altitudes"),
         ("[3.0, 3.5]", "[3.0, -1.0]", "110 kV has distances that are not greater than 0"),
         ("nominal_kv = 27.5", "nominal_kv = 110", "it has 110 kV twice"),
-        ("nominal_kv = 27.5, ", "", "is no table of clearances: 'nominal_kv'"),
+        ("nominal_kv = 27.5, ", "", "has a class that does not say 'nominal_kv'"),
         ("[1000, 2000]", "7", "is no table of clearances: 'int' object is not iterable"),
         ('unit = "m"', "unit =", "is not valid TOML"),
     ],

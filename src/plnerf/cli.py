@@ -1,7 +1,7 @@
 """The command line.  Each subcommand is one call; whatever is heavy is imported where it is used.
 
 Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 3 where the
-doctor finds a scene not usable for wires, 130 on Ctrl-C.
+doctor finds a scene not usable for wires, or a survey no conductor, 130 on Ctrl-C.
 """
 
 import os
@@ -244,7 +244,7 @@ def survey(
     clearance_m: float | None = None,
     temperature_c: float | None = None,
 ) -> None:
-    """Conductors as catenaries, their sag, clearances, a classified cloud, and a report to open.
+    """Conductors as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are none.
 
     Args:
         source: Run folder, or a LAS or LAZ file in metres, whose classes are not looked at.
@@ -258,7 +258,8 @@ def survey(
     from plnerf.survey.deliver import SurveyOptions
 
     options = SurveyOptions(voltage_kv, thresholds, clearance_m, temperature_c)
-    survey_source(source, out, options, console=Console())
+    if not survey_source(source, out, options, console=Console())["conductors"]:
+        sys.exit(3)
 
 
 @app.command
@@ -272,8 +273,8 @@ def score(
     """Score a survey against the truth: wires found and whole, where they are, sag, clearances, certainty.
 
     Args:
-        survey: Survey or run folder, or survey.json; or points or curves of wires alone (world frame): a PLY,
-            LAS, GeoJSON, text or NumPy file.
+        survey: Survey or run folder, or survey.json; or a file of points or curves of wires (PLY, LAS,
+            GeoJSON, text, NumPy), in the world frame.
         truth: The truth.json of a scene, or its folder; that of the run's scene when left out.
         out: JSON to write; beside the survey's file when left out.
         classes: Classes of LAS to take; wires (13 and 14) if there are any, else all, when left out.

@@ -19,6 +19,7 @@ from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import BackendChoice, resolve_backend
 from plnerf.presets import preset_names
 from plnerf.render.systems import SystemConfig
+from plnerf.scene.files import check_folder
 from plnerf.scene.scene import load_scene
 from plnerf.survey.cloud.survey import SUFFIXES, survey_cloud
 from plnerf.survey.deliver import CONTENT, SurveyOptions
@@ -219,8 +220,8 @@ def run_demo(
 def survey(
     source: Path, out: Path | None = None, options: SurveyOptions | None = None, *,
     console: Console | None = None,
-) -> Path:  # fmt: skip
-    """Conductors, clearances and a report of a run, or of a LAS or LAZ file; returns the report's path.
+) -> dict[str, Any]:  # fmt: skip
+    """Conductors, clearances and a report of a run, or of a LAS or LAZ file; returns survey.json's content.
 
     out: left out, the folder `survey` in the run folder, or beside the file.
     """
@@ -228,15 +229,19 @@ def survey(
     options = options or SurveyOptions()
     cloud = source.suffix.lower() in SUFFIXES
     folder = out or (source.with_name(f"{source.stem}-survey") if cloud else source / "survey")
+    check_folder(folder)
     with bar(console, "survey") as progress:
         if cloud:
             page = survey_cloud(source, folder, options, progress)
         else:
             page = survey_run(open_run(source), folder, options, progress)
-    content = json.loads((folder / CONTENT).read_text())
+    content: dict[str, Any] = json.loads((folder / CONTENT).read_text())
+    if not content["conductors"]:
+        for text in ("No conductor was found.", *content["caveats"]):
+            _say(console, text)
     _say(console, f"{len(content['conductors'])} conductors, {content['points']:,} points: {folder}")
     _say(console, f"report: {page}")
-    return page
+    return content
 
 
 @contextmanager

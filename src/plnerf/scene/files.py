@@ -1,5 +1,6 @@
 """Files that are complete or absent: written beside their place, then renamed into it."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,3 +33,15 @@ def write_text(path: Path, text: str) -> None:
     """A text file in UTF-8."""
     with complete_file(path) as beside:
         beside.write_text(text, encoding="utf-8")
+
+
+def check_folder(folder: Path) -> None:
+    """Raises PlnerfError where files cannot be written into a folder, which need not be there yet.
+
+    Called before a long computation, whose result would be lost.
+    """
+    place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not place.is_dir():
+        raise PlnerfError(f"{folder} is to be a folder, but {place} is a file. Name another place: -o.")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise PlnerfError(f"{folder} is to be written, but {place} is read-only. Name another place: -o.")

@@ -23,7 +23,11 @@ PAGE, CONTENT = "report.html", "survey.json"
 
 @dataclass(frozen=True)
 class SurveyOptions:
-    """What the user says of a line."""
+    """What the user says of a line.
+
+    Raises SurveyError for a voltage that the table does not have, a table that is none, and a clearance that
+    is not positive: before the line is surveyed.
+    """
 
     voltage_kv: float | None = None
     """Nominal."""
@@ -40,9 +44,13 @@ class SurveyOptions:
                 f"The table {self.thresholds} has distances by voltage, but no voltage is given. Give "
                 "--voltage-kv."
             )
+        if self.clearance_m is not None:
+            own_requirement(self.clearance_m)
+        elif self.voltage_kv is not None:
+            load_table(self.thresholds).of_class(self.voltage_kv)
 
     def requirement(self, survey: Survey) -> Requirement | None:
-        """None where nothing is said.  Raises SurveyError for a voltage that the table does not have."""
+        """None where nothing is said.  Raises SurveyError for a line above the altitudes of the table."""
         if self.clearance_m is not None:
             return own_requirement(self.clearance_m)
         if self.voltage_kv is None:

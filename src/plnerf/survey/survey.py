@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from plnerf.errors import ConfigError
 from plnerf.render.files import write_text
+from plnerf.scene.files import check_folder
 from plnerf.survey.points import wire_points
 from plnerf.train.guidance import CURVES
 from plnerf.train.run import TrainedRun
@@ -22,8 +22,7 @@ POINTS, SUMMARY = "wires.ply", "wires.json"
 
 def survey_wires(run: TrainedRun, out: Path, progress: Callable[[int, int], None] | None = None) -> Path:
     """Writes wires.ply (world frame) and wires.json into the folder `out`; returns the summary's path."""
-    if out.exists() and not out.is_dir():
-        raise ConfigError(f"The survey writes a folder, but {out} is a file. Name another place: -o.")
+    check_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     start = time.perf_counter()
     found = wire_points(run, progress)

@@ -57,6 +57,18 @@ class Table:
     """Upper bound of each band, which belongs to it."""
     distances_m: dict[float, tuple[float, ...]]
 
+    def of_class(self, voltage_kv: float) -> tuple[float, ...]:
+        """Distances by band of altitude.  Raises SurveyError for a voltage that is no class of the table."""
+        distances = self.distances_m.get(voltage_kv)
+        if distances is None:
+            classes = ", ".join(f"{nominal:g}" for nominal in sorted(self.distances_m))
+            raise SurveyError(
+                f"{self.path} has no class of {voltage_kv:g} kV. Its classes are {classes} kV (nominal), and "
+                "none is interpolated. Give one of them, a table of your own, or the distance itself in "
+                "metres."
+            )
+        return distances
+
 
 def own_requirement(distance_m: float) -> Requirement:
     """One distance of the user's, to be kept from everything.  Raises SurveyError unless it is positive."""
@@ -72,13 +84,7 @@ def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Re
 
     Raises SurveyError for a voltage that is no class of the table, or an altitude above its bands.
     """
-    distances = table.distances_m.get(voltage_kv)
-    if distances is None:
-        classes = ", ".join(f"{nominal:g}" for nominal in sorted(table.distances_m))
-        raise SurveyError(
-            f"{table.path} has no class of {voltage_kv:g} kV. Its classes are {classes} kV (nominal), and "
-            "none is interpolated. Give one of them, a table of your own, or the distance itself in metres."
-        )
+    distances = table.of_class(voltage_kv)
     band = next((i for i, bound in enumerate(table.up_to_m) if altitude_m <= bound), None)
     if band is None:
         raise SurveyError(
@@ -120,13 +126,15 @@ def load_table(path: Path | None = None) -> Table:
             f"The table {place} cannot be read ({error.strerror or error}). Check its path."
         ) from error
     except ValueError as error:  # of TOML, or of the encoding
-        raise SurveyError(f"{place} is not valid TOML ({error}).") from error
+        raise SurveyError(f"{place} is not valid TOML ({error}). {_ADVICE}") from error
     missing = [key for key in _KEYS if key not in data]
     if missing:
         raise SurveyError(f"{place} does not say {', '.join(missing)}. {_ADVICE}")
     try:
         return _table(data, str(path or DEFAULT_TABLE))
-    except (TypeError, ValueError, KeyError) as error:
+    except KeyError as error:
+        raise SurveyError(f"{place} has a class that does not say {error}. {_ADVICE}") from error
+    except (TypeError, ValueError) as error:
         raise SurveyError(f"{place} is no table of clearances: {error}. {_ADVICE}") from error
 
 

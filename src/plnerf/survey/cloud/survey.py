@@ -51,9 +51,15 @@ def read_las(path: Path) -> tuple[Float[np.ndarray, "n 3"], str | None, tuple[st
                     f"{path} has {reader.header.point_count:,} points, more than {MOST_POINTS:,} that fit "
                     "into memory. Cut it into pieces of some kilometres."
                 )
+            stated = reader.header.point_count
             las = reader.read()
-    except (OSError, ValueError, laspy.LaspyException, lazrs.LazrsError) as error:
-        raise SurveyError(f"{path} cannot be read as LAS or LAZ ({error}). Copy it again.") from error
+    except (OSError, ValueError, MemoryError, laspy.LaspyException, lazrs.LazrsError) as error:
+        why = str(error) or "its header asks for more memory than there is"
+        raise SurveyError(f"{path} cannot be read as LAS or LAZ ({why}). Copy it again.") from error
+    if len(las.points) != stated:
+        raise SurveyError(
+            f"{path} states {stated:,} points, but holds {len(las.points):,}: it is cut off. Copy it again."
+        )
     try:
         crs = las.header.parse_crs()
     except CRSError as error:
@@ -65,6 +71,12 @@ def read_las(path: Path) -> tuple[Float[np.ndarray, "n 3"], str | None, tuple[st
         raise SurveyError(
             f"{path} is in degrees ({horizontal.name}), but metres are needed. Transform it to a projected "
             "coordinate system, such as UTM."
+        )
+    units = {axis.unit_name for axis in crs.axis_info if axis.unit_conversion_factor != 1}
+    if units:
+        raise SurveyError(
+            f"{path} is in {' and '.join(sorted(units))} ({crs.name}), but metres are needed. Transform it "
+            "to a projected coordinate system with heights in metres, such as UTM."
         )
     code = crs.to_epsg()
     return las.xyz, f"EPSG:{code}" if code else crs.to_wkt(), ()

@@ -42,10 +42,13 @@ def write_exports(
     """Writes the survey's files into a folder, and reads each back.
 
     clearances: None where there are none to be told.  synthetic: the cloud's points come from images.  Files
-    that need a CRS or longitudes are left out where these are not known.  Raises SurveyError where a file
-    reads back differently by more than 1 mm, or the survey's CRS is not known to pyproj.
+    that need a CRS or longitudes are left out where these are not known; those of an earlier survey go.
+    Raises SurveyError where a file reads back differently by more than 1 mm, or the survey's CRS is not known
+    to pyproj.
     """
     places = places_of(survey)
+    for name in (LAS, PLY, DXF, CONDUCTORS, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES):
+        (folder / name).unlink(missing_ok=True)  # of an earlier survey: some may not be written now
     notes = list(places.notes)
     write_las(folder / LAS, survey.cloud, places, synthetic=synthetic)
     _write_cloud_ply(folder / PLY, survey.cloud)
