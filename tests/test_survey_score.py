@@ -10,14 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from catenary_surveys import conductor, corridor, wires
+from plnerf.capture.similarity import Similarity
 from plnerf.cli import main
 from plnerf.errors import SurveyError
+from plnerf.scene.transforms import flip_camera_axes
 from plnerf.survey.catenary import Base, CatenaryFit
 from plnerf.survey.deliver import SurveyOptions, deliver
 from plnerf.survey.model import Conductor, Kind
 from plnerf.survey.report.data import Clearance
+from plnerf.survey.score.align import cameras_of
 from plnerf.survey.score.clearances import DOWN, PLANTS, score_clearances
 from plnerf.survey.score.conductors import LEAST_COMMON_M, RULES, ConductorScore, score_conductors
 from plnerf.survey.score.found import read_survey
@@ -261,6 +265,37 @@ def test_the_command_scores_folders_and_files(
     assert "| 5 cm | 100.0% | 100.0% | 100.0% |" in capsys.readouterr().out
     content = json.loads((folder / "survey.score.json").read_text())
     assert content["overall"]["f1_5cm"] == 1 and content["conductors"]["found"] == 3
+
+
+def test_a_truth_in_another_frame_is_moved_by_its_cameras(
+    folder: Path, tiny_scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The survey's scene is the tiny one; the truth's cameras and wires lie elsewhere, in the same way."""
+    truth = folder.parent.parent / "truth.json"
+    score_survey(folder, truth=truth)
+    before = json.loads((folder / "survey.score.json").read_text())["conductors"]["wires"]
+    R = Rotation.from_euler("z", 77, degrees=True).as_matrix()
+    turn = Similarity(1.0, R, np.array([1e4, 2e3, -50.0]))
+    data = json.loads(truth.read_text())
+    for one in data["conductors"]:
+        one["polyline"] = turn(np.array(one["polyline"])).tolist()
+    for row in data["ground"]["rows"]:
+        row["points"] = turn(np.array(row["points"])).tolist()
+    data["poses"] = []
+    for name, T in cameras_of(tiny_scene).items():
+        there = np.eye(4)
+        there[:3] = np.column_stack([turn.R @ T[:3, :3], turn(T[:3, 3])])
+        data["poses"].append({"name": name, "T_world_camera": flip_camera_axes(there).tolist()})
+    truth.write_text(json.dumps(data))
+    with pytest.raises(SurveyError, match="not in the truth's frame"):
+        score_survey(folder, truth=truth)
+    score_survey(folder, truth=truth, by_cameras=tiny_scene)
+    assert "by 12 cameras, which are 0.000 m off" in capsys.readouterr().out
+    content = json.loads((folder / "survey.score.json").read_text())
+    for one, other in zip(content["conductors"]["wires"], before, strict=True):
+        for key in ("sag_m", "rmse_across_m", "rmse_up_m", "worst_m", "common_m"):
+            assert one[key] == pytest.approx(other[key], abs=1e-6)
+    assert content["aligned"]["scale"] == pytest.approx(1) and len(content["clearances"]["ground"]) == 3
 
 
 Spoil = Callable[[dict], object]

@@ -269,19 +269,24 @@ def score(
     truth: Path | None = None,
     out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     classes: tuple[int, ...] | None = None,
+    by_cameras: Path | None = None,
 ) -> None:
     """Score a survey against the truth: wires found and whole, where they are, sag, clearances, certainty.
 
     Args:
-        survey: Survey or run folder, or survey.json; or a file of points or curves of wires (PLY, LAS,
-            GeoJSON, text, NumPy), in the world frame.
+        survey: Survey or run folder, or survey.json; or points or curves alone, in the world
+            frame: PLY, LAS, GeoJSON, text, NumPy.
         truth: The truth.json of a scene, or its folder; that of the run's scene when left out.
         out: JSON to write; beside the survey's file when left out.
         classes: Classes of LAS to take; wires (13 and 14) if there are any, else all, when left out.
+        by_cameras: Scene that the survey was made of, if it has poses of its own: the truth
+            is turned and shifted onto its cameras, by the images' names.
     """
     from plnerf.survey.score.report import score_survey
 
-    score_survey(survey, truth=truth, out=out, classes=classes, console=Console())
+    score_survey(
+        survey, truth=truth, out=out, classes=classes, by_cameras=by_cameras, console=Console()
+    )
 
 
 @app.command

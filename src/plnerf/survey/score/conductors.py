@@ -202,7 +202,7 @@ def check_frame(conductors: Sequence[Conductor], wires: Sequence[TrueWire]) -> N
         raise SurveyError(
             f"The end of a conductor that is nearest to a true wire is {nearest:,.0f} m away from it, but "
             f"the longest of these wires is {longest:.0f} m: the survey is not in the truth's frame. Compare "
-            "surveys in the world frame of the truth's scene; no coordinates are converted."
+            "surveys in the world frame of the truth's scene, or of the same images with --by-cameras."
         )
 
 

@@ -16,6 +16,7 @@ from plnerf.scene.files import write_text
 from plnerf.survey.deliver import CONTENT
 from plnerf.survey.score import clearances as of_clearances
 from plnerf.survey.score import conductors as of_conductors
+from plnerf.survey.score.align import align, cameras_of, true_cameras
 from plnerf.survey.score.clearances import ClearanceScore, Compared, score_clearances
 from plnerf.survey.score.conductors import ConductorScore, Match, score_conductors
 from plnerf.survey.score.found import read_survey
@@ -59,13 +60,15 @@ def score_survey(
     truth: Path | None = None,
     out: Path | None = None,
     classes: tuple[int, ...] | None = None,
+    by_cameras: Path | None = None,
     console: Console | None = None,
 ) -> Path:
     """Scores a survey, or points or curves alone; prints tables and writes the JSON, whose path returns.
 
     truth: a truth.json or a scene folder; None: that of the scene which the run around the survey was trained
     on.  out: None: beside the judged file, named after it.  classes: of a LAS file, as in `read_cloud`.
-    Raises SurveyError or SceneError where anything is not there, cannot be read, or is in another frame.
+    by_cameras: a scene with the survey's poses, onto whose cameras the truth is first moved.  Raises
+    SurveyError or SceneError where anything is not there, cannot be read, or is in another frame.
     """
     console = console or Console()
     survey_at = find_survey(survey)
@@ -76,6 +79,10 @@ def score_survey(
     known = read_truth(truth_at)
     content: dict[str, Any] = {"survey": str(judged), "truth": str(truth_at)}
     tables = []
+    if by_cameras is not None:
+        known, alignment = align(known, true_cameras(truth_at), cameras_of(by_cameras))
+        content["aligned"] = asdict(alignment)
+        tables.append(f"{alignment.words}\n")
     if survey_at is not None:
         of_survey, table = _score_survey(survey_at, known)
         content |= of_survey
