@@ -64,6 +64,10 @@ class Base:
         share, curve = s / self.length_m, self.curve(q)
         return np.stack([q[0] + (q[1] - q[0]) * share, curve.heights(share * curve.span_m)], 1)
 
+    def by_q(self, q: Float[np.ndarray, "5"], s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2 5"]:
+        """Derivatives of y and z at s by q."""
+        return jacobian(lambda p: self.at(p, s).ravel(), q).reshape(len(s), 2, 5)
+
 
 def base_of(points: Float[np.ndarray, "m 3"]) -> Base:
     """Along the main horizontal direction of points, from the first to the last of them."""
@@ -93,7 +97,7 @@ class CatenaryFit:
 
     def sigma_at(self, s: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 2"]:
         """Standard deviations of y and z at s."""
-        J = jacobian(lambda q: self.base.at(q, s).ravel(), self.q).reshape(len(s), 2, 5)
+        J = self.base.by_q(self.q, s)
         variance = np.einsum("kij,jl,kil->ki", J, self.covariance, J)
         return np.sqrt(variance)
 

@@ -1,4 +1,4 @@
-"""Conductors of a run: the curves that guided it, judged by the points of wires that its field shows.
+"""Conductors of a run: its curves, refitted to the images, judged by the points of wires its field shows.
 
 Letters: n points on wires, world frame; s along a wire's base, as in `catenary.py`.
 """
@@ -10,10 +10,10 @@ from jaxtyping import Float
 
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
-from plnerf.survey.catenary import Base, CatenaryFit
+from plnerf.survey.catenary import CatenaryFit
 from plnerf.survey.kinds import kinds
 from plnerf.survey.model import Conductor
-from plnerf.wires.curves import Curve
+from plnerf.survey.refine.curves import Line, Refit
 
 STEEPEST_UP = 1e-3
 """1 - cosine of the angle that the world's z may lean from up."""
@@ -26,34 +26,42 @@ HALF_SPAN_M = 20.0
 
 
 def conductors_of_curves(
-    curves: Sequence[Curve], frames: Frames, points: Float[np.ndarray, "n 3"]
+    refits: Sequence[Refit], frames: Frames, points: Float[np.ndarray, "n 3"]
 ) -> list[Conductor]:
-    """One conductor for each curve that the views fix, the highest first.
-
-    A curve states one standard deviation, that of its least certain point in its least certain direction: it
-    stands here for all of them.  Raises SurveyError where the world's z is not up.
-    """
-    certain, metre = [curve for curve in curves if curve.certain], metre_of(frames)
-    if certain and not is_upright(frames):
-        raise SurveyError(
-            "Sag needs a world with z up, but this scene's up direction is "
-            f"{frames.R_scene_world[2].round(3).tolist()}. Turn its poses, or make them by `plnerf capture`."
-        )
-    fits = [_fit(curve, frames, points) for curve in certain]
-    fits.sort(key=lambda fit: -float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1]))
+    """One conductor for each curve, the highest first."""
+    metre = metre_of(frames)
+    fits = [_fit(one.after, metre, points) for one in refits]
+    heights = [float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1]) for fit in fits]
+    order = np.argsort(heights)[::-1].tolist()
+    fits, refits = [fits[k] for k in order], [refits[k] for k in order]
     rows = []
     for k, (fit, kind) in enumerate(zip(fits, kinds(fits, [int(f.inlier.sum()) for f in fits]), strict=True)):
-        mine = points[fit.inlier]
+        mine, one = points[fit.inlier], refits[k]
         gaps = _gaps(fit, mine, STEP_M * metre)
         rows.append(
             Conductor(
                 id=k + 1, span=0, kind=kind, fit=fit,
                 coverage=1 - sum(gaps) / fit.base.length_m, longest_gap_m=max(gaps, default=0.0),
-                evidence=len(mine), source=f"the images, and {len(mine):,} points of the field",
-                note=None if len(mine) else "The field shows no point of it.",
+                evidence=len(mine), source=f"{one.images} images, and {len(mine):,} points of the field",
+                note=" ".join(_notes(one, len(mine))) or None,
+                before=_fit(one.before, metre, points),
             )
         )  # fmt: skip
     return rows
+
+
+def _notes(one: Refit, points: int) -> list[str]:
+    notes = [] if points else ["The field shows no point of it."]
+    return notes + ([f"It is not refitted to the images: {one.refused}."] if one.refused else [])
+
+
+def require_upright(frames: Frames) -> None:
+    """Raises SurveyError where the world's z is not up."""
+    if not is_upright(frames):
+        raise SurveyError(
+            "Sag needs a world with z up, but this scene's up direction is "
+            f"{frames.R_scene_world[2].round(3).tolist()}. Turn its poses, or make them by `plnerf capture`."
+        )
 
 
 def is_upright(frames: Frames) -> bool:
@@ -66,19 +74,13 @@ def metre_of(frames: Frames) -> float:
     return 1.0 if frames.unit == "m" else 1 / (frames.scale * HALF_SPAN_M)
 
 
-def _fit(curve: Curve, frames: Frames, points: Float[np.ndarray, "n 3"]) -> CatenaryFit:
-    """A curve between its ends in the world, and which of the points lie on it."""
-    a, b = frames.to_world(curve.points(np.array(curve.ends)))
-    length = float(np.linalg.norm((b - a)[:2]))
-    u = (b - a)[:2] / length
-    bend = curve.z[2] * (curve.ends[1] - curve.ends[0]) ** 2 / 4 / frames.scale
-    base, q = Base(a[:2], u, length), np.array([0.0, 0.0, a[2], b[2], bend])
-    local = base.local(points)
-    off = local[:, 1:] - base.at(q, local[:, 0])
-    inlier = (np.abs(off) <= NEAR_M * metre_of(frames)).all(1) & (local[:, 0] >= 0) & (local[:, 0] <= length)
+def _fit(line: Line, metre: float, points: Float[np.ndarray, "n 3"]) -> CatenaryFit:
+    """A line, and which of the points lie on it."""
+    local = line.base.local(points)
+    off = local[:, 1:] - line.base.at(line.q, local[:, 0])
+    inlier = (np.abs(off) <= NEAR_M * metre).all(1) & (local[:, 0] >= 0) & (local[:, 0] <= line.base.length_m)
     rms = np.sqrt((off[inlier] ** 2).mean(0)) if inlier.any() else np.zeros(2)
-    covariance = np.eye(5) * (curve.sigma / frames.scale) ** 2
-    return CatenaryFit(base, q, covariance, inlier, float(rms[0]), float(rms[1]))
+    return CatenaryFit(line.base, line.q, line.covariance, inlier, float(rms[0]), float(rms[1]))
 
 
 def _gaps(fit: CatenaryFit, mine: Float[np.ndarray, "k 3"], step: float) -> list[float]:

@@ -49,6 +49,8 @@ class Conductor:
     """What the fit rests on, in words: "1,204 points", "83 images"."""
     note: str | None = None
     """What a reader must know, such as a support that is not seen."""
+    before: CatenaryFit | None = None
+    """As it was before it was refitted to the images; None: not from images."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
-from plnerf.survey.curve_wires import conductors_of_curves, is_upright, metre_of
+from plnerf.survey.curve_wires import conductors_of_curves, is_upright, metre_of, require_upright
 from plnerf.survey.deliver import SurveyOptions, deliver
 from plnerf.survey.ground import find_ground, vegetation
 from plnerf.survey.model import (
@@ -30,6 +30,7 @@ from plnerf.survey.model import (
     Tower,
 )
 from plnerf.survey.obstacles import sampled
+from plnerf.survey.refine.curves import refit_curves
 from plnerf.survey.report.colours import KINDS
 from plnerf.survey.report.data import Picture
 from plnerf.survey.report.overlay import overlay
@@ -45,6 +46,7 @@ NEAR_GROUND_M = 0.3
 """A surface point this near to the ground, or twice its standard deviation, belongs to it."""
 ON_WIRE_M = 0.25
 """A point this near to a conductor is on it."""
+LOOSE_POSES_PX = 0.5
 PICTURES = 4
 
 
@@ -53,7 +55,7 @@ def survey_run(
 ) -> Path:
     """Writes wires.ply, the cloud, conductors, clearances and the report into `out`; returns its path."""
     told = progress or (lambda done, of: None)
-    survey_wires(run, out, lambda done, of: told(done, 2 * of))
+    survey_wires(run, out, lambda done, of: told(done, 3 * of))
     vertex = read_ply(out / POINTS)["vertex"]
     points = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     frames, path = run.scene.frames, run.folder / CURVES
@@ -61,9 +63,19 @@ def survey_run(
     notes = [] if path.exists() else [
         f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
     ]  # fmt: skip
-    surface = surface_points(run, progress=lambda done, of: told(of + done, 2 * of))
+    surface = surface_points(run, progress=lambda done, of: told(of + done, 3 * of))
     curves, towers, of_tower = between_supports(surface, curves, frames)
-    conductors = conductors_of_curves(curves, frames, points)
+    if curves:
+        require_upright(frames)
+    refits, motion_px = refit_curves(
+        run.scene, curves, metre_of(frames), lambda done, of: told(2 * of + done, 3 * of)
+    )
+    conductors = conductors_of_curves(refits, frames, points)
+    if motion_px > LOOSE_POSES_PX:
+        notes.append(
+            f"The images lie about {motion_px:.1f} px off their poses, as the wires in them show: better "
+            "poses make better conductors."
+        )
     if conductors and len(towers) < 2:
         notes.append(
             f"{len(towers)} of 2 supports are seen: where none is, wires end with what the images show, and "

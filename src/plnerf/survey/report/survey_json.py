@@ -59,6 +59,7 @@ def _conductor(one: Conductor) -> dict[str, Any]:
         "evidence": one.evidence,
         "source": one.source,
         "note": one.note,
+        "before_refit": _fit(one.before) if one.before is not None else None,
     }
 
 

@@ -1,0 +1,1 @@
+"""Catenaries fitted to the images themselves."""
