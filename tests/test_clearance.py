@@ -10,7 +10,7 @@ from plnerf.errors import SurveyError
 from plnerf.survey import obstacles as room
 from plnerf.survey.clearance import APART_M, Clearances, _lowest, measure_clearances
 from plnerf.survey.ground_section import ground_under
-from plnerf.survey.model import Survey, Tower
+from plnerf.survey.model import Cloud, Survey, Tower
 from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, stations
 from plnerf.survey.thresholds import GROUPS, own_requirement
 from plnerf.wires.catenary import Catenary, hang
@@ -242,3 +242,33 @@ def test_a_survey_without_scale_has_no_clearances() -> None:
 def test_an_empty_cloud_gives_no_places() -> None:
     found = measure_clearances(survey_of({2: np.empty((0, 3))}))
     assert found.all_places() == () and np.isnan(found.conductors[0].profile.ground_z).all()
+
+
+def test_points_that_are_known_to_metres_only_are_no_obstacles() -> None:
+    """Of such points the nearest would always be a wrong one; all that are left out are told."""
+    places = np.array([[50.0, 0.0, 12.5], [50.0, 1.0, 15.6], [50.0, 0.0, 0.0], [49.0, 0.0, 15.0]])
+    labels = np.array([5, 5, 2, 2], np.uint8)
+    sigma = np.array([0.2, 3.0, 0.5, 1.5])
+    survey = replace(survey_of({5: places}), cloud=Cloud(places, labels, np.zeros(4, np.int64), None, sigma))
+    found = measure_clearances(survey)
+    plant, ground = (found.conductors[0].least(group) for group in ("vegetation", "ground"))
+    assert plant is not None and plant.distance_m == pytest.approx(3.5, abs=1e-3)
+    assert ground is not None and ground.distance_m == pytest.approx(16, abs=1e-3)
+    assert any("2 of 4 points are no obstacles" in note for note in found.notes)
+    certain = measure_clearances(replace(survey, cloud=replace(survey.cloud, sigma_m=None))).conductors[0]
+    plant = certain.least("vegetation")
+    assert plant is not None and plant.distance_m < 1.1
+
+
+def test_vegetation_of_images_at_a_support_may_be_the_support() -> None:
+    """It is no obstacle, and said; that of a laser is one."""
+    places = np.array([[2.0, 0.0, 17.0], [97.5, 1.0, 17.0], [10.0, 0.0, 12.0]])
+    cloud = Cloud(places, np.full(3, 5, np.uint8), np.zeros(3, np.int64), None, np.full(3, 0.1))
+    survey = replace(survey_of({5: places}), cloud=cloud)
+    found = measure_clearances(survey)
+    place = found.conductors[0].least("vegetation")
+    assert place is not None and np.array_equal(place.obstacle, places[2])
+    assert any("2 points of vegetation within 4 m of supports" in note for note in found.notes)
+    laser = measure_clearances(replace(survey, cloud=replace(cloud, sigma_m=None)))
+    assert len(laser.conductors[0].places["vegetation"]) == 3
+    assert not any("images do not tell" in note for note in laser.notes)

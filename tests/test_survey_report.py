@@ -129,7 +129,7 @@ def test_names_from_outside_are_shown_as_they_are() -> None:
     )
     clearances = (replace(told.clearances[0], to=NASTY, verdict=NASTY),)
     picture = Picture(NASTY, np.zeros((20, 30, 3), np.uint8))
-    nasty = Report(survey, clearances, told.profiles, (picture,), (NASTY, "b"), {NASTY: NASTY})
+    nasty = Report(survey, clearances, told.profiles, (picture,), (NASTY, "b"), {NASTY: NASTY}, (NASTY,))
     text = html_page(nasty)
     read = Read(text)
     assert len(read.scripts) == len(Read(page("short")).scripts) == 2

@@ -16,8 +16,18 @@ from scipy.ndimage import minimum_filter1d
 
 from plnerf.errors import SurveyError
 from plnerf.survey.ground_section import ground_under
-from plnerf.survey.model import GROUND, Conductor, Kind, Survey
-from plnerf.survey.obstacles import NO_THING, Nearest, beside, nearest_along, obstacles, stations
+from plnerf.survey.model import GROUND, NO_WIRE, Conductor, Kind, Survey
+from plnerf.survey.obstacles import (
+    CLASSES,
+    LOOSE_M,
+    NEAR_SUPPORT_M,
+    NO_THING,
+    Nearest,
+    beside,
+    nearest_along,
+    obstacles,
+    stations,
+)
 from plnerf.survey.thresholds import GROUPS, Group, Requirement, Verdict
 
 STATION_M = 0.5
@@ -238,6 +248,7 @@ def _notes(survey: Survey, found: _Indices, requirement: Requirement | None) -> 
         notes.append(
             "The cloud states no standard deviations: those of the clearances hold the wire's part only."
         )
+    notes += _left_out(survey, found)
     absent = [group for group in GROUPS if not len(found[group])]
     if absent:
         notes.append(f"The cloud has no points that count as {', '.join(absent)}: nothing is said of them.")
@@ -253,4 +264,28 @@ def _notes(survey: Survey, found: _Indices, requirement: Requirement | None) -> 
             + " Asked of phase conductors, not of shield wires."
         )
         notes += requirement.caveats
+    return notes
+
+
+def _left_out(survey: Survey, found: _Indices) -> list[str]:
+    """What is not looked at in clouds from images, whose points are uncertain."""
+    cloud = survey.cloud
+    if cloud.sigma_m is None:
+        return []
+    notes = []
+    counts = np.isin(cloud.label, [code for codes in CLASSES.values() for code in codes])
+    counts &= cloud.wire == NO_WIRE
+    loose = counts & (cloud.sigma_m > LOOSE_M)
+    if loose.any():
+        notes.append(
+            f"{loose.sum():,} of {counts.sum():,} points are no obstacles to the clearances: their standard "
+            f"deviation is more than {LOOSE_M:g} m."
+        )
+    plants = counts & ~loose & np.isin(cloud.label, CLASSES["vegetation"])
+    near = int(plants.sum()) - len(found["vegetation"])
+    if near:
+        notes.append(
+            f"{near:,} points of vegetation within {NEAR_SUPPORT_M:g} m of supports and wires' ends are no "
+            "obstacles to the clearances, as images do not tell them from the support: look there yourself."
+        )
     return notes

@@ -77,7 +77,7 @@ def deliver(
         clearances = measure_clearances(survey, options.requirement(survey))
     exports = write_exports(survey, clearances, out, synthetic=synthetic)
     # The first of the clearances' notes is what the report says of itself: as surveyed.
-    notes = (*survey.notes, *(clearances.notes[1:] if clearances is not None else ()), *exports.notes)
+    notes = (*survey.notes, *(clearances.notes[1:] if clearances is not None else ()))
     report = Report(
         replace(survey, notes=tuple(dict.fromkeys(notes))),
         _rows(clearances),
@@ -85,6 +85,7 @@ def deliver(
         pictures,
         tuple(exports.files),
         made,
+        exports.notes,
     )
     write_report(out / PAGE, out / CONTENT, report)
     return out / PAGE

@@ -45,6 +45,12 @@ CLASSES: dict[Group, tuple[int, ...]] = _NAMED | {
 """By group, in the ASPRS classes of LAS 1.4.  What is unclassified or of an unknown class may be a crane."""
 SUPPORT_M = 8.0
 """Structures and other points this near (horizontally) to a tower's foot or a wire's end are the tower's."""
+NEAR_SUPPORT_M = 4.0
+"""Likewise vegetation of clouds that state standard deviations, those from images: in them a lattice is as
+scattered as a crown."""
+LOOSE_M = 1.0
+"""Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the nearest to
+the wire is always a wrong one."""
 OWN_M = 0.5
 """Other points this near to a wire are its own: spacers, dampers, and what was not labelled as wire."""
 REACH_M = 50.0
@@ -61,7 +67,9 @@ RULES = {
     "structures": f"buildings (class 6), not within {SUPPORT_M:g} m of a tower's foot or a wire's end",
     "other": "unclassified points (class 1) and all further classes, not within "
     f"{SUPPORT_M:g} m of a tower's foot or a wire's end, and not within {OWN_M:g} m of any wire",
-    "left out": "wires, towers (of this line and of others), insulators, noise",
+    "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
+    f"standard deviations points with more than {LOOSE_M:g} m, and vegetation within {NEAR_SUPPORT_M:g} m of "
+    "a tower's foot or a wire's end",
 }
 
 
@@ -88,7 +96,12 @@ def obstacles(survey: Survey) -> dict[Group, Int[np.ndarray, " _"]]:
     found: dict[Group, Int[np.ndarray, " _"]] = {}
     for group in GROUPS:
         counts = np.isin(np.arange(256), CLASSES[group])
-        index = np.flatnonzero(counts[cloud.label] & (cloud.wire == NO_WIRE))
+        counted = counts[cloud.label] & (cloud.wire == NO_WIRE)
+        if cloud.sigma_m is not None:
+            counted &= cloud.sigma_m <= LOOSE_M
+        index = np.flatnonzero(counted)
+        if group == "vegetation" and cloud.sigma_m is not None:
+            index = index[~_within(supports, cloud.xyz[:, :2], index, NEAR_SUPPORT_M)]
         if group in {"structures", "other"}:
             index = index[~_within(supports, cloud.xyz[:, :2], index, SUPPORT_M)]
         if group == "other":

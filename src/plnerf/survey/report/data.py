@@ -90,6 +90,8 @@ class Report:
     """Names of what was written beside the report."""
     made: Mapping[str, str] = field(default_factory=dict)
     """How it was made, in words: preset, versions, date."""
+    about_files: tuple[str, ...] = ()
+    """What the files' coordinates mean, and which were left out and why."""
 
     def __post_init__(self) -> None:
         known = {conductor.id for conductor in self.survey.conductors}

@@ -43,6 +43,7 @@ def survey_json(report: Report) -> dict[str, Any]:
         "profiles": [_profile(one) for one in report.profiles],
         "pictures": [one.caption for one in report.pictures],
         "files": report.files,
+        "about_files": report.about_files,
     }
     plain: dict[str, Any] = _plain(content)
     return plain

@@ -120,6 +120,8 @@ def protocol(report: Report) -> Markup:
     ]
     if report.files:
         pairs.append(("files beside this report", listed(list(report.files))))
+    if report.about_files:
+        pairs.append(("about these files", " ".join(report.about_files)))
     return facts(pairs)
 
 
