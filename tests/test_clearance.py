@@ -228,7 +228,7 @@ def test_the_state_of_the_line_and_what_is_missing_are_said() -> None:
     assert found.state == "as surveyed" and found.temperature_c is None
     said = " ".join(found.notes)
     assert "as surveyed; the conductors' temperature is not known" in said
-    assert "no points that count as ground, structures, other" in said
+    assert "No points of the cloud count as ground, structures, other things" in said
     assert "3 of class 7" in said and "class 14" not in said
     warm: Clearances = measure_clearances(survey_of(groups, temperature_c=31.5))
     assert warm.temperature_c == 31.5 and "at 31.5 degrees Celsius" in warm.notes[0]

@@ -251,7 +251,8 @@ def _notes(survey: Survey, found: _Indices, requirement: Requirement | None) -> 
     notes += _left_out(survey, found)
     absent = [group for group in GROUPS if not len(found[group])]
     if absent:
-        notes.append(f"The cloud has no points that count as {', '.join(absent)}: nothing is said of them.")
+        names = ["other things" if group == "other" else group for group in absent]
+        notes.append(f"No points of the cloud count as {', '.join(names)}: nothing is said of these.")
     counts = np.bincount(survey.cloud.label, minlength=256)
     noise = [f"{counts[code]} of class {code}" for code in NO_THING if counts[code]]
     if noise:
@@ -279,7 +280,7 @@ def _left_out(survey: Survey, found: _Indices) -> list[str]:
     if loose.any():
         notes.append(
             f"{loose.sum():,} of {counts.sum():,} points are no obstacles to the clearances: their standard "
-            f"deviation is more than {LOOSE_M:g} m."
+            f"deviation is more than {LOOSE_M:g} m. What they alone show may be nearer."
         )
     plants = counts & ~loose & np.isin(cloud.label, CLASSES["vegetation"])
     near = int(plants.sum()) - len(found["vegetation"])
