@@ -16,15 +16,17 @@ from lidar_clouds import line
 from plnerf.cli import main
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
+from plnerf.survey.catenary import Base
 from plnerf.survey.cloud.survey import read_las, survey_cloud
-from plnerf.survey.curve_wires import conductors_of_curves
+from plnerf.survey.curve_wires import conductors_of_curves, require_upright
 from plnerf.survey.deliver import SurveyOptions
+from plnerf.survey.refine.curves import Refit, cut, of_curve
 from plnerf.survey.run_survey import between_supports, classified, survey_run
 from plnerf.survey.surface import Surface, half_width, surface_points
 from plnerf.train.guidance import CURVES
 from plnerf.train.loop import train
 from plnerf.train.run import TrainedRun, open_run
-from plnerf.wires.curves import write_curves
+from plnerf.wires.curves import Curve, write_curves
 from tiny_run import Recorder, tiny_config
 
 RD = np.array([230_000.0, 570_000.0, 0.0])
@@ -148,20 +150,42 @@ def test_curves_become_catenaries_where_they_hang() -> None:
     frames = Frames(turn, 0.05, np.array([500.0, 60.0, 7.0]), "m", None, "file")
     curves = (hanging(-0.1, 0.0), hanging(0.1, 0.08))
     points = frames.to_world(curves[0].points(np.linspace(-0.9, 0.0, 400)))
-    top, low = conductors_of_curves(curves, frames, points)
+    top, low = conductors_of_curves([as_it_was(curve, frames) for curve in curves], frames, points)
     assert top.evidence == 0 and top.note == "The field shows no point of it." and top.coverage == 0
     assert low.coverage == pytest.approx(0.5, abs=0.02) and low.longest_gap_m == pytest.approx(18, abs=0.5)
     assert low.fit.curve.sag_m == pytest.approx(0.04 / 0.05, abs=1e-3)
     world = low.fit.curve.points(np.linspace(0, 1, 50) * low.fit.curve.span_m)
     back = frames.to_scene(world)
     assert np.abs(back - curves[0].points(back[:, 0])).max() < 2e-4  # a parabola is no catenary
+    require_upright(frames)
     with pytest.raises(SurveyError, match="a world with z up"):
-        conductors_of_curves(curves, dataclasses.replace(frames, R_scene_world=turn[[0, 2, 1]]), points)
+        require_upright(dataclasses.replace(frames, R_scene_world=turn[[0, 2, 1]]))
+
+
+def test_a_conductor_tells_what_its_refit_was_and_what_its_supports_add() -> None:
+    frames = Frames(np.eye(3), 0.05, np.zeros(3), "m", None, "file")
+    refit = as_it_was(hanging(0.0, 0.0), frames)
+    refused = dataclasses.replace(refit, images=2, refused="2 images show it")
+    (wire,) = conductors_of_curves([refused], frames, np.zeros((0, 3)))
+    assert wire.note == "The field shows no point of it. It is not refitted to the images: 2 images show it."
+    assert wire.source == "2 images, and 0 points of the field"
+    assert wire.before is not None and (wire.before.q == wire.fit.q).all()
+    (held,) = conductors_of_curves([refit], frames, np.zeros((0, 3)), (True, True))
+    # 0.1 m at either end of 36 m, of a sag of 0.8 m.
+    of_ends = np.sqrt(2) * 2 * 0.8 / 36 * 0.1
+    assert held.fit.sag_sigma_m == pytest.approx(np.hypot(wire.fit.sag_sigma_m, of_ends), rel=1e-3)
+
+
+def as_it_was(curve: Curve, frames: Frames) -> Refit:
+    """Without a refit."""
+    base = Base(np.array([curve.ends[0], 0.0]), np.array([1.0, 0.0]), curve.ends[1] - curve.ends[0])
+    line = cut(base, of_curve(curve, base), np.eye(5) * curve.sigma**2, curve.ends, frames)
+    return Refit(line, line, 9, 0.1, 0.0, None)
 
 
 def test_points_on_a_conductor_are_its_own() -> None:
     frames = Frames(np.eye(3), 0.05, np.array([0.0, 0.0, 12.0]), "m", None, "file")
-    (wire,) = conductors_of_curves([hanging(0.0, 0.0)], frames, np.zeros((0, 3)))
+    (wire,) = conductors_of_curves([as_it_was(hanging(0.0, 0.0), frames)], frames, np.zeros((0, 3)))
     xy = np.random.default_rng(0).uniform(-18, 18, (4000, 2))
     floor = np.column_stack([xy, 0.02 * xy[:, 0]])
     on = wire.fit.curve.points(np.linspace(0, wire.fit.curve.span_m, 50))
@@ -188,11 +212,11 @@ def test_wires_end_at_the_supports_that_the_surface_shows(seen: tuple[bool, bool
             parts.append(random.uniform([x - 0.4, -2, -10], [x + 0.4, 2, 1.5], (900, 3)))
     xyz = np.concatenate(parts) + frames.shift_world
     surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), len(xyz))
-    cut, towers, of_tower = between_supports(surface, curves, frames)
+    shorter, found = between_supports(surface, curves, frames)
     ends = [-15.0 if seen[0] else -18.0, 16.0 if seen[1] else 18.0]
-    for curve in cut:
+    for curve in shorter:
         assert np.array(curve.ends) / 0.05 == pytest.approx(ends, abs=0.05)
-    assert len(towers) == sum(seen) and not of_tower[:4300].any()
-    for tower, x in zip(towers, (-15.0, 16.0), strict=False):
+    assert len(found.towers) == sum(seen) and found.seen == seen and not found.points[:4300].any()
+    for tower, x in zip(found.towers, (-15.0, 16.0), strict=False):
         assert tower.foot == pytest.approx([x + 7, -3, 2], abs=0.15)
         assert tower.height_m == pytest.approx(11.5, abs=0.1)

@@ -89,6 +89,8 @@ class CatenaryFit:
     residual_across_m: float
     """Root mean square of the inliers' horizontal distances."""
     residual_up_m: float
+    end_sigma_m: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of where along u each end is: of a support's place."""
 
     @property
     def curve(self) -> Catenary:
@@ -103,9 +105,12 @@ class CatenaryFit:
 
     @property
     def sag_sigma_m(self) -> float:
-        """Standard deviation of the sag."""
+        """Standard deviation of the sag, by the wire's own and by that of its ends: at a fixed p the sag goes
+        with the square of the span."""
+        curve = self.curve
         J = jacobian(lambda q: np.array([self.base.curve(q).sag_m]), self.q)[0]
-        return float(np.sqrt(J @ self.covariance @ J))
+        by_end = 2 * curve.sag_m / curve.span_m
+        return float(np.sqrt(J @ self.covariance @ J + by_end**2 * np.square(self.end_sigma_m).sum()))
 
 
 def fit_catenary(

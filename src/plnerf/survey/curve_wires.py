@@ -21,16 +21,25 @@ NEAR_M = 0.25
 """A point this near is on the wire."""
 STEP_M = 0.25
 """Length of the pieces of a wire that are with a point or without."""
+SUPPORT_SIGMA_M = 0.1
+"""Of a support's place along the wires."""
 HALF_SPAN_M = 20.0
 """What half of an unscaled scene's box stands for, so that its lengths have an order of magnitude."""
 
 
 def conductors_of_curves(
-    refits: Sequence[Refit], frames: Frames, points: Float[np.ndarray, "n 3"]
+    refits: Sequence[Refit],
+    frames: Frames,
+    points: Float[np.ndarray, "n 3"],
+    supports: tuple[bool, bool] = (False, False),
 ) -> list[Conductor]:
-    """One conductor for each curve, the highest first."""
+    """One conductor for each curve, the highest first.
+
+    supports: whether a support is seen at either end, rather than that the images end there.
+    """
     metre = metre_of(frames)
-    fits = [_fit(one.after, metre, points) for one in refits]
+    of_end = (SUPPORT_SIGMA_M * metre * supports[0], SUPPORT_SIGMA_M * metre * supports[1])
+    fits = [_fit(one.after, metre, points, of_end) for one in refits]
     heights = [float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1]) for fit in fits]
     order = np.argsort(heights)[::-1].tolist()
     fits, refits = [fits[k] for k in order], [refits[k] for k in order]
@@ -44,7 +53,7 @@ def conductors_of_curves(
                 coverage=1 - sum(gaps) / fit.base.length_m, longest_gap_m=max(gaps, default=0.0),
                 evidence=len(mine), source=f"{one.images} images, and {len(mine):,} points of the field",
                 note=" ".join(_notes(one, len(mine))) or None,
-                before=_fit(one.before, metre, points),
+                before=_fit(one.before, metre, points, of_end),
             )
         )  # fmt: skip
     return rows
@@ -74,13 +83,15 @@ def metre_of(frames: Frames) -> float:
     return 1.0 if frames.unit == "m" else 1 / (frames.scale * HALF_SPAN_M)
 
 
-def _fit(line: Line, metre: float, points: Float[np.ndarray, "n 3"]) -> CatenaryFit:
+def _fit(
+    line: Line, metre: float, points: Float[np.ndarray, "n 3"], of_end: tuple[float, float]
+) -> CatenaryFit:
     """A line, and which of the points lie on it."""
     local = line.base.local(points)
     off = local[:, 1:] - line.base.at(line.q, local[:, 0])
     inlier = (np.abs(off) <= NEAR_M * metre).all(1) & (local[:, 0] >= 0) & (local[:, 0] <= line.base.length_m)
     rms = np.sqrt((off[inlier] ** 2).mean(0)) if inlier.any() else np.zeros(2)
-    return CatenaryFit(line.base, line.q, line.covariance, inlier, float(rms[0]), float(rms[1]))
+    return CatenaryFit(line.base, line.q, line.covariance, inlier, float(rms[0]), float(rms[1]), of_end)
 
 
 def _gaps(fit: CatenaryFit, mine: Float[np.ndarray, "k 3"], step: float) -> list[float]:

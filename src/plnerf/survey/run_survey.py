@@ -1,7 +1,7 @@
 """The survey of a run: what its field shows as a classified cloud, its conductors, and the report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -50,6 +50,16 @@ LOOSE_POSES_PX = 0.5
 PICTURES = 4
 
 
+@dataclass(frozen=True, eq=False)
+class Supports:
+    """At either end of the wires."""
+
+    towers: tuple[Tower, ...]
+    points: Bool[np.ndarray, " n"]
+    """Those of the surface that are theirs."""
+    seen: tuple[bool, bool]
+
+
 def survey_run(
     run: TrainedRun, out: Path, options: SurveyOptions, progress: Callable[[int, int], None] | None = None
 ) -> Path:
@@ -64,25 +74,25 @@ def survey_run(
         f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
     ]  # fmt: skip
     surface = surface_points(run, progress=lambda done, of: told(of + done, 3 * of))
-    curves, towers, of_tower = between_supports(surface, curves, frames)
+    curves, supports = between_supports(surface, curves, frames)
     if curves:
         require_upright(frames)
     refits, motion_px = refit_curves(
         run.scene, curves, metre_of(frames), lambda done, of: told(2 * of + done, 3 * of)
     )
-    conductors = conductors_of_curves(refits, frames, points)
+    conductors = conductors_of_curves(refits, frames, points, supports.seen)
     if motion_px > LOOSE_POSES_PX:
         notes.append(
             f"The images lie about {motion_px:.1f} px off their poses, as the wires in them show: better "
             "poses make better conductors."
         )
-    if conductors and len(towers) < 2:
+    if conductors and not all(supports.seen):
         notes.append(
-            f"{len(towers)} of 2 supports are seen: where none is, wires end with what the images show, and "
-            "their sag is that of this piece."
+            f"{len(supports.towers)} of 2 supports are seen: where none is, wires end with what the images "
+            "show, and their sag is that of this piece."
         )
     if is_upright(frames):
-        cloud, more = classified(surface, conductors, of_tower, metre_of(frames))
+        cloud, more = classified(surface, conductors, supports.points, metre_of(frames))
     else:
         n = len(surface.xyz)
         cloud = Cloud(
@@ -90,7 +100,7 @@ def survey_run(
         )
         more = ["The world's z is not up, so that nothing is classified: turn the poses of the scene."]
     survey = Survey(
-        tuple(conductors), towers, cloud, frames.unit, frames.crs, frames.origin, str(run.folder),
+        tuple(conductors), supports.towers, cloud, frames.unit, frames.crs, frames.origin, str(run.folder),
         (*notes, *more),
     )  # fmt: skip
     made = {
@@ -105,8 +115,8 @@ def survey_run(
 
 def between_supports(
     surface: Surface, curves: Sequence[Curve], frames: Frames
-) -> tuple[list[Curve], tuple[Tower, ...], Bool[np.ndarray, " n"]]:
-    """The curves cut at the supports that the surface shows, these, and which of its points are theirs."""
+) -> tuple[list[Curve], Supports]:
+    """The curves cut at the supports that the surface shows, and these."""
     metre = frames.scale * metre_of(frames)
     wires = [curve.points(np.linspace(*curve.ends, 60)) / metre for curve in curves]
     found = find_columns(frames.to_scene(surface.xyz) / metre, wires)
@@ -120,7 +130,7 @@ def between_supports(
     cut = [
         replace(curve, ends=(max(curve.ends[0], ends[0]), min(curve.ends[1], ends[1]))) for curve in curves
     ]
-    return cut, tuple(towers), of_tower
+    return cut, Supports(tuple(towers), of_tower, (found[0] is not None, found[1] is not None))
 
 
 def classified(

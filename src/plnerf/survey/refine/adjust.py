@@ -29,7 +29,7 @@ VISIBLE = 3.0
 """A sighting counts where a wire stands out by so many standard deviations."""
 ROBUST = 2.5
 """Standard deviations beyond which a sighting loses its weight (Cauchy): another thing is seen there."""
-LIGHT = 0.5
+LIGHT = 0.1
 """Standard deviation of the place of what is seen of a wire of usual strength, as a share of its diameter."""
 OWN_LIGHT = 0.3
 """Of what is a wire's own in that, as a share of it."""
@@ -74,7 +74,7 @@ class Step:
     """Of all unknowns, from their normal equations."""
     spread: Float[np.ndarray, "p p"]
     """The same by how much the images differ from one another: sightings of one image share their errors."""
-    usable: tuple[Float[np.ndarray, " k"], ...]
+    usable: tuple[Float[np.ndarray, " _"], ...]
     """Of each wire, the distances e of its visible sightings (px), as this state has them."""
 
     pixels_per_unit: float
@@ -134,7 +134,7 @@ def adjust(base: Base, state: State, prior: Prior, found: Sequence[Sequence[Sigh
             score = weighted.T @ off[mine]
             b[at] += score
             scores[n, at] += score
-    # A shift of e pixels is a moment of A e: of D |g| / 2 pixels, as light |g|^2 l, with l = A D / 2 |g|.
+    # A shift by a tenth of the diameter D: A |g| D / 10 = |g|^2 l.
     magnified = float(np.median(size)) if size else 1.0
     light = LIGHT * prior.diameter * float(np.median(strength)) / magnified if strength else 1.0
     P, pull = _prior(base, state, prior, light)

@@ -27,11 +27,15 @@ FIRST_BLUR_PX, BLUR_PX = 1.2, 0.6
 LEAST_ROUNDS, MOST_ROUNDS = 4, 16
 SETTLED_PX = 0.02
 """Rounds end where no wire moves by more."""
-MOTION_PX, LEAST_MOTION_PX = 0.5, 0.05
+MOTION_PX, LEAST_MOTION_PX = 0.1, 0.05
 """Standard deviation of the images' motions at first, and at least."""
-SYSTEMATIC_PX = 0.12
-"""What first order in the light leaves: a displacement the same all along a wire.  On rendered wires under a
-sun, 0.1 to 0.2 px of those that are a pixel wide."""
+SYSTEMATIC_PX = 0.2
+"""What first order in the light leaves: a displacement the same all along a wire.  Measured on rendered wires
+under a sun, 0.1 to 0.3 px."""
+UNDESCRIBED = 0.3
+"""Of an image's motion, the share that one motion for near and far wires does not describe."""
+LEAST_VISIBLE = 0.03
+"""Share of its sightings at which a wire must stand out; of noise, a hundredth does."""
 LEAST_VIEWS = 3
 NEAR_PX = 1.0
 """A wire is seen at a sighting that has it so near."""
@@ -154,6 +158,8 @@ def _judged(
         refused = f"{views} images show it"
     elif sigma > NO_NEWS * prior.trust[w]:
         refused = "the views do not fix it better than it was"
+    elif len(e) < LEAST_VISIBLE * count:
+        refused = f"it stands out at {len(e) / count:.1%} of the places where it is looked for"
     elif near.mean() < LEAST_NEAR:
         refused = f"{near.mean():.0%} of what is seen there lies within a pixel of it"
     elif moved > 2 * prior.trust[w]:
@@ -161,5 +167,6 @@ def _judged(
     if not len(e):
         return Refined(prior.q[w], own, rms, count, views, 0.0, refused)
     same = np.kron(np.eye(2), np.ones((2, 2)))  # y0 with y1, z0 with z1
-    own = own + np.pad(same * (SYSTEMATIC_PX / step.pixels_per_unit) ** 2, (0, 1))
+    common = np.hypot(SYSTEMATIC_PX, UNDESCRIBED * step.motion_px()) / step.pixels_per_unit
+    own = own + np.pad(same * common**2, (0, 1))
     return Refined(prior.q[w] if refused else q, own, rms, count, views, moved, refused)

@@ -55,7 +55,7 @@ def track(
     places += [_world(base, s, here + step * axis) for axis in np.eye(2)]
     pixels, depths = project(camera, torch.from_numpy(np.concatenate(places)))
     (pixel, on, y_px, z_px), depth = np.split(pixels[0].numpy(), 4), depths[0].numpy().reshape(4, -1)
-    front = (depth > 1e-6).all(0)
+    front: Bool[np.ndarray, " k"] = (depth > 1e-6).all(0)
     length = np.linalg.norm(on - pixel, axis=1)
     tangent = (on - pixel) / np.maximum(length, 1e-12)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
