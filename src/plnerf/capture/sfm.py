@@ -26,8 +26,7 @@ DATABASE, MODELS, INPUTS = "database.db", "models", "inputs.sha256"
 LEAST_IMAGES, LEAST_FEATURES, LEAST_MATCHES = 3, 50, 15
 LEAST_ERROR_PX, MOST_ERROR_PX, ERROR = 1.0, 4.0, 0.0025
 """How far off a feature may be: a share ERROR of the image's longer side, within limits.  COLMAP's 4 px are
-those of an image of 1600 px and more; in small images they let so many false matches pass that the lens
-takes an impossible shape and bends all poses."""
+those of an image of 1600 px and more; in small images they let more false matches pass."""
 BATCH, PAIRS = 8, 50
 """Images, and pairs, between two marks of progress: what is done by then is not done again."""
 Model = Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"]
