@@ -62,6 +62,19 @@ def test_wrong_positions_are_named() -> None:
     assert found.summary()["residual_worst_m"] < 0.12
 
 
+def test_a_place_that_few_positions_agree_on_is_none() -> None:
+    """Some always agree, with a reconstruction of any shape: more than half must."""
+    centres, references, _ = flown(curve())
+    off = np.random.default_rng(3).normal(size=(40, 3))
+    for right in (15, 25):
+        wrong = {name: centres[name] + off[i] for i, name in enumerate(centres) if i >= right}
+        if right < 20:
+            with pytest.raises(CaptureError, match=r"Of 40 positions only 15 agree .* it is bent or put"):
+                georeference({**centres, **wrong}, references)
+        else:
+            assert georeference({**centres, **wrong}, references).fit.inlier.sum() == right
+
+
 def test_a_straight_track_needs_gravity_and_says_so() -> None:
     straight = np.stack([np.linspace(0, 200, 40), np.linspace(0, 80, 40), np.full(40, 30.0)], 1)
     centres, references, truth = flown(straight)

@@ -1,5 +1,6 @@
 """Structure from motion on a drawn scene: poses come back, work is kept, and images that fail say why."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ from PIL import Image
 from conftest import look_at
 from plnerf.capture.exif import read_facts
 from plnerf.capture.pairs import PairConfig, choose_pairs
-from plnerf.capture.sfm import SfmConfig, SfmResult, reconstruct
+from plnerf.capture.sfm import SfmConfig, SfmResult, reconstruct, tolerance_px
 from plnerf.capture.similarity import fit_similarity
 from plnerf.errors import CaptureError, ConfigError
 from test_frames import ground
@@ -115,6 +116,19 @@ def test_photos_that_share_nothing_are_told(tmp_path: Path) -> None:
         (tmp_path / "images" / f"{i}.png").unlink()
     with pytest.raises(CaptureError, match="needs 3 images or more, but got 2"):
         run(tmp_path / "images", tmp_path / "work")
+
+
+def test_features_may_be_off_by_a_share_of_the_image(tmp_path: Path) -> None:
+    Image.fromarray(np.zeros((30, 40, 3), np.uint8)).save(tmp_path / "a.png")
+    fact = read_facts(tmp_path / "a.png")
+
+    def tolerance(*sides: int) -> float:
+        return tolerance_px(replace(fact, width_px=side // 2, height_px=side) for side in sides)
+
+    assert tolerance(800) == pytest.approx(tolerance(1600) / 2)
+    assert tolerance(1600) == tolerance(6000) == 4.0  # COLMAP's own
+    assert tolerance(40) == tolerance(400) == 1.0  # what a feature's place is good to
+    assert tolerance(480, 800) == tolerance(800)
 
 
 def test_wrong_settings_are_told() -> None:

@@ -19,6 +19,8 @@ from plnerf.errors import CaptureError
 
 ROLL_LIMIT_DEG = 1.0
 """Turn about the track known worse than this: 20 m beside it, things are 35 cm off."""
+LEAST_TRUSTED = 0.5
+"""Share of the cameras' positions that must agree: a few always do, with a reconstruction of any shape."""
 SAME_M = 1e-3
 SCALE_LIMIT = 0.2
 """Scale known worse than this, relatively: lengths in metres would be a guess."""
@@ -112,6 +114,12 @@ def georeference(
             f"The positions lie within {extent:.3g} m and are good to {np.median(sigma):.2g} m, so that they "
             f"hold the scale to {fit.scale_sigma:.0%} only. Give positions further apart, or better ones "
             "(geo.txt, control points)."
+        )
+    if not control and fit.inlier.mean() < LEAST_TRUSTED:
+        raise CaptureError(
+            f"Of {len(y)} positions only {fit.inlier.sum()} agree with the reconstruction. Where they are as "
+            "good as they say (geo.txt), it is bent or put together wrongly: take larger photos, or more of "
+            "them, which share two thirds with the next."
         )
     held = "positions"
     if fit.roll_sigma_deg > ROLL_LIMIT_DEG and gravity is not None:

@@ -8,7 +8,7 @@ import hashlib
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +24,9 @@ from plnerf.scene.files import write_text
 
 DATABASE, MODELS, INPUTS = "database.db", "models", "inputs.sha256"
 LEAST_IMAGES, LEAST_FEATURES, LEAST_MATCHES = 3, 50, 15
+LEAST_ERROR_PX, MOST_ERROR_PX, ERROR = 1.0, 4.0, 0.0025
+"""How far off a feature may be: a share ERROR of the image's longer side, within limits.  COLMAP's 4 px are
+those of an image of 1600 px and more; in small images they let more false matches pass."""
 BATCH, PAIRS = 8, 50
 """Images, and pairs, between two marks of progress: what is done by then is not done again."""
 Model = Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"]
@@ -93,14 +96,21 @@ def reconstruct(
     _forget_if_changed(images, facts, pairs, config, masks, work)
     pycolmap.set_random_seed(config.seed)
     pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value  # it tells of every image; `tell` does
+    error_px = tolerance_px(facts.values())
     seconds: dict[str, float] = {}
     with _timed(seconds, "features"):
         _extract(images, facts, work / DATABASE, config, masks, tell)
     with _timed(seconds, "matches"):
-        _match(list(facts), pairs, work, config, tell)
+        _match(list(facts), pairs, work, config, error_px, tell)
     with _timed(seconds, "model"):
-        models = _map(images, len(facts), work, config, tell)
+        models = _map(images, len(facts), work, config, error_px, tell)
     return _best(models, list(facts), work / DATABASE, seconds)
+
+
+def tolerance_px(facts: Iterable[PhotoFacts]) -> float:
+    """How far off a feature may be, in the largest of the images."""
+    side = max(max(fact.width_px, fact.height_px) for fact in facts)
+    return min(max(LEAST_ERROR_PX, ERROR * side), MOST_ERROR_PX)
 
 
 def _forget_if_changed(
@@ -179,7 +189,9 @@ def _batches(names: Sequence[str], camera: Mapping[str, int]) -> Iterator[tuple[
             yield number, own[first : first + BATCH]
 
 
-def _match(names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmConfig, tell: Tell) -> None:
+def _match(
+    names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmConfig, error_px: float, tell: Tell
+) -> None:
     """Matches and verifies the pairs that were not yet."""
     with pycolmap.Database.open(work / DATABASE) as db:
         number = {image.name: image.image_id for image in db.read_all_images()}
@@ -192,6 +204,7 @@ def _match(names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmC
     matching = pycolmap.FeatureMatchingOptions(num_threads=config.threads, use_gpu=pycolmap.has_cuda)
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = config.seed
+    verification.ransac.max_error = error_px
     tell("matches", len(pairs) - len(left), len(pairs))
     listing = work / "pairs.txt"
     for first in range(0, len(left), PAIRS):
@@ -204,7 +217,9 @@ def _match(names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmC
         tell("matches", len(pairs) - len(left) + first + len(block), len(pairs))
 
 
-def _map(images: Path, count: int, work: Path, config: SfmConfig, tell: Tell) -> list[Any]:
+def _map(
+    images: Path, count: int, work: Path, config: SfmConfig, error_px: float, tell: Tell
+) -> list[Any]:
     """All models, from the disk where they are there."""
     models = work / MODELS
     if not models.is_dir():
@@ -214,7 +229,11 @@ def _map(images: Path, count: int, work: Path, config: SfmConfig, tell: Tell) ->
         options = pycolmap.IncrementalPipelineOptions(
             min_model_size=LEAST_IMAGES, num_threads=config.threads, random_seed=config.seed
         )
-        options.mapper.random_seed = options.triangulation.random_seed = config.seed
+        mapper, triangulation = options.mapper, options.triangulation
+        mapper.random_seed = triangulation.random_seed = config.seed
+        mapper.init_max_error = mapper.filter_max_reproj_error = error_px
+        mapper.abs_pose_max_error = 3 * error_px
+        triangulation.merge_max_reproj_error = triangulation.complete_max_reproj_error = error_px
         registered = [0]
 
         def one_more() -> None:
