@@ -55,7 +55,7 @@ def track(
     places += [_world(base, s, here + step * axis) for axis in np.eye(2)]
     pixels, depths = project(camera, torch.from_numpy(np.concatenate(places)))
     (pixel, on, y_px, z_px), depth = np.split(pixels[0].numpy(), 4), depths[0].numpy().reshape(4, -1)
-    front: Bool[np.ndarray, " k"] = (depth > 1e-6).all(0)
+    front = np.asarray((depth > 1e-6).all(0))
     length = np.linalg.norm(on - pixel, axis=1)
     tangent = (on - pixel) / np.maximum(length, 1e-12)[:, None]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
@@ -64,7 +64,7 @@ def track(
     u = (pixel - camera.principal_px[0].numpy()) / focal
     turn = np.stack([-u[:, 1], u[:, 0]], 1)
     pixel = pixel + moved[:2] + moved[2] * turn
-    inside: Bool[np.ndarray, " k"] = ((pixel > 0) & (pixel < camera.size_px[0].numpy())).all(1)
+    inside = ((pixel > 0) & (pixel < camera.size_px[0].numpy())).all(1)
     square_on = focal * step / np.where(front, depth[0], 1.0)
     return Track(
         s, pixel, tangent, normal, g, np.concatenate([normal, (normal * turn).sum(1, keepdims=True)], 1),
