@@ -83,6 +83,7 @@ def _fit(fit: CatenaryFit) -> dict[str, Any]:
         "base": {"o": fit.base.o, "u": fit.base.u, "length": fit.base.length_m},
         "q": fit.q,
         "covariance": fit.covariance,
+        "end_sigma": fit.end_sigma_m,
     }
 
 

@@ -58,19 +58,24 @@ def read_survey(path: Path) -> FoundSurvey:
 
 
 def _conductor(row: dict[str, Any]) -> Conductor:
-    base = row["base"]
-    fit = CatenaryFit(
+    before = row["before_refit"]
+    return Conductor(
+        row["id"], row["span"], row["kind"], _fit(row), float(row["coverage"]), float(row["longest_gap"]),
+        row["evidence"], row["source"], row["note"], None if before is None else _fit(before),
+    )  # fmt: skip
+
+
+def _fit(row: dict[str, Any]) -> CatenaryFit:
+    base, ends = row["base"], _array(row["end_sigma"], 2)
+    return CatenaryFit(
         Base(_array(base["o"], 2), _array(base["u"], 2), float(base["length"])),
         _array(row["q"], 5),
         _array(row["covariance"], 5, 5),
         np.ones(0, np.bool_),  # the points are not in the file
         float(row["residual_across"]),
         float(row["residual_up"]),
+        (float(ends[0]), float(ends[1])),
     )
-    return Conductor(
-        row["id"], row["span"], row["kind"], fit, float(row["coverage"]), float(row["longest_gap"]),
-        row["evidence"], row["source"], row["note"],
-    )  # fmt: skip
 
 
 def _clearance(row: dict[str, Any]) -> Clearance:

@@ -6,7 +6,7 @@ conductors, clearances, and the points in wires.ply if they are there; any other
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,13 @@ _WIRES: tuple[_Column, ...] = (
     ("in 95 % across", "within_95_across", "{:.0%}"),
     ("up", "within_95_up", "{:.0%}"),
 )
+_BEFORE: tuple[_Column, ...] = (
+    ("sag error, common stretch m", "sag_common_error_m", "{:+.3f}"),
+    ("RMSE across", "rmse_across_m", "{:.3f}"),
+    ("up", "rmse_up_m", "{:.3f}"),
+    ("worst", "worst_m", "{:.3f}"),
+)
+"""Of conductors before they were refitted to the images."""
 _CLEARANCES: tuple[_Column, ...] = (
     ("conductor", "conductor", "{}"),
     ("true m", "true_m", "{:.2f}"),
@@ -117,7 +124,14 @@ def _score_survey(survey_at: Path, truth: WireTruth) -> tuple[dict[str, Any], st
     found = read_survey(survey_at)
     conductors = score_conductors(found.conductors, truth.wires)
     clearances = score_clearances(conductors.matches, found.conductors, found.clearances, truth)
-    return to_json(conductors, clearances), markdown(conductors, clearances)
+    old = [replace(one, fit=one.before) for one in found.conductors if one.before is not None]
+    before = score_conductors(old, truth.wires)
+    content, table = to_json(conductors, clearances), markdown(conductors, clearances)
+    content["conductors"]["before_refit"] = [_match_row(match) for match in before.matches]
+    if before.matches:
+        lines = _table("before the refit", content["conductors"]["before_refit"], _BEFORE)
+        table += "\n" + "\n".join(lines) + "\n"
+    return content, table
 
 
 def to_json(conductors: ConductorScore, clearances: ClearanceScore) -> dict[str, Any]:
