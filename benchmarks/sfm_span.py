@@ -8,7 +8,7 @@ OUT/photos/    its images with the focal length in EXIF, and geo.txt: centres as
 OUT/scene/     what `plnerf capture` makes of them, and the true wires in its frame (truth.json)
 
 Printed: camera centres and directions against the true ones, and the curves that are found at the start of
-training, with the captured and with the exact poses, against the true wires.
+training, as they are and refitted, with the captured and with the exact poses, against the true wires.
 """
 
 import argparse
@@ -33,6 +33,7 @@ from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
 from plnerf.scene.listing import Listing
 from plnerf.scene.scene import Scene, load_scene
+from plnerf.survey.refine.curves import Line, refit_curves
 from plnerf.synth.config import Pass
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import synthesize
@@ -136,29 +137,29 @@ def tell_cameras(found: Listing, exact: Listing, frame: LocalFrame) -> None:
 
 
 def tell_wires(title: str, scene: Scene, curves: Sequence[Curve], wires: list[dict[str, Any]]) -> None:
-    """A table: for each true wire the certain curve nearest to it, from end to end."""
-    print(f"\n| wire, {title} | RMSE across | RMSE up | sag, true | error |")
-    print("| --- | ---: | ---: | ---: | ---: |")
-    frames = scene.frames
+    """A table: for each true wire the certain curve nearest to it, as found and refitted, from end to end."""
+    print(f"\n| wire, {title} | found: across | up | sag error | refitted: across | up | sag error |")
+    print("| --- |" + " ---: |" * 6)
+    certain = [curve for curve in curves if curve.certain]
+    refits, motion_px = refit_curves(scene, certain, 1.0)
     for wire in wires:
-        line = frames.to_scene(np.array(wire["polyline"]))
-        rows = [_apart(curve, line) / frames.scale for curve in curves if curve.certain]
-        across, up, sag = min(rows, key=lambda row: float(np.hypot(row[0], row[1])))
-        print(
-            f"| {wire['name']} | {100 * across:.1f} cm | {100 * up:.1f} cm | {wire['sag_m']:.3f} m | "
-            f"{100 * (sag - wire['sag_m']):+.1f} cm |"
-        )
-    print(f"{sum(curve.certain for curve in curves)} certain curves")
+        line = np.array(wire["polyline"])
+        rows = [[100 * _apart(one, line) for one in (refit.before, refit.after)] for refit in refits]
+        before, after = min(rows, key=lambda row: float(np.hypot(*row[0][:2])))
+        cells = [f"{one[0]:.2f} cm | {one[1]:.2f} cm | {one[2]:+.2f} cm" for one in (before, after)]
+        print(f"| {wire['name']} | {cells[0]} | {cells[1]} |")
+    print(f"{len(certain)} certain curves; the images lie {motion_px:.2f} px off their poses")
 
 
-def _apart(curve: Curve, line: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
-    """Root mean squares across and up, and the sag between the wire's true ends, in scene units."""
-    line = line[np.argsort(line[:, 0])]
-    s = np.linspace(line[0, 0], line[-1, 0], 400)
-    found = curve.points(s)
-    off = found[:, 1:] - np.stack([np.interp(s, line[:, 0], line[:, k]) for k in (1, 2)], 1)
-    chord = np.linspace(found[0, 2], found[-1, 2], len(s))
-    return np.append(np.sqrt((off**2).mean(0)), (chord - found[:, 2]).max())
+def _apart(found: Line, line: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+    """Root mean squares across and up, and how much the sag between the wire's true ends is too large."""
+    local = found.base.local(line)
+    local = local[np.argsort(local[:, 0])]
+    s = np.linspace(local[0, 0], local[-1, 0], 400)
+    true = np.stack([np.interp(s, local[:, 0], local[:, k]) for k in (1, 2)], 1)
+    here = found.base.at(found.q, s)
+    sags = [np.linspace(z[0], z[-1], len(s)) - z for z in (here[:, 1], true[:, 1])]
+    return np.append(np.sqrt(((here - true) ** 2).mean(0)), sags[0].max() - sags[1].max())
 
 
 if __name__ == "__main__":

@@ -267,6 +267,25 @@ def test_the_command_scores_folders_and_files(
     assert content["overall"]["f1_5cm"] == 1 and content["conductors"]["found"] == 3
 
 
+def test_what_the_refit_gained_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every wire 2 cm higher before it, and with ends of its own."""
+    path = folder / "survey.json"
+    data = json.loads(path.read_text())
+    for row in data["conductors"]:
+        row["end_sigma"] = [0.1, 0.2]
+        y0, y1, z0, z1, b = row["q"]
+        row["before_refit"] = {**row, "q": [y0, y1, z0 + 0.02, z1 + 0.02, b]}
+    path.write_text(json.dumps(data))
+    first = read_survey(path).conductors[0]
+    assert first.fit.end_sigma_m == (0.1, 0.2) and first.before is not None
+    score_survey(folder, truth=folder.parent.parent / "truth.json")
+    assert "| before the refit | sag error" in capsys.readouterr().out
+    scored = json.loads((folder / "survey.score.json").read_text())["conductors"]
+    for now, before in zip(scored["wires"], scored["before_refit"], strict=True):
+        assert before["rmse_up_m"] == pytest.approx(0.02, abs=3 * now["rmse_up_m"])
+        assert before["rmse_across_m"] == pytest.approx(now["rmse_across_m"])
+
+
 def test_a_truth_in_another_frame_is_moved_by_its_cameras(
     folder: Path, tiny_scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
