@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, UInt8
 from plnerf.survey.catenary import CatenaryFit
 
 UNCLASSIFIED, GROUND, LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, BUILDING = 1, 2, 3, 4, 5, 6
-SHIELD, CONDUCTOR, TOWER, CONNECTOR = 13, 14, 15, 16
+SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE = 13, 14, 15, 16, 18
 """Classes of LAS 1.4 (ASPRS)."""
 NO_WIRE = 0
 """Wire id of points on no wire; conductors count from 1."""

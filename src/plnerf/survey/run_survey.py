@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
 
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
@@ -21,6 +20,7 @@ from plnerf.survey.model import (
     CONDUCTOR,
     GROUND,
     NO_WIRE,
+    NOISE,
     SHIELD,
     TOWER,
     UNCLASSIFIED,
@@ -30,12 +30,14 @@ from plnerf.survey.model import (
     Tower,
 )
 from plnerf.survey.obstacles import sampled
+from plnerf.survey.on_wires import on_wires
 from plnerf.survey.refine.curves import refit_curves
 from plnerf.survey.report.colours import KINDS
 from plnerf.survey.report.data import Picture
 from plnerf.survey.report.overlay import overlay
 from plnerf.survey.run_towers import find_columns
-from plnerf.survey.surface import Surface, surface_points
+from plnerf.survey.stereo.surface import survey_surface
+from plnerf.survey.surface import Surface
 from plnerf.survey.survey import POINTS, survey_wires
 from plnerf.train.guidance import CURVES
 from plnerf.train.run import TrainedRun
@@ -44,8 +46,6 @@ from plnerf.wires.ply import read_ply
 
 NEAR_GROUND_M = 0.3
 """A surface point this near to the ground, or twice its standard deviation, belongs to it."""
-ON_WIRE_M = 0.25
-"""A point this near to a conductor is on it."""
 LOOSE_POSES_PX = 0.5
 PICTURES = 4
 
@@ -73,7 +73,8 @@ def survey_run(
     notes = [] if path.exists() else [
         f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
     ]  # fmt: skip
-    surface = surface_points(run, progress=lambda done, of: told(of + done, 3 * of))
+    surface, doubts = survey_surface(run, lambda done, of: told(of + done, 3 * of))
+    notes += doubts
     curves, supports = between_supports(surface, curves, frames)
     if curves:
         require_upright(frames)
@@ -154,13 +155,11 @@ def classified(
         label[higher] = vegetation(above[higher])
         notes.append("Buildings and all else that stands are classified as vegetation, by height.")
     label[of_tower] = TOWER
-    for conductor in conductors:
-        apart, _ = cKDTree(sampled(conductor.fit.curve)).query(
-            surface.xyz, distance_upper_bound=ON_WIRE_M * metre, workers=-1
-        )
-        mine = np.isfinite(apart)
-        wire[mine] = conductor.id
-        label[mine] = SHIELD if conductor.kind == "shield" else CONDUCTOR
+    nearest, smeared = on_wires(surface, [conductor.fit.curve for conductor in conductors], metre)
+    label[smeared] = NOISE
+    for k, conductor in enumerate(conductors):
+        wire[nearest == k] = conductor.id
+        label[nearest == k] = SHIELD if conductor.kind == "shield" else CONDUCTOR
     return Cloud(surface.xyz, label, wire, surface.rgb, surface.sigma), notes
 
 

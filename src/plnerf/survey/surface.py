@@ -42,8 +42,8 @@ class Surface:
     sigma: Float[np.ndarray, " n"]
     """Standard deviation along the line of sight: how widely the field spreads the surface, and how much the
     views differ there."""
-    rays: int
-    """That were looked along."""
+    sight: Float[np.ndarray, "n 3"]
+    """The direction in which each is seen, unit length."""
 
 
 def surface_points(
@@ -53,7 +53,7 @@ def surface_points(
     scene, model = run.scene, run.model
     random = np.random.default_rng(0)
     each = max(1, rays // len(scene.train))
-    places, colours, spreads, footprints, views = [], [], [], [], []
+    places, colours, spreads, footprints, views, sights = [], [], [], [], [], []
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
         for done, i in enumerate(scene.train):
@@ -71,6 +71,7 @@ def surface_points(
                 spreads.append(spread[use].cpu())
                 footprints.append((some.radius * out.depth_median)[use].cpu())
                 views.append(np.full(int(use.sum()), i))
+                sights.append(some.directions[use].cpu())
             if progress is not None:
                 progress(done + 1, len(scene.train))
     xyz, view = torch.cat(places).double().numpy(), np.concatenate(views)
@@ -82,7 +83,8 @@ def surface_points(
     sigma = np.sqrt(along[use] ** 2 + scatter**2 + footprint[use] ** 2 / 12)
     frames = scene.frames
     rgb = torch.cat(colours).numpy()[use]
-    return Surface(frames.to_world(xyz[use]), rgb, sigma / frames.scale, each * len(scene.train))
+    sight = torch.cat(sights).double().numpy()[use] @ frames.R_scene_world
+    return Surface(frames.to_world(xyz[use]), rgb, sigma / frames.scale, sight)
 
 
 def half_width(t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"]) -> Float[Tensor, " r"]:
