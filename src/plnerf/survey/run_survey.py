@@ -120,7 +120,7 @@ def between_supports(
     """The curves cut at the supports that the surface shows, and these."""
     metre = frames.scale * metre_of(frames)
     wires = [curve.points(np.linspace(*curve.ends, 60)) / metre for curve in curves]
-    found = find_columns(frames.to_scene(surface.xyz) / metre, wires)
+    found = find_columns(frames.to_scene(surface.xyz) / metre, wires, surface.sigma / metre_of(frames))
     of_tower, towers, ends = np.zeros(len(surface.xyz), bool), [], []
     for column, open_end in zip(found, (-np.inf, np.inf), strict=True):
         ends.append(open_end if column is None else column.x_m * metre)

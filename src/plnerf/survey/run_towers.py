@@ -26,6 +26,8 @@ OUTER = 0.3
 """Share of the line, at either end, in which a support is looked for."""
 HALF_DEPTH_M = 2.5
 """Of a support's body along the line, from its axis."""
+AXIS_SIGMA_M = 0.3
+"""Points less certain than this, about half of a support's depth, say nothing of its axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +44,14 @@ class Column:
 
 
 def find_columns(
-    points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]]
+    points: Float[np.ndarray, "n 3"],
+    wires: Sequence[Float[np.ndarray, "_ 3"]],
+    sigma: Float[np.ndarray, " n"],
 ) -> tuple[Column | None, Column | None]:
-    """The supports at the first and the last end of wires (polylines along x); None where none is seen."""
+    """The supports at the first and the last end of wires (polylines along x); None where none is seen.
+
+    sigma: standard deviations of the points.
+    """
     if not len(points) or not wires:
         return None, None
     every = np.concatenate(wires)
@@ -76,7 +83,8 @@ def find_columns(
         near = corridor & (np.abs(points[:, 0] - x[best]) <= HALF_DEPTH_M)
         # Lattice and poles are symmetric about their axis; plants at the foot are not.
         upper = near & (points[:, 2] > (ground[best] + lowest[best]) / 2)
-        axis = float(np.median(points[upper, 0]))
+        sure = upper & (sigma <= AXIS_SIGMA_M)
+        axis = float(np.median(points[sure if sure.any() else upper, 0]))
         mine = corridor & (np.abs(points[:, 0] - axis) <= HALF_DEPTH_M)
         mine &= points[:, 2] > ground[best] + FOOT_M
         y, top = float(np.median(points[upper, 1])), float(points[mine, 2].max())
