@@ -11,6 +11,7 @@ focal length f, disparity = f b / Z; k partners; h x w pixels.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -44,6 +45,11 @@ class Picture:
     grey: UInt8[np.ndarray, "h w"]
     valid: Bool[np.ndarray, "h w"]
 
+    @cached_property
+    def rays(self) -> Float[np.ndarray, "h w 3"]:
+        """Directions of all pixels' centres, unit length."""
+        return self.view.rays()
+
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
@@ -74,7 +80,7 @@ def inverse_distance(
     f = float(view.focal_px.mean())
     reach = 16 * max(1, int(np.ceil(f * b / (NEAREST * distance) / 16)))
     # Where the rays of `one` lie on the plane z = 1 of the rectified camera.
-    rays = view.rays @ R.T
+    rays = one.rays @ R.T
     sine = np.hypot(rays[..., 1], rays[..., 2])  # x is the baseline
     seen = (sine >= LEAST_SINE) & (rays[..., 2] >= LEAST_SINE)
     plane = f * rays[..., :2] / np.where(seen, rays[..., 2], 1.0)[..., None]
@@ -89,7 +95,7 @@ def inverse_distance(
     matcher = cv2.StereoSGBM.create(
         minDisparity=0, numDisparities=reach, blockSize=BLOCK_PX, P1=8 * BLOCK_PX**2, P2=32 * BLOCK_PX**2,
         disp12MaxDiff=1, preFilterCap=31, uniquenessRatio=UNIQUE_PERCENT, speckleWindowSize=SPECKLE_PX,
-        speckleRange=SPECKLE_STEP_PX, mode=cv2.STEREO_SGBM_MODE_SGBM,
+        speckleRange=SPECKLE_STEP_PX, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )  # fmt: skip
     disparity = matcher.compute(left, right).astype(np.float32) / 16  # the matcher's are 16ths
     row, column = np.indices(disparity.shape)
