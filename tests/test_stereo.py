@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
-from drawn import hanging, pinhole_cameras, scene_of
 
+from drawn import hanging, pinhole_cameras, scene_of
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
 from plnerf.survey.on_wires import NONE, on_wires
@@ -43,7 +42,7 @@ def row_of_cameras(offsets: tuple[float, ...] = (0.0, 0.15, -0.2)) -> Cameras:
     """Beside one another, looking along y and a little down."""
     x = np.array(offsets)
     centres = np.stack([x, 0 * x - 1.0, 0 * x + 0.2], 1)
-    return pinhole_cameras(centres, centres + [0.0, 1.0, -0.35])
+    return pinhole_cameras(centres, centres + np.array([0.0, 1.0, -0.35]))
 
 
 def views_of(cameras: Cameras) -> list[View]:
@@ -88,7 +87,7 @@ def test_turned_cameras_and_baselines_change_nothing(turn_deg: float) -> None:
     first, *others = views_of(row_of_cameras())
     check(mapped([replace(first, R_scene_camera=first.R_scene_camera @ turn), *others]), cast(
         replace(first, R_scene_camera=first.R_scene_camera @ turn))[0], 0.5)  # fmt: skip
-    up = [replace(one, centre=first.centre + [0, 0, one.centre[0]]) for one in others]
+    up = [replace(one, centre=first.centre + np.array([0, 0, one.centre[0]])) for one in others]
     check(mapped([first, *up]), cast(first)[0], 0.5)
 
 
@@ -96,7 +95,7 @@ def test_lens_size_and_focal_length_may_differ() -> None:
     first, second, third = views_of(row_of_cameras())
     bent = np.array([-0.12, 0.05, 0.001, -0.002, 0.0])
     first = replace(first, distortion=bent)
-    wide = replace(second, width=280, principal_px=second.principal_px + [20, 0])
+    wide = replace(second, width=280, principal_px=second.principal_px + np.array([20.0, 0]))
     zoomed = replace(third, focal_px=third.focal_px * 1.2)
     check(mapped([first, wide, zoomed]), cast(first)[0], 0.4)
 
@@ -123,9 +122,10 @@ def test_partners_stand_beside_and_look_the_same_way() -> None:
     first = row[0]
     ahead = replace(first, centre=first.centre + 0.2 * first.axis + [0.09, 0, 0])
     c, s = np.cos(0.5), np.sin(0.5)
-    away = replace(row[1], R_scene_camera=np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ row[1].R_scene_camera)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    away = replace(row[1], R_scene_camera=turn @ row[1].R_scene_camera)
     zoomed = replace(row[1], focal_px=row[1].focal_px * 2)
-    smaller = replace(row[1], width=200, centre=row[1].centre + [0.04, 0, 0])
+    smaller = replace(row[1], width=200, centre=row[1].centre + np.array([0.04, 0, 0]))
     views = [*row, ahead, away, zoomed, smaller]
     chosen = partners(views, np.full(len(views), DISTANCE))
     assert set(chosen[0]) == {1, 2, 8}
@@ -145,7 +145,8 @@ def points(n: int, low: list[float], high: list[float], sigma: float = 0.1) -> S
 
 
 def joined(*parts: Surface) -> Surface:
-    return Surface(*(np.concatenate([getattr(p, k) for p in parts]) for k in ("xyz", "rgb", "sigma", "sight")))
+    names = ("xyz", "rgb", "sigma", "sight")
+    return Surface(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def test_of_the_field_only_wires_are_left(tmp_path: Path) -> None:
@@ -160,7 +161,7 @@ def test_of_the_field_only_wires_are_left(tmp_path: Path) -> None:
     )  # fmt: skip
     found, notes = with_stereo(scene, field, [curve], points=20_000)
     assert not notes and (found.xyz[-40:] == wire.xyz).all()
-    x, y, z = found.xyz[:-40].T
+    z = found.xyz[:-40, 2]
     on_box = np.abs(np.maximum(BOX[0] - found.xyz[:-40], found.xyz[:-40] - BOX[1]).max(1)) < 0.05
     assert len(z) > 5000 and (on_box | (np.abs(z - FLOOR) < 0.05)).mean() > 0.97
     assert np.abs(np.linalg.norm(found.sight, axis=1) - 1).max() < 1e-6
@@ -174,8 +175,8 @@ def test_without_pairs_the_field_is_all_there_is(tmp_path: Path) -> None:
     found, notes = with_stereo(scene, field, [])
     assert found is field
     assert notes == [
-        "The images make no stereo (0 of 2 have two partners that look the same way from beside them): ground, "
-        "plants and supports are the field's alone, which may be metres off."
+        "The images make no stereo (0 of 2 have two partners that look the same way from beside them): "
+        "ground, plants and supports are the field's alone, which may be metres off."
     ]
 
 
@@ -204,7 +205,7 @@ def test_distances_are_those_of_what_is_seen() -> None:
 
 def test_points_smeared_along_their_sight_are_the_wires() -> None:
     """Seen along y, before a wire along x at y = 0: within three deviations they cannot be told from it."""
-    wires = [Catenary((-20.0, 0.0, 9.0), (20.0, 0.0, 9.0), 150.0), Catenary((-20.0, 5.0, 9.0), (20.0, 5.0, 9.0), 150.0)]
+    wires = [Catenary((-20.0, y, 9.0), (20.0, y, 9.0), 150.0) for y in (0.0, 5.0)]
     low = wires[0].lowest[2]
     y = np.array([0.1, -0.2, -1.0, -1.0, -2.0, 5.1, 0.0])
     z = np.array([low, low, low, low + 0.5, low, low, low - 3])

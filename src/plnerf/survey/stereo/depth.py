@@ -1,12 +1,12 @@
 """The depth map of an image from its stereo partners.
 
 Both images of a pair are turned so that their rows lie along the baseline (A. Fusiello, E. Trucco, A. Verri,
-"A compact algorithm for rectification of stereo pairs", Machine Vision and Applications 12, 2000), and matched
-by semi-global matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual information",
-IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel's depth stands where two pairs agree.
+"A compact algorithm for rectification of stereo pairs", Machine Vision and Applications 12, 2000), and
+matched by semi-global matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual
+information", IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel's depth stands where two pairs agree.
 
-Letters: w = 1/t inverse distance along a pixel's ray, what a disparity is linear in: for rectified depth Z and
-focal length f, disparity = f b / Z; k partners; h x w pixels.
+Letters: w = 1/t inverse distance along a pixel's ray, what a disparity is linear in: for rectified depth Z
+and focal length f, disparity = f b / Z; k partners; h x w pixels.
 """
 
 from collections.abc import Sequence
@@ -104,8 +104,9 @@ def inverse_distance(
     x, y = (plane - low - 0.5).astype(np.float32).transpose(2, 0, 1)
     at = _sampled(disparity, _even(disparity, good), x, y)
     at[~seen | ~one.valid] = np.nan
-    # Z = f b / disparity, and t = Z / (the ray's share of z).
-    return at * rays[..., 2] / (f * b), np.where(np.isnan(at), np.nan, SIGMA_PX / (f * b * np.maximum(sine, LEAST_SINE)))
+    # Z = f b / disparity, and t = Z / (the ray's share of z); what counts of the baseline is across the ray.
+    sigma = np.where(np.isnan(at), np.nan, SIGMA_PX / (f * b * np.maximum(sine, LEAST_SINE)))
+    return at * rays[..., 2] / (f * b), sigma
 
 
 def _rectified_axes(x: Float[np.ndarray, "3"], forward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
@@ -118,8 +119,8 @@ def _rectified_axes(x: Float[np.ndarray, "3"], forward: Float[np.ndarray, "3"]) 
 def _turned(
     one: Picture, R: Float[np.ndarray, "3 3"], f: float, low: Float[np.ndarray, "2"], size: tuple[int, int]
 ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-    """The image as a rectified camera sees it, and where it shows valid pixels.  OpenCV's first pixel's centre
-    is (0, 0)."""
+    """The image as a rectified camera sees it, and where it shows valid pixels.  OpenCV's first pixel has
+    its centre at (0, 0)."""
     view = one.view
     K, K_rectified = np.eye(3), np.eye(3)
     K[0, 0], K[1, 1] = view.focal_px
@@ -160,12 +161,13 @@ def _sampled(
     """Linear between the good pixels; NaN where they hold less than half of the weight."""
     total = cv2.remap(np.where(good, disparity, np.float32(0)), x, y, cv2.INTER_LINEAR)
     share = cv2.remap(good.astype(np.float32), x, y, cv2.INTER_LINEAR)
-    at: Float[np.ndarray, "r c"] = np.where(share >= 0.5, total / np.maximum(share, 0.5), np.nan).astype(np.float64)
-    return at
+    at: Float[np.ndarray, "r c"] = np.where(share >= 0.5, total / np.maximum(share, 0.5), np.nan)
+    return at.astype(np.float64)
 
 
 def _agreed(w: Float[np.ndarray, "k h w"], sigma: Float[np.ndarray, "k h w"]) -> DepthMap:
-    """The weighted mean of the pairs that agree with the one with which most agree (of equals the most exact).
+    """The weighted mean of the pairs that agree with the one with which most agree (of equals, the
+    most exact).
 
     Its deviation is the least of theirs, for all share one image, or their spread where that is more."""
     limit = AGREE_PX / SIGMA_PX * np.maximum(sigma[:, None], sigma[None])

@@ -66,8 +66,8 @@ def with_stereo(
     found = sum(len(some) for some in places)
     if found < LEAST_SHARE * points:
         return field, [
-            f"The images make no stereo ({sum(len(others) > 1 for others in chosen)} of {len(views)} have two "
-            "partners that look the same way from beside them): ground, plants and supports are the field's "
+            f"The images make no stereo ({sum(len(others) > 1 for others in chosen)} of {len(views)} have "
+            "two partners that look the same way from beside them): ground, plants and supports are the field's "
             "alone, which may be metres off."
         ]
     wires = _on_curves(of_field, curves)
