@@ -191,7 +191,8 @@ def test_points_on_a_conductor_are_its_own() -> None:
     on = wire.fit.curve.points(np.linspace(0, wire.fit.curve.span_m, 50))
     bush = np.random.default_rng(1).normal(size=(60, 3)) * 0.3 + [3, 5, 2.0]
     xyz = np.concatenate([floor, on, bush])
-    surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), np.tile([0.0, 1.0, 0.0], (len(xyz), 1)))
+    sight = np.tile([0.0, 1.0, 0.0], (len(xyz), 1))
+    surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), sight)
     cloud, notes = classified(surface, [wire], np.zeros(len(xyz), bool))
     assert (cloud.wire[4000:4050] == 1).all() and (cloud.label[4000:4050] == 14).all()
     assert (cloud.label[:4000] == 2).mean() > 0.99 and np.isin(cloud.label[4050:], (4, 5)).mean() > 0.9

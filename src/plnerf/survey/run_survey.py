@@ -73,7 +73,7 @@ def survey_run(
     notes = [] if path.exists() else [
         f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
     ]  # fmt: skip
-    surface, doubts = survey_surface(run, lambda done, of: told(of + done, 3 * of))
+    surface, doubts = survey_surface(run, curves, lambda done, of: told(of + done, 3 * of))
     notes += doubts
     curves, supports = between_supports(surface, curves, frames)
     if curves:
@@ -143,14 +143,17 @@ def classified(
     """
     label = np.full(len(surface.xyz), UNCLASSIFIED, np.uint8)
     wire = np.full(len(surface.xyz), NO_WIRE, np.int64)
-    notes = []
+    sigma, notes = surface.sigma, []
     ground = find_ground(surface.xyz[~of_tower] / metre) if (~of_tower).any() else None
     if ground is None:
         notes.append("The field shows no ground: its points are not classified, and no heights are known.")
     else:
         above = ground.above(surface.xyz / metre)
-        on_it = np.abs(above) <= np.maximum(NEAR_GROUND_M, 2 * surface.sigma / metre)
+        # Along flat ground a point may move as it will: only the upright part of its deviation counts.
+        upright = surface.sigma * np.abs(surface.sight[:, 2])
+        on_it = np.abs(above) <= np.maximum(NEAR_GROUND_M, 2 * upright / metre)
         label[on_it] = GROUND
+        sigma = np.where(on_it, upright, sigma)
         higher = (above > 0) & ~on_it
         label[higher] = vegetation(above[higher])
         notes.append("Buildings and all else that stands are classified as vegetation, by height.")
@@ -160,7 +163,7 @@ def classified(
     for k, conductor in enumerate(conductors):
         wire[nearest == k] = conductor.id
         label[nearest == k] = SHIELD if conductor.kind == "shield" else CONDUCTOR
-    return Cloud(surface.xyz, label, wire, surface.rgb, surface.sigma), notes
+    return Cloud(surface.xyz, label, wire, surface.rgb, sigma), notes
 
 
 def drawn_over(scene: Scene, conductors: Sequence[Conductor]) -> tuple[Picture, ...]:

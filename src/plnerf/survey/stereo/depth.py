@@ -1,16 +1,17 @@
 """The depth map of an image from its stereo partners.
 
 Both images of a pair are turned so that their rows lie along the baseline (A. Fusiello, E. Trucco, A. Verri,
-"A compact algorithm for rectification of stereo pairs", Machine Vision and Applications 12, 2000), and matched
-by semi-global matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual information",
-IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel's depth stands where two pairs agree.
+"A compact algorithm for rectification of stereo pairs", Machine Vision and Applications 12, 2000), and
+matched by semi-global matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual
+information", IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel's depth stands where two pairs agree.
 
-Letters: w = 1/t inverse distance along a pixel's ray, what a disparity is linear in: for rectified depth Z and
-focal length f, disparity = f b / Z; k partners; h x w pixels.
+Letters: w = 1/t inverse distance along a pixel's ray, what a disparity is linear in: for rectified depth Z
+and focal length f, disparity = f b / Z; k partners; h x w pixels.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -44,6 +45,11 @@ class Picture:
     grey: UInt8[np.ndarray, "h w"]
     valid: Bool[np.ndarray, "h w"]
 
+    @cached_property
+    def rays(self) -> Float[np.ndarray, "h w 3"]:
+        """Directions of all pixels' centres, unit length."""
+        return self.view.rays()
+
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
@@ -74,7 +80,7 @@ def inverse_distance(
     f = float(view.focal_px.mean())
     reach = 16 * max(1, int(np.ceil(f * b / (NEAREST * distance) / 16)))
     # Where the rays of `one` lie on the plane z = 1 of the rectified camera.
-    rays = view.rays @ R.T
+    rays = one.rays @ R.T
     sine = np.hypot(rays[..., 1], rays[..., 2])  # x is the baseline
     seen = (sine >= LEAST_SINE) & (rays[..., 2] >= LEAST_SINE)
     plane = f * rays[..., :2] / np.where(seen, rays[..., 2], 1.0)[..., None]
@@ -89,7 +95,7 @@ def inverse_distance(
     matcher = cv2.StereoSGBM.create(
         minDisparity=0, numDisparities=reach, blockSize=BLOCK_PX, P1=8 * BLOCK_PX**2, P2=32 * BLOCK_PX**2,
         disp12MaxDiff=1, preFilterCap=31, uniquenessRatio=UNIQUE_PERCENT, speckleWindowSize=SPECKLE_PX,
-        speckleRange=SPECKLE_STEP_PX, mode=cv2.STEREO_SGBM_MODE_SGBM,
+        speckleRange=SPECKLE_STEP_PX, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )  # fmt: skip
     disparity = matcher.compute(left, right).astype(np.float32) / 16  # the matcher's are 16ths
     row, column = np.indices(disparity.shape)
@@ -98,8 +104,9 @@ def inverse_distance(
     x, y = (plane - low - 0.5).astype(np.float32).transpose(2, 0, 1)
     at = _sampled(disparity, _even(disparity, good), x, y)
     at[~seen | ~one.valid] = np.nan
-    # Z = f b / disparity, and t = Z / (the ray's share of z).
-    return at * rays[..., 2] / (f * b), np.where(np.isnan(at), np.nan, SIGMA_PX / (f * b * np.maximum(sine, LEAST_SINE)))
+    # Z = f b / disparity, and t = Z / (the ray's share of z); what counts of the baseline is across the ray.
+    sigma = np.where(np.isnan(at), np.nan, SIGMA_PX / (f * b * np.maximum(sine, LEAST_SINE)))
+    return at * rays[..., 2] / (f * b), sigma
 
 
 def _rectified_axes(x: Float[np.ndarray, "3"], forward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
@@ -112,8 +119,8 @@ def _rectified_axes(x: Float[np.ndarray, "3"], forward: Float[np.ndarray, "3"]) 
 def _turned(
     one: Picture, R: Float[np.ndarray, "3 3"], f: float, low: Float[np.ndarray, "2"], size: tuple[int, int]
 ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-    """The image as a rectified camera sees it, and where it shows valid pixels.  OpenCV's first pixel's centre
-    is (0, 0)."""
+    """The image as a rectified camera sees it, and where it shows valid pixels.  OpenCV's first pixel has
+    its centre at (0, 0)."""
     view = one.view
     K, K_rectified = np.eye(3), np.eye(3)
     K[0, 0], K[1, 1] = view.focal_px
@@ -154,12 +161,13 @@ def _sampled(
     """Linear between the good pixels; NaN where they hold less than half of the weight."""
     total = cv2.remap(np.where(good, disparity, np.float32(0)), x, y, cv2.INTER_LINEAR)
     share = cv2.remap(good.astype(np.float32), x, y, cv2.INTER_LINEAR)
-    at: Float[np.ndarray, "r c"] = np.where(share >= 0.5, total / np.maximum(share, 0.5), np.nan).astype(np.float64)
-    return at
+    at: Float[np.ndarray, "r c"] = np.where(share >= 0.5, total / np.maximum(share, 0.5), np.nan)
+    return at.astype(np.float64)
 
 
 def _agreed(w: Float[np.ndarray, "k h w"], sigma: Float[np.ndarray, "k h w"]) -> DepthMap:
-    """The weighted mean of the pairs that agree with the one with which most agree (of equals the most exact).
+    """The weighted mean of the pairs that agree with the one with which most agree (of equals, the
+    most exact).
 
     Its deviation is the least of theirs, for all share one image, or their spread where that is more."""
     limit = AGREE_PX / SIGMA_PX * np.maximum(sigma[:, None], sigma[None])

@@ -25,8 +25,8 @@ LEAST_SINE = 0.3
 def partners(views: Sequence[View], distance: Float[np.ndarray, " n"]) -> list[tuple[int, ...]]:
     """For each view up to `PARTNERS` others, the best first; none for a view without a distance (NaN).
 
-    A partner looks within `WIDEST_TURN_DEG` in the same direction, from b within `BASELINES` across the line of
-    sight, and neither image shows the other's centre (an epipole), nor its opposite.
+    A partner looks within `WIDEST_TURN_DEG` in the same direction, from b within `BASELINES` across the line
+    of sight, and neither image shows the other's centre (an epipole), nor its opposite.
     """
     centres, axes = np.array([v.centre for v in views]), np.array([v.axis for v in views])
     focal = np.array([v.focal_px.mean() for v in views])

@@ -5,7 +5,6 @@ Letters: n views, p points.  Scene frame; pixels as in `scene/cameras.py`: the f
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -37,19 +36,10 @@ class View:
         """Direction of view."""
         return self.R_scene_camera[:, 2]
 
-    @cached_property
     def rays(self) -> Float[np.ndarray, "h w 3"]:
         """Directions of all pixels' centres, unit length."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return self.directions(np.stack([x, y], -1))
-
-    @cached_property
-    def border(self) -> Float[np.ndarray, "b 3"]:
-        """Directions of places around the image's edge, unit length."""
-        t = np.linspace(0.0, 1.0, 9)
-        zero = np.zeros_like(t)
-        edge = np.concatenate([np.stack(side, 1) for side in ((t, zero), (t, zero + 1), (zero, t), (zero + 1, t))])
-        return self.directions(edge * (self.width, self.height))
 
     def directions(self, pixels: Float[np.ndarray, "*p 2"]) -> Float[np.ndarray, "*p 3"]:
         """Unit vectors from the centre through pixels."""
