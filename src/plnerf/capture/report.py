@@ -49,6 +49,7 @@ def summary(report: dict[str, Any]) -> str:
         f"{report['registered']} of {report['images']} images have a pose, {report['points']:,} points, "
         f"{report['reprojection_px']:.2f} px off on average."
     )
+    lines += [". ".join(filter(None, (one["what"], one["do"]))) + "." for one in report["findings"]]
     by_reason: dict[str, list[str]] = {}
     for name, reason in report["failed"].items():
         by_reason.setdefault(reason, []).append(name)
