@@ -1,4 +1,4 @@
-"""Whether the lens that came out of structure from motion can be one: if not, the poses are bent with it.
+"""Whether the lens that came out of structure from motion is possible: if not, the poses are bent with it.
 
 Where images overlap little or look alike, a model can fit them with false matches and a false lens at once,
 at a small error.  The lens gives it away: square pixels are not asked for, so that they are a check.
@@ -21,7 +21,7 @@ GRID, SAME_PX = 24, 0.5
 
 
 def lens_problem(camera: Any, stated_px: float | None) -> str | None:
-    """What is wrong with a lens, in words; None where it can be one.
+    """What is wrong with a lens, in words; None where it is plausible.
 
     camera: pycolmap.Camera of a perspective model.  stated_px: focal length of EXIF, where there is one.
     """

@@ -1,4 +1,4 @@
-"""Models of the images out of their matches; where a model's lens cannot be one, the images are mapped again.
+"""Models of the images out of their matches; where a model's lens is impossible, the images are mapped again.
 
 Mapping begins with a guessed lens and grows from two images, and what it takes for true early decides the
 rest: with other tolerances or draws the same matches can give another model.  So there are up to three tries,
@@ -74,7 +74,7 @@ def map_until_plausible(
     best = [sorted(found, key=_rank, reverse=True) for found in rounds if found]
     taken = max(best, key=lambda found: _rank(found[0]), default=[])
     bent = [found[0] for found in rounds if found and found[0].problem is not None]
-    return taken, _findings(taken, bent)
+    return taken, _findings(taken, bent, len(rounds))
 
 
 def judged(model: Any, facts: Mapping[str, PhotoFacts]) -> Candidate:
@@ -147,14 +147,15 @@ def _rank(one: Candidate) -> tuple[bool, int]:
     return one.problem is None, len(one.images)
 
 
-def _findings(taken: Sequence[Candidate], bent: Sequence[Candidate]) -> list[Finding]:
+def _findings(taken: Sequence[Candidate], bent: Sequence[Candidate], count: int) -> list[Finding]:
     """What is to be said: nothing, where the first try did."""
     if not bent:
         return []
     refused = "; ".join(f"{len(one.images)} images with {one.problem}" for one in bent)
+    share = f"{len(bent)} of {count} tries"
+    impossible = f"the lens of the largest model came out impossible in {share}, its poses bent"
     if taken[0].problem is not None:
-        what = f"no try gave a model whose lens can be one, so that poses are bent with it: {refused}"
+        what = f"{impossible}, and no other model is better: {refused}"
         return [Finding("bent model", "stops", what, taken[0].images, DO)]
-    what = f"a lens that cannot be one, and poses bent with it, came out of {len(bent)} tries: {refused}"
-    rest = f"the model of {len(taken[0].images)} images with a plausible lens is taken"
-    return [Finding("mapped again", "note", f"{what}; {rest}", (), "")]
+    taken_instead = f"taken is a model of {len(taken[0].images)} images, whose lens is plausible"
+    return [Finding("mapped again", "note", f"{impossible}: {refused}; {taken_instead}", (), "")]

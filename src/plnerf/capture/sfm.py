@@ -293,7 +293,7 @@ def _reason(features: int, partners: int, other: Candidate | None) -> str:
     if features < LEAST_FEATURES:
         return "hardly a feature: blurred, dark, or without texture"
     if other is not None and other.problem is not None:
-        return "in a part of its own, whose lens cannot be one"
+        return "in a part of its own, whose lens is impossible"
     if other is not None:
         return "in a part of its own, which nothing joins to the largest"
     if partners == 0:
