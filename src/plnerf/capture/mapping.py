@@ -25,8 +25,8 @@ MOST_ERROR_PX = 4.0
 MOST_BENT = 0.1
 """Share of a model's images that may have an implausible lens: with one for each image, a few may fail."""
 DO = (
-    "Do not trust these poses. Give photos whose EXIF states the focal length, fly passes that cross or look "
-    "the same way, and let each image share two thirds with the next"
+    "Do not trust these poses. Try another --seed; else give photos whose EXIF states the focal length, fly "
+    "passes that cross or look the same way, and let each image share two thirds with the next"
 )
 Tell = Callable[[str, int, int], object]
 """Hears the stage, how much of it is done, and how much there is."""
