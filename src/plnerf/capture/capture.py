@@ -26,11 +26,12 @@ from plnerf.capture.frames import LEAST, MOST, Taken, choose_frames
 from plnerf.capture.georef import Anchor, Georeference, georeference
 from plnerf.capture.gravity import Gravity, gravity_from_gimbal, gravity_from_level_cameras
 from plnerf.capture.local_frame import local_frame
+from plnerf.capture.mapping import LEAST_IMAGES, Tell
 from plnerf.capture.masks import bring_masks
 from plnerf.capture.pairs import choose_pairs
 from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.references import GEO_TXT, References, from_photos, read_geo_txt
-from plnerf.capture.sfm import LEAST_IMAGES, SfmConfig, SfmResult, Tell, reconstruct
+from plnerf.capture.sfm import SfmConfig, SfmResult, reconstruct
 from plnerf.capture.similarity import Similarity, upright_rotation
 from plnerf.capture.video import stated_count, video_pictures, write_pictures
 from plnerf.errors import CaptureError, ConfigError
@@ -103,6 +104,7 @@ def capture(
         "images": len(facts),
         "registered": len(found.registered),
         "failed": found.failed,
+        "findings": [asdict(finding) for finding in found.findings],
         "left_out": [*problems, *references.problems, *(control.problems if control else ())],
         "frames": [asdict(one) for one in taken],
         "reprojection_px": found.reprojection_px,

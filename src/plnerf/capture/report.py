@@ -49,6 +49,9 @@ def summary(report: dict[str, Any]) -> str:
         f"{report['registered']} of {report['images']} images have a pose, {report['points']:,} points, "
         f"{report['reprojection_px']:.2f} px off on average."
     )
+    for one in report["findings"]:
+        said = ". ".join(text for text in (one["what"], one["do"]) if text)
+        lines.append(f"{one['kind'].capitalize()}: {said}.")
     by_reason: dict[str, list[str]] = {}
     for name, reason in report["failed"].items():
         by_reason.setdefault(reason, []).append(name)

@@ -1,14 +1,14 @@
 """Structure from motion by COLMAP: features, matches, and a model of as many images as hang together.
 
 Each stage is kept in the work folder and goes on where it was cut off: images with features and pairs with
-matches are not done again, and a finished model is read.
+matches are not done again, and the models of a finished try to map (`mapping`) are read.
 """
 
 import hashlib
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,20 +18,30 @@ from typing import Any, Literal
 import pycolmap
 
 from plnerf.capture.exif import PhotoFacts
+from plnerf.capture.findings import Finding
+from plnerf.capture.mapping import (
+    LEAST_IMAGES,
+    MOST_ERROR_PX,
+    Candidate,
+    Tell,
+    Try,
+    map_once,
+    map_until_plausible,
+    tries,
+    verification,
+)
 from plnerf.capture.pairs import Pair, PairConfig
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.files import write_text
 
 DATABASE, MODELS, INPUTS = "database.db", "models", "inputs.sha256"
-LEAST_IMAGES, LEAST_FEATURES, LEAST_MATCHES = 3, 50, 15
-LEAST_ERROR_PX, MOST_ERROR_PX, ERROR = 1.0, 4.0, 0.0025
+LEAST_FEATURES, LEAST_MATCHES = 50, 15
+LEAST_ERROR_PX, ERROR = 1.0, 0.0025
 """How far off a feature may be: a share ERROR of the image's longer side, within limits.  COLMAP's 4 px are
 those of an image of 1600 px and more; in small images they let more false matches pass."""
 BATCH, PAIRS = 8, 50
 """Images, and pairs, between two marks of progress: what is done by then is not done again."""
 Model = Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"]
-Tell = Callable[[str, int, int], object]
-"""Hears the stage, how much of it is done, and how much there is."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +70,7 @@ class SfmConfig:
 
 @dataclass(frozen=True, eq=False)
 class SfmResult:
-    """The model with the most images."""
+    """The model with the most images among those of a plausible lens."""
 
     reconstruction: Any
     """pycolmap.Reconstruction."""
@@ -70,6 +80,8 @@ class SfmResult:
     reprojection_px: float
     points: int
     seconds: dict[str, float]
+    findings: tuple[Finding, ...]
+    """That the images were mapped more than once, or that no model can be trusted."""
 
 
 def reconstruct(
@@ -96,15 +108,17 @@ def reconstruct(
     _forget_if_changed(images, facts, pairs, config, masks, work)
     pycolmap.set_random_seed(config.seed)
     pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value  # it tells of every image; `tell` does
-    error_px = tolerance_px(facts.values())
+    ways = tries(tolerance_px(facts.values()), config.seed)
     seconds: dict[str, float] = {}
     with _timed(seconds, "features"):
         _extract(images, facts, work / DATABASE, config, masks, tell)
     with _timed(seconds, "matches"):
-        _match(list(facts), pairs, work, config, error_px, tell)
+        _match(list(facts), pairs, work, config, ways[0], tell)
     with _timed(seconds, "model"):
-        models = _map(images, len(facts), work, config, error_px, tell)
-    return _best(models, list(facts), work / DATABASE, seconds)
+        models, findings = map_until_plausible(
+            lambda k, way: _map(images, len(facts), work, config, k, way, tell), ways, facts
+        )
+    return _result(models, list(facts), work / DATABASE, seconds, findings)
 
 
 def tolerance_px(facts: Iterable[PhotoFacts]) -> float:
@@ -125,7 +139,8 @@ def _forget_if_changed(
     path = work / INPUTS
     if not path.exists() or path.read_text() != inputs:
         (work / DATABASE).unlink(missing_ok=True)
-        shutil.rmtree(work / MODELS, ignore_errors=True)
+        for folder in work.glob(f"{MODELS}*/"):
+            shutil.rmtree(folder)
     write_text(path, inputs)
 
 
@@ -190,7 +205,7 @@ def _batches(names: Sequence[str], camera: Mapping[str, int]) -> Iterator[tuple[
 
 
 def _match(
-    names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmConfig, error_px: float, tell: Tell
+    names: Sequence[str], pairs: Sequence[Pair], work: Path, config: SfmConfig, way: Try, tell: Tell
 ) -> None:
     """Matches and verifies the pairs that were not yet."""
     with pycolmap.Database.open(work / DATABASE) as db:
@@ -202,59 +217,43 @@ def _match(
             if not db.exists_matches(number[names[i]], number[names[j]])
         ]
     matching = pycolmap.FeatureMatchingOptions(num_threads=config.threads, use_gpu=pycolmap.has_cuda)
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = config.seed
-    verification.ransac.max_error = error_px
     tell("matches", len(pairs) - len(left), len(pairs))
     listing = work / "pairs.txt"
     for first in range(0, len(left), PAIRS):
         block = left[first : first + PAIRS]
         write_text(listing, "".join(f"{a} {b}\n" for a, b in block))
         pycolmap.match_image_pairs(
-            work / DATABASE, matching_options=matching, verification_options=verification,
+            work / DATABASE, matching_options=matching, verification_options=verification(way),
             pairing_options=pycolmap.ImportedPairingOptions(match_list_path=listing),
         )  # fmt: skip
         tell("matches", len(pairs) - len(left) + first + len(block), len(pairs))
 
 
 def _map(
-    images: Path, count: int, work: Path, config: SfmConfig, error_px: float, tell: Tell
-) -> list[Any]:
-    """All models, from the disk where they are there."""
-    models = work / MODELS
-    if not models.is_dir():
-        part = work / f"{MODELS}.part"
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir()
-        options = pycolmap.IncrementalPipelineOptions(
-            min_model_size=LEAST_IMAGES, num_threads=config.threads, random_seed=config.seed
-        )
-        mapper, triangulation = options.mapper, options.triangulation
-        mapper.random_seed = triangulation.random_seed = config.seed
-        mapper.init_max_error = mapper.filter_max_reproj_error = error_px
-        mapper.abs_pose_max_error = 3 * error_px
-        triangulation.merge_max_reproj_error = triangulation.complete_max_reproj_error = error_px
-        registered = [0]
+    images: Path, count: int, work: Path, config: SfmConfig, k: int, way: Try, tell: Tell
+) -> list[Any]:  # fmt: skip
+    """Models of the k-th try, from the disk where they are there; the first has the matches' tolerance."""
+    stage, folder = ("model", MODELS) if k == 0 else (f"model, try {k + 1}", f"{MODELS}-{k + 1}")
+    registered = [0]
 
-        def one_more() -> None:
-            registered[0] += 1
-            tell("model", min(registered[0], count), count)
+    def one_more() -> None:
+        registered[0] += 1
+        tell(stage, min(registered[0], count), count)
 
-        pycolmap.incremental_mapping(
-            work / DATABASE, images, part, options=options, next_image_callback=one_more
-        )
-        part.replace(models)
-    tell("model", count, count)
-    return [pycolmap.Reconstruction(folder) for folder in sorted(models.iterdir()) if folder.is_dir()]
+    models = map_once(
+        work / DATABASE, images, work / folder, way, config.threads, one_more, verify=k > 0
+    )
+    tell(stage, count, count)
+    return models
 
 
-def _best(
-    models: Sequence[Any], names: Sequence[str], database: Path, seconds: dict[str, float]
-) -> SfmResult:
-    """The model with the most images, and why the others are not in it."""
-    best = max(models, key=lambda model: model.num_reg_images(), default=None)
-    registered = _registered(best) if best is not None else set()
-    elsewhere = {name: model for model in models if model is not best for name in _registered(model)}
+def _result(
+    models: Sequence[Candidate], names: Sequence[str], database: Path, seconds: dict[str, float],
+    findings: Sequence[Finding],
+) -> SfmResult:  # fmt: skip
+    """The best model, which comes first, and why the other images are not in it."""
+    registered = set(models[0].images) if models else set()
+    elsewhere = {name: model for model in reversed(models[1:]) for name in model.images}
     failed = {}
     with pycolmap.Database.open(database) as db:
         images = {image.name: image.image_id for image in db.read_all_images()}
@@ -267,20 +266,17 @@ def _best(
                 continue
             features = db.num_keypoints_for_image(images[name])
             failed[name] = _reason(features, partners.get(images[name], 0), elsewhere.get(name))
-    if best is None or len(registered) < LEAST_IMAGES:
+    if len(registered) < LEAST_IMAGES:
         reasons = [f"{count} {reason}" for reason, count in Counter(failed.values()).items()]
         raise CaptureError(
             f"Of {len(names)} images fewer than {LEAST_IMAGES} could be put together ({'; '.join(reasons)}). "
             "Take photos that share two thirds of what they show with the next, of something with texture."
         )
+    best = models[0].model
     return SfmResult(
         best, tuple(name for name in names if name in registered), failed,
-        best.compute_mean_reprojection_error(), best.num_points3D(), seconds,
+        best.compute_mean_reprojection_error(), best.num_points3D(), seconds, tuple(findings),
     )  # fmt: skip
-
-
-def _registered(model: Any) -> set[str]:
-    return {model.image(number).name for number in model.reg_image_ids()}
 
 
 def _partners(db: Any) -> dict[int, int]:
@@ -293,9 +289,11 @@ def _partners(db: Any) -> dict[int, int]:
     return counts
 
 
-def _reason(features: int, partners: int, other: Any) -> str:
+def _reason(features: int, partners: int, other: Candidate | None) -> str:
     if features < LEAST_FEATURES:
         return "hardly a feature: blurred, dark, or without texture"
+    if other is not None and other.problem is not None:
+        return "in a part of its own, whose lens is impossible"
     if other is not None:
         return "in a part of its own, which nothing joins to the largest"
     if partners == 0:

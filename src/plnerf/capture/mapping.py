@@ -1,0 +1,161 @@
+"""Models of the images out of their matches; where a model's lens is impossible, the images are mapped again.
+
+Mapping begins with a guessed lens and grows from two images, and what it takes for true early decides the
+rest: with other tolerances or draws the same matches can give another model.  So there are up to three tries,
+each kept on disk.  The first whose largest model has a plausible lens (`lens_problem`) ends them, and of all
+models of all tries the one with the most images among those of a plausible lens is taken.
+"""
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pycolmap
+
+from plnerf.capture.exif import PhotoFacts
+from plnerf.capture.findings import Finding
+from plnerf.capture.lens import lens_problem
+from plnerf.scene.files import write_text
+
+LEAST_IMAGES = 3
+MOST_ERROR_PX = 4.0
+"""COLMAP's own tolerance, meant for photos of 1600 px and more."""
+MOST_BENT = 0.1
+"""Share of a model's images that may have an implausible lens: with one for each image, a few may fail."""
+DO = (
+    "Do not trust these poses. Try another --seed; else give photos whose EXIF states the focal length, fly "
+    "passes that cross or look the same way, and let each image share two thirds with the next"
+)
+Tell = Callable[[str, int, int], object]
+"""Hears the stage, how much of it is done, and how much there is."""
+
+
+@dataclass(frozen=True)
+class Try:
+    """One way to map."""
+
+    error_px: float
+    """How far off a feature may be, from a pair's motion and in a model."""
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A model, and whether it can be trusted."""
+
+    model: Any
+    """pycolmap.Reconstruction."""
+    images: tuple[str, ...]
+    problem: str | None
+    """What is wrong with its lens."""
+
+
+def tries(error_px: float, seed: int) -> tuple[Try, ...]:
+    """The tolerance that the images ask for, another one, and other draws."""
+    other = MOST_ERROR_PX if error_px < MOST_ERROR_PX else error_px / 2
+    return Try(error_px, seed), Try(other, seed), Try(error_px, seed + 1)
+
+
+def map_until_plausible(
+    run: Callable[[int, Try], Sequence[Any]], ways: Sequence[Try], facts: Mapping[str, PhotoFacts]
+) -> tuple[list[Candidate], list[Finding]]:
+    """All models of the try with the best one, which comes first, and what is to be said about them.
+
+    run: maps, given the place of a try and the try; returns models.
+    """
+    rounds: list[list[Candidate]] = []
+    for k, way in enumerate(ways):
+        found = [judged(model, facts) for model in run(k, way)]
+        rounds.append(sorted(found, key=lambda one: len(one.images), reverse=True))
+        if not found or rounds[-1][0].problem is None:
+            break
+    best = [sorted(found, key=_rank, reverse=True) for found in rounds if found]
+    taken = max(best, key=lambda found: _rank(found[0]), default=[])
+    bent = [found[0] for found in rounds if found and found[0].problem is not None]
+    return taken, _findings(taken, bent, len(rounds))
+
+
+def judged(model: Any, facts: Mapping[str, PhotoFacts]) -> Candidate:
+    """A model with the problem of its lenses, if more than a few of its images look through such a one."""
+    images = [model.image(number) for number in model.reg_image_ids()]
+    stated = {image.camera_id: facts[image.name].focal_px for image in images}
+    problems = {number: lens_problem(model.camera(number), focal) for number, focal in stated.items()}
+    bad = [problem for image in images if (problem := problems[image.camera_id]) is not None]
+    problem = max(bad, key=bad.count) if len(bad) > MOST_BENT * len(images) else None
+    return Candidate(model, tuple(image.name for image in images), problem)
+
+
+def map_once(
+    database: Path, images: Path, folder: Path, way: Try, threads: int, one_more: Callable[[], None],
+    *, verify: bool,
+) -> list[Any]:  # fmt: skip
+    """Models of one try, in a folder, which is whole where it is there.
+
+    verify: whether the pairs' motions are found anew as the try asks, in a copy of the database.
+    """
+    if not folder.is_dir():
+        part = folder.with_name(f"{folder.name}.part")
+        copy = part / "verified.db"
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir()
+        if verify:
+            shutil.copyfile(database, copy)
+            _verify(copy, way)
+        pycolmap.incremental_mapping(
+            copy if verify else database, images, part, options=_options(way, threads),
+            next_image_callback=one_more,
+        )  # fmt: skip
+        copy.unlink(missing_ok=True)
+        part.replace(folder)
+    return [pycolmap.Reconstruction(model) for model in sorted(folder.iterdir()) if model.is_dir()]
+
+
+def verification(way: Try) -> Any:
+    """How the motion of a pair of images is found from its matches."""
+    options = pycolmap.TwoViewGeometryOptions()
+    options.ransac.random_seed = way.seed
+    options.ransac.max_error = way.error_px
+    return options
+
+
+def _verify(database: Path, way: Try) -> None:
+    with pycolmap.Database.open(database) as db:
+        name = {image.image_id: image.name for image in db.read_all_images()}
+        pairs = [pycolmap.pair_id_to_image_pair(pair) for pair in db.read_two_view_geometry_num_inliers()[0]]
+        db.clear_two_view_geometries()
+    listing = database.with_suffix(".txt")
+    write_text(listing, "".join(f"{name[a]} {name[b]}\n" for a, b in pairs))
+    pycolmap.verify_matches(database, listing, options=verification(way))
+    listing.unlink()
+
+
+def _options(way: Try, threads: int) -> Any:
+    options = pycolmap.IncrementalPipelineOptions(
+        min_model_size=LEAST_IMAGES, num_threads=threads, random_seed=way.seed
+    )
+    mapper, triangulation = options.mapper, options.triangulation
+    mapper.random_seed = triangulation.random_seed = way.seed
+    mapper.init_max_error = mapper.filter_max_reproj_error = way.error_px
+    mapper.abs_pose_max_error = 3 * way.error_px
+    triangulation.merge_max_reproj_error = triangulation.complete_max_reproj_error = way.error_px
+    return options
+
+
+def _rank(one: Candidate) -> tuple[bool, int]:
+    return one.problem is None, len(one.images)
+
+
+def _findings(taken: Sequence[Candidate], bent: Sequence[Candidate], count: int) -> list[Finding]:
+    """What is to be said: nothing, where the first try did."""
+    if not bent:
+        return []
+    refused = "; ".join(f"{len(one.images)} images with {one.problem}" for one in bent)
+    share = f"{len(bent)} of {count} tries"
+    impossible = f"the lens of the largest model came out impossible in {share}, its poses bent"
+    if taken[0].problem is not None:
+        what = f"{impossible}, and no other model is better: {refused}"
+        return [Finding("bent model", "stops", what, taken[0].images, DO)]
+    taken_instead = f"taken is a model of {len(taken[0].images)} images, whose lens is plausible"
+    return [Finding("mapped again", "note", f"{impossible}: {refused}; {taken_instead}", (), "")]
