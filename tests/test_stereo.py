@@ -176,7 +176,7 @@ def test_without_pairs_the_field_is_all_there_is(tmp_path: Path) -> None:
     assert found is field
     assert notes == [
         "The images make no stereo (0 of 2 have two partners that look the same way from beside them): "
-        "ground, plants and supports are the field's alone, which may be metres off."
+        "ground and plants are the field's alone, which may be metres off."
     ]
 
 

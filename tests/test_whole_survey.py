@@ -171,8 +171,8 @@ def test_a_conductor_tells_what_its_refit_was_and_what_its_supports_add() -> Non
     assert wire.source == "2 images, and 0 points of the field"
     assert wire.before is not None and (wire.before.q == wire.fit.q).all()
     (held,) = conductors_of_curves([refit], frames, np.zeros((0, 3)), (True, True))
-    # 0.1 m at either end of 36 m, of a sag of 0.8 m.
-    of_ends = np.sqrt(2) * 2 * 0.8 / 36 * 0.1
+    # 0.15 m at either end of 36 m, of a sag of 0.8 m.
+    of_ends = np.sqrt(2) * 2 * 0.8 / 36 * 0.15
     assert held.fit.sag_sigma_m == pytest.approx(np.hypot(wire.fit.sag_sigma_m, of_ends), rel=1e-3)
 
 
@@ -214,7 +214,7 @@ def test_wires_end_at_the_supports_that_the_surface_shows(seen: tuple[bool, bool
     xyz = np.concatenate(parts) + frames.shift_world
     along = np.tile([0.0, 1.0, 0.0], (len(xyz), 1))
     surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), along)
-    shorter, found = between_supports(surface, curves, frames)
+    shorter, found = between_supports(surface, surface, curves, frames)
     ends = [-15.0 if seen[0] else -18.0, 16.0 if seen[1] else 18.0]
     for curve in shorter:
         assert np.array(curve.ends) / 0.05 == pytest.approx(ends, abs=0.05)

@@ -21,8 +21,8 @@ NEAR_M = 0.25
 """A point this near is on the wire."""
 STEP_M = 0.25
 """Length of the pieces of a wire that are with a point or without."""
-SUPPORT_SIGMA_M = 0.1
-"""Of a support's place along the wires."""
+SUPPORT_SIGMA_M = 0.15
+"""Standard deviation of a support's place along the wires, as measured on rendered lattice towers."""
 HALF_SPAN_M = 20.0
 """What half of an unscaled scene's box stands for, so that its lengths have an order of magnitude."""
 

@@ -17,6 +17,9 @@ SIDE_M = 10.0
 """Ground within this distance of the wire (horizontally) takes part."""
 CELL_M = 0.5
 """Points within a square of this side count as their mean: that of points in a plane lies in it."""
+AROUND_M, LEAST_AROUND = 2.0, 6
+"""How much the ground is scattered about a plane counts within this distance of a station, of so many cells
+or more: stems and bushes that were taken for ground show so."""
 GAP_M = 10.0
 """Where the nearest ground is farther (horizontally), the ground is not known."""
 
@@ -31,7 +34,8 @@ def ground_under(
     """Height of the ground under the wire at the stations `at`, and its standard deviation.
 
     NaN where no ground lies on both sides, or none within `GAP_M`.  The deviation is that of the points of
-    the nearest cell (root mean square: neighbours share their error), 0 where none is stated.
+    the nearest cell (root mean square: neighbours share their error), 0 where none is stated, and the scatter
+    of the cells around.
     """
     cells, variance = _cells(curve, xyz, index, sigma_m)
     z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
@@ -40,7 +44,20 @@ def ground_under(
         return z, sigma
     distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
     z = np.interp(at, s, height, left=np.nan, right=np.nan)
-    return np.where(distance <= GAP_M, z, np.nan), np.sqrt(variance[nearest])
+    return np.where(distance <= GAP_M, z, np.nan), np.hypot(np.sqrt(variance[nearest]), _scatter(cells, at))
+
+
+def _scatter(cells: Float[np.ndarray, "c 3"], at: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Standard deviation of the cells' heights about the plane that lies best through those around a station;
+    0 where they are few."""
+    scatter = np.zeros(len(at))
+    near = cKDTree(cells[:, :2]).query_ball_point(np.stack([at, np.zeros(len(at))], 1), AROUND_M)
+    for k, some in enumerate(near):
+        if len(some) >= LEAST_AROUND:
+            plane = np.column_stack([cells[some, :2] - [at[k], 0.0], np.ones(len(some))])
+            off = cells[some, 2] - plane @ np.linalg.lstsq(plane, cells[some, 2], rcond=None)[0]
+            scatter[k] = np.sqrt((off**2).sum() / (len(some) - 3))
+    return scatter
 
 
 def _section(cells: Float[np.ndarray, "c 3"]) -> tuple[Float[np.ndarray, " e"], Float[np.ndarray, " e"]]:

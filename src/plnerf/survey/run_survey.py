@@ -36,8 +36,8 @@ from plnerf.survey.report.colours import KINDS
 from plnerf.survey.report.data import Picture
 from plnerf.survey.report.overlay import overlay
 from plnerf.survey.run_towers import find_columns
-from plnerf.survey.stereo.surface import survey_surface
-from plnerf.survey.surface import Surface
+from plnerf.survey.stereo.surface import with_stereo
+from plnerf.survey.surface import Surface, surface_points
 from plnerf.survey.survey import POINTS, survey_wires
 from plnerf.train.guidance import CURVES
 from plnerf.train.run import TrainedRun
@@ -65,7 +65,7 @@ def survey_run(
 ) -> Path:
     """Writes wires.ply, the cloud, conductors, clearances and the report into `out`; returns its path."""
     told = progress or (lambda done, of: None)
-    survey_wires(run, out, lambda done, of: told(done, 3 * of))
+    survey_wires(run, out, lambda done, of: told(done, 4 * of))
     vertex = read_ply(out / POINTS)["vertex"]
     points = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     frames, path = run.scene.frames, run.folder / CURVES
@@ -73,13 +73,16 @@ def survey_run(
     notes = [] if path.exists() else [
         f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
     ]  # fmt: skip
-    surface, doubts = survey_surface(run, curves, lambda done, of: told(of + done, 3 * of))
+    field = surface_points(run, progress=lambda done, of: told(of + done, 4 * of))
+    surface, doubts = with_stereo(
+        run.scene, field, curves, progress=lambda done, of: told(2 * of + done, 4 * of)
+    )
     notes += doubts
-    curves, supports = between_supports(surface, curves, frames)
+    curves, supports = between_supports(surface, field, curves, frames)
     if curves:
         require_upright(frames)
     refits, motion_px = refit_curves(
-        run.scene, curves, metre_of(frames), lambda done, of: told(2 * of + done, 3 * of)
+        run.scene, curves, metre_of(frames), lambda done, of: told(3 * of + done, 4 * of)
     )
     conductors = conductors_of_curves(refits, frames, points, supports.seen)
     if motion_px > LOOSE_POSES_PX:
@@ -115,17 +118,21 @@ def survey_run(
 
 
 def between_supports(
-    surface: Surface, curves: Sequence[Curve], frames: Frames
+    surface: Surface, field: Surface, curves: Sequence[Curve], frames: Frames
 ) -> tuple[list[Curve], Supports]:
-    """The curves cut at the supports that the surface shows, and these."""
+    """The curves cut at the supports, and these.
+
+    They are looked for in the field, which shows a lattice from all sides: stereo sees its near side alone.
+    """
     metre = frames.scale * metre_of(frames)
     wires = [curve.points(np.linspace(*curve.ends, 60)) / metre for curve in curves]
-    found = find_columns(frames.to_scene(surface.xyz) / metre, wires, surface.sigma / metre_of(frames))
+    found = find_columns(frames.to_scene(field.xyz) / metre, wires)
+    points = frames.to_scene(surface.xyz) / metre
     of_tower, towers, ends = np.zeros(len(surface.xyz), bool), [], []
     for column, open_end in zip(found, (-np.inf, np.inf), strict=True):
         ends.append(open_end if column is None else column.x_m * metre)
         if column is not None:
-            of_tower |= column.points
+            of_tower |= column.holds(points, wires)
             foot = frames.to_world(metre * np.array([[column.x_m, column.y_m, column.foot_m]]))[0]
             towers.append(Tower(foot, (column.top_m - column.foot_m) * metre_of(frames)))
     cut = [

@@ -6,7 +6,7 @@ Letters: n points in the scene frame in metres (x along the line, z up); e wires
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,8 +26,6 @@ OUTER = 0.3
 """Share of the line, at either end, in which a support is looked for."""
 HALF_DEPTH_M = 2.5
 """Of a support's body along the line, from its axis."""
-AXIS_SIGMA_M = 0.3
-"""Points less certain than this, about half of a support's depth, say nothing of its axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,26 +37,24 @@ class Column:
     y_m: float
     foot_m: float
     top_m: float
-    points: Bool[np.ndarray, " n"]
-    """Those on it."""
+
+    def holds(
+        self, points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]]
+    ) -> Bool[np.ndarray, " n"]:
+        """Which points are its own."""
+        mine = _between_wires(points, wires) & (np.abs(points[:, 0] - self.x_m) <= HALF_DEPTH_M)
+        return mine & (points[:, 2] > self.foot_m + FOOT_M)
 
 
 def find_columns(
-    points: Float[np.ndarray, "n 3"],
-    wires: Sequence[Float[np.ndarray, "_ 3"]],
-    sigma: Float[np.ndarray, " n"],
+    points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]]
 ) -> tuple[Column | None, Column | None]:
-    """The supports at the first and the last end of wires (polylines along x); None where none is seen.
-
-    sigma: standard deviations of the points.
-    """
+    """The supports at the first and the last end of wires (polylines along x); None where none is seen."""
     if not len(points) or not wires:
         return None, None
     every = np.concatenate(wires)
     low, high = float(every[:, 0].min()), float(every[:, 0].max())
-    across = np.array([np.interp(points[:, 0], wire[:, 0], wire[:, 1]) for wire in wires])
-    corridor = (points[:, 1] >= across.min(0) - BESIDE_M) & (points[:, 1] <= across.max(0) + BESIDE_M)
-    corridor &= (points[:, 0] >= low) & (points[:, 0] <= high)
+    corridor = _between_wires(points, wires) & (points[:, 0] >= low) & (points[:, 0] <= high)
     count = max(1, int((high - low) / STEP_M))
     piece = np.clip(((points[:, 0] - low) / (high - low) * count).astype(int), 0, count - 1)
     ground = np.full(count, np.inf)
@@ -80,13 +76,21 @@ def find_columns(
             found.append(None)
             continue
         best = tall[np.argmax(filled[tall])]
-        near = corridor & (np.abs(points[:, 0] - x[best]) <= HALF_DEPTH_M)
         # Lattice and poles are symmetric about their axis; plants at the foot are not.
-        upper = near & (points[:, 2] > (ground[best] + lowest[best]) / 2)
-        sure = upper & (sigma <= AXIS_SIGMA_M)
-        axis = float(np.median(points[sure if sure.any() else upper, 0]))
-        mine = corridor & (np.abs(points[:, 0] - axis) <= HALF_DEPTH_M)
-        mine &= points[:, 2] > ground[best] + FOOT_M
-        y, top = float(np.median(points[upper, 1])), float(points[mine, 2].max())
-        found.append(Column(axis, y, float(ground[best]), top, mine))
+        half = (ground[best] + lowest[best]) / 2
+        upper = points[corridor & (np.abs(points[:, 0] - x[best]) <= HALF_DEPTH_M) & (points[:, 2] > half)]
+        axis = float(np.median(upper[:, 0]))
+        column = Column(axis, float(np.median(upper[:, 1])), float(ground[best]), np.inf)
+        found.append(replace(column, top_m=float(points[column.holds(points, wires), 2].max())))
     return found[0], found[1]
+
+
+def _between_wires(
+    points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]]
+) -> Bool[np.ndarray, " n"]:
+    """Those that lie, seen from above, no further than BESIDE_M outside of the outer wires."""
+    across = np.array([np.interp(points[:, 0], wire[:, 0], wire[:, 1]) for wire in wires])
+    between: Bool[np.ndarray, " n"] = (points[:, 1] >= across.min(0) - BESIDE_M) & (
+        points[:, 1] <= across.max(0) + BESIDE_M
+    )
+    return between

@@ -16,23 +16,13 @@ from plnerf.scene.scene import Scene
 from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import partners
 from plnerf.survey.stereo.views import View, picture, view_of
-from plnerf.survey.surface import RAYS, Surface, surface_points
-from plnerf.train.run import TrainedRun
+from plnerf.survey.surface import RAYS, Surface
 from plnerf.wires.curves import Curve
 
 LEAST_SEEN = 20
 """Points of the field that a view must see, to tell how far away things are."""
 LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
-
-
-def survey_surface(
-    run: TrainedRun, curves: Sequence[Curve], progress: Callable[[int, int], None] | None = None
-) -> tuple[Surface, list[str]]:
-    """Points on what a run's images show, curves being its wires, and notes; the same for the same run."""
-    told = progress or (lambda done, of: None)
-    field = surface_points(run, progress=lambda done, of: told(done, 2 * of))
-    return with_stereo(run.scene, field, curves, progress=lambda done, of: told(of + done, 2 * of))
 
 
 def with_stereo(
@@ -67,8 +57,8 @@ def with_stereo(
     if found < LEAST_SHARE * points:
         return field, [
             f"The images make no stereo ({sum(len(others) > 1 for others in chosen)} of {len(views)} have "
-            "two partners that look the same way from beside them): ground, plants and supports are the field's "
-            "alone, which may be metres off."
+            "two partners that look the same way from beside them): ground and plants are the field's alone, "
+            "which may be metres off."
         ]
     wires = _on_curves(of_field, curves)
     frames = scene.frames
