@@ -20,6 +20,8 @@ CELL_M = 0.5
 AROUND_M, LEAST_AROUND = 2.0, 6
 """How much the ground is scattered about a plane counts within this distance of a station, of so many cells
 or more: stems and bushes that were taken for ground show so."""
+UNSEEN = 0.1
+"""Where the ground is not seen, it may be off by this share of the distance to where it is."""
 GAP_M = 10.0
 """Where the nearest ground is farther (horizontally), the ground is not known."""
 
@@ -34,8 +36,8 @@ def ground_under(
     """Height of the ground under the wire at the stations `at`, and its standard deviation.
 
     NaN where no ground lies on both sides, or none within `GAP_M`.  The deviation is that of the points of
-    the nearest cell (root mean square: neighbours share their error), 0 where none is stated, and the scatter
-    of the cells around.
+    the nearest cell (root mean square: neighbours share their error), 0 where none is stated, the
+    scatter of the cells around, and what the distance to that cell leaves open.
     """
     cells, variance = _cells(curve, xyz, index, sigma_m)
     z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
@@ -44,7 +46,9 @@ def ground_under(
         return z, sigma
     distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
     z = np.interp(at, s, height, left=np.nan, right=np.nan)
-    return np.where(distance <= GAP_M, z, np.nan), np.hypot(np.sqrt(variance[nearest]), _scatter(cells, at))
+    unseen = UNSEEN * np.maximum(distance - CELL_M, 0.0)
+    sigma = np.sqrt(variance[nearest] + _scatter(cells, at) ** 2 + unseen**2)
+    return np.where(distance <= GAP_M, z, np.nan), sigma
 
 
 def _scatter(cells: Float[np.ndarray, "c 3"], at: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
