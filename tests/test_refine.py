@@ -14,8 +14,9 @@ from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base
 from plnerf.survey.refine.curves import cut, of_curve, refit_curves
+from plnerf.survey.refine.ends import wire_end
 from plnerf.survey.refine.profile import sightings
-from plnerf.survey.refine.refine import Refined, _double, refine
+from plnerf.survey.refine.refine import Refined, double, refine
 from plnerf.survey.refine.track import Track, crossings, track
 from plnerf.wires.curves import Curve
 
@@ -133,7 +134,7 @@ def test_a_cut_wire_is_as_certain_as_the_whole() -> None:
 def test_a_moved_wire_is_told_by_the_profile() -> None:
     """-B / A is where the wire is, wherever it is looked for within a pixel."""
     cameras = two_passes(8)[[3]]
-    camera, s = _double(cameras), np.linspace(0, BASE.length_m, 200)
+    camera, s = double(cameras), np.linspace(0, BASE.length_m, 200)
     lines = [polyline(wire, 120) for wire in WIRES]
     grey = cv2.cvtColor(draw_lit(cameras, lines, DIAMETER, np.zeros(3))[0], cv2.COLOR_RGB2GRAY)
     q = of_curve(WIRES[0], BASE)
@@ -168,3 +169,25 @@ def _flat(pixel: np.ndarray) -> Track:
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
     s, yes, still = np.linspace(0, 1, len(pixel)), np.ones(len(pixel), bool), np.zeros((len(pixel), 3))
     return Track(s, pixel, tangent, normal, normal, still, yes, yes)
+
+
+def test_wires_end_where_the_images_end_them(tmp_path: Path) -> None:
+    """Supports seen up to 0.8 m off their place; 20 m are a scene unit."""
+    metre = 0.05
+    cameras = two_passes(8)
+    shorter = [replace(wire, ends=(-0.62, 0.55)) for wire in WIRES]
+    scene = scene_of(tmp_path, cameras, lit(cameras, *shorter))
+    wires, still = [of_curve(wire, BASE) for wire in WIRES], np.zeros((len(scene.train), 3))
+    for x, off_m, outward in ((-0.62, 0.8, -1), (-0.62, -0.5, -1), (0.55, 0.5, 1), (0.55, -0.8, 1)):
+        near = x + HALF + off_m * metre
+        found = wire_end(scene, BASE, wires, still, near, outward, metre, DIAMETER)
+        assert found is not None and (found - HALF) / metre == pytest.approx(x / metre, abs=0.2)
+    # In the middle of a span nothing ends.
+    assert wire_end(scene, BASE, wires, still, HALF, 1, metre, DIAMETER) is None
+
+
+def test_a_seen_support_makes_ends_uncertain(scene: Scene) -> None:
+    curves = [replace(wire, ends=(-0.6, 0.6), reach=4 * PIXEL) for wire in WIRES]
+    rows, _ = refit_curves(scene, curves, DIAMETER / 0.03, (True, False))
+    for row in rows:
+        assert row.end_sigma[0] > 0 and row.end_sigma[1] == 0

@@ -170,7 +170,8 @@ def test_a_conductor_tells_what_its_refit_was_and_what_its_supports_add() -> Non
     assert wire.note == "The field shows no point of it. It is not refitted to the images: 2 images show it."
     assert wire.source == "2 images, and 0 points of the field"
     assert wire.before is not None and (wire.before.q == wire.fit.q).all()
-    (held,) = conductors_of_curves([refit], frames, np.zeros((0, 3)), (True, True))
+    held_refit = dataclasses.replace(refit, end_sigma=(0.15, 0.15))
+    (held,) = conductors_of_curves([held_refit], frames, np.zeros((0, 3)))
     # 0.15 m at either end of 36 m, of a sag of 0.8 m.
     of_ends = np.sqrt(2) * 2 * 0.8 / 36 * 0.15
     assert held.fit.sag_sigma_m == pytest.approx(np.hypot(wire.fit.sag_sigma_m, of_ends), rel=1e-3)

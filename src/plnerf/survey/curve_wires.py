@@ -21,8 +21,6 @@ NEAR_M = 0.25
 """A point this near is on the wire."""
 STEP_M = 0.25
 """Length of the pieces of a wire that are with a point or without."""
-SUPPORT_SIGMA_M = 0.15
-"""Standard deviation of a support's place along the wires, as measured on rendered lattice towers."""
 HALF_SPAN_M = 20.0
 """What half of an unscaled scene's box stands for, so that its lengths have an order of magnitude."""
 
@@ -31,15 +29,10 @@ def conductors_of_curves(
     refits: Sequence[Refit],
     frames: Frames,
     points: Float[np.ndarray, "n 3"],
-    supports: tuple[bool, bool] = (False, False),
 ) -> list[Conductor]:
-    """One conductor for each curve, the highest first.
-
-    supports: whether a support is seen at either end, rather than that the images end there.
-    """
+    """One conductor for each curve, the highest first."""
     metre = metre_of(frames)
-    of_end = (SUPPORT_SIGMA_M * metre * supports[0], SUPPORT_SIGMA_M * metre * supports[1])
-    fits = [_fit(one.after, metre, points, of_end) for one in refits]
+    fits = [_fit(one.after, metre, points, one.end_sigma) for one in refits]
     heights = [float(fit.base.at(fit.q, np.array([fit.base.length_m / 2]))[0, 1]) for fit in fits]
     order = np.argsort(heights)[::-1].tolist()
     fits, refits = [fits[k] for k in order], [refits[k] for k in order]
@@ -53,7 +46,7 @@ def conductors_of_curves(
                 coverage=1 - sum(gaps) / fit.base.length_m, longest_gap_m=max(gaps, default=0.0),
                 evidence=len(mine), source=f"{one.images} images, and {len(mine):,} points of the field",
                 note=" ".join(_notes(one, len(mine))) or None,
-                before=_fit(one.before, metre, points, of_end),
+                before=_fit(one.before, metre, points, one.end_sigma),
             )
         )  # fmt: skip
     return rows

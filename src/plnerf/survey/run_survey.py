@@ -82,9 +82,9 @@ def survey_run(
     if curves:
         require_upright(frames)
     refits, motion_px = refit_curves(
-        run.scene, curves, metre_of(frames), lambda done, of: told(3 * of + done, 4 * of)
+        run.scene, curves, metre_of(frames), supports.seen, lambda done, of: told(3 * of + done, 4 * of)
     )
-    conductors = conductors_of_curves(refits, frames, points, supports.seen)
+    conductors = conductors_of_curves(refits, frames, points)
     if motion_px > LOOSE_POSES_PX:
         notes.append(
             f"The images lie about {motion_px:.1f} px off their poses, as the wires in them show: better "

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base, jacobian
+from plnerf.survey.refine.ends import SIGMA_M, wire_end
 from plnerf.survey.refine.refine import refine
 from plnerf.wires.curves import Curve
 
@@ -28,6 +29,10 @@ class Line:
     covariance: Float[np.ndarray, "5 5"]
 
 
+SUPPORT_SIGMA_M = 0.3
+"""Standard deviation along the line of a support's place in a field, as measured on rendered towers."""
+
+
 @dataclass(frozen=True, eq=False)
 class Refit:
     """A curve before and after."""
@@ -40,18 +45,23 @@ class Refit:
     moved: float
     """World units, over all of the base."""
     refused: str | None
+    end_sigma: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of each end's place; 0 where the images end before the wire."""
 
 
 def refit_curves(
     scene: Scene,
     curves: Sequence[Curve],
     metre: float,
+    supports: tuple[bool, bool] = (False, False),
     tell: Callable[[int, int], object] = lambda done, of: None,
 ) -> tuple[list[Refit], float]:
     """One for each curve, and the images' motion in pixels.
 
     A curve states one standard deviation, that of its least certain point in its least certain direction: it
-    stands for all of them before.  metre: its length in the unit of the world.  The world's z is up.
+    stands for all of them before.  metre: its length in the unit of the world.  supports: whether the first
+    and the last ends of the curves are supports that were seen; these are then put where the images say that
+    the wires end.  The world's z is up.
     """
     if not curves:
         return [], 0.0
@@ -62,11 +72,28 @@ def refit_curves(
     found = refine(
         scene, base, before, [curve.reach for curve in curves], DIAMETER_M * metre * frames.scale, tell
     )
+    ends, end_sigma = [-np.inf, np.inf], [0.0, 0.0]
+    for k, (near, outward) in enumerate(((0.0, -1), (base.length_m, 1))):
+        if supports[k]:
+            wires = [one.q for one in found.wires]
+            there = wire_end(
+                scene, base, wires, found.motion, near, outward, metre * frames.scale,
+                DIAMETER_M * metre * frames.scale,
+            )  # fmt: skip
+            ends[k] = first + (near if there is None else there)
+            end_sigma[k] = metre * (SUPPORT_SIGMA_M if there is None else SIGMA_M)
     rows = []
     for curve, q, one in zip(curves, before, found.wires, strict=True):
-        old = cut(base, q, np.eye(5) * curve.sigma**2, curve.ends, frames)
-        new = old if one.refused else cut(base, one.q, one.covariance, curve.ends, frames)
-        rows.append(Refit(old, new, one.views, one.rms_px, one.moved / frames.scale, one.refused))
+        # At a support a curve ends there; else with what the images show of it.
+        low, high = (ends[k] if supports[k] else curve.ends[k] for k in (0, 1))
+        old = cut(base, q, np.eye(5) * curve.sigma**2, (low, high), frames)
+        new = old if one.refused else cut(base, one.q, one.covariance, (low, high), frames)
+        rows.append(
+            Refit(
+                old, new, one.views, one.rms_px, one.moved / frames.scale, one.refused,
+                (end_sigma[0], end_sigma[1]),
+            )
+        )  # fmt: skip
     return rows, found.motion_px
 
 

@@ -67,6 +67,8 @@ class Refinement:
     """Of all wires."""
 
     wires: tuple[Refined, ...]
+    motion: Float[np.ndarray, "n 3"]
+    """Of every training image, as `Track.motion` counts it."""
     motion_px: float
     """Standard deviation of what the images' poses are off by, as their wires show it."""
 
@@ -86,7 +88,7 @@ def refine(
     true one the result is the same to a tenth of a pixel.  Needs one wire or more.
     """
     views = list(scene.train)
-    cameras = [_double(scene.cameras[[i]]) for i in views]
+    cameras = [double(scene.cameras[[i]]) for i in views]
     s = np.linspace(0, base.length_m, SAMPLES)
     before = np.array(wires, np.float64)
     N, W = len(views), len(wires)
@@ -98,7 +100,7 @@ def refine(
 
         def look(n: int, state: State = state, blur: float = blur) -> list[Sightings]:
             tracks = [track(cameras[n], base, q, s, state.motion[n]) for q in state.q]
-            return _of_image(scene, views[n], tracks, blur, diameter)
+            return of_image(scene, views[n], tracks, blur, diameter)
 
         with ThreadPoolExecutor() as pool:
             found = list(pool.map(look, range(N)))
@@ -110,9 +112,8 @@ def refine(
         if k + 1 >= LEAST_ROUNDS and moved * step.pixels_per_unit < SETTLED_PX:
             break
     tell(MOST_ROUNDS, MOST_ROUNDS)
-    return Refinement(
-        tuple(_judged(base, prior, step, w, found, s) for w in range(W)), step.motion_px()
-    )
+    wires_now = tuple(_judged(base, prior, step, w, found, s) for w in range(W))
+    return Refinement(wires_now, state.motion, step.motion_px())
 
 
 def _between(
@@ -122,12 +123,13 @@ def _between(
     return float(np.linalg.norm(base.at(q, s) - base.at(other, s), axis=1).max())
 
 
-def _double(cameras: Cameras) -> Cameras:
+def double(cameras: Cameras) -> Cameras:
+    """In float64."""
     values = [getattr(cameras, one.name) for one in fields(cameras)]
     return Cameras(*(value.double() if value.is_floating_point() else value for value in values))
 
 
-def _of_image(
+def of_image(
     scene: Scene, i: int, tracks: list[Track], blur_px: float, diameter: float
 ) -> list[Sightings]:
     """The sightings of each wire in one image."""
