@@ -223,3 +223,16 @@ def test_wires_end_at_the_supports_that_the_surface_shows(seen: tuple[bool, bool
     for tower, x in zip(found.towers, (-15.0, 16.0), strict=False):
         assert tower.foot == pytest.approx([x + 7, -3, 2], abs=0.15)
         assert tower.height_m == pytest.approx(11.5, abs=0.1)
+
+
+def test_what_ends_below_the_wires_is_no_support() -> None:
+    frames = Frames(np.eye(3), 0.05, np.zeros(3), "m", None, "file")
+    random = np.random.default_rng(0)
+    floor = np.column_stack([random.uniform(-20, 20, (4000, 2)), np.full(4000, -10.0)])
+    for top, towers in ((-2.0, 0), (1.5, 1)):
+        column = random.uniform([-15.4, -2, -10], [-14.6, 2, top], (900, 3))
+        xyz = np.concatenate([floor, column])
+        along = np.tile([0.0, 1.0, 0.0], (len(xyz), 1))
+        surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), along)
+        _, found = between_supports(surface, surface, [hanging(-0.1, 0.0), hanging(0.1, 0.08)], frames)
+        assert len(found.towers) == towers

@@ -24,6 +24,8 @@ AROUND_M = 20.0
 """The ground at a place is the lowest within this distance along the corridor."""
 OUTER = 0.3
 """Share of the line, at either end, in which a support is looked for."""
+SHORT_M = 1.5
+"""What a support may lack of the height of its highest wire; what ends further below holds up none."""
 HALF_DEPTH_M = 2.5
 """Of a support's body along the line, from its axis."""
 
@@ -81,7 +83,9 @@ def find_columns(
         upper = points[corridor & (np.abs(points[:, 0] - x[best]) <= HALF_DEPTH_M) & (points[:, 2] > half)]
         axis = float(np.median(upper[:, 0]))
         column = Column(axis, float(np.median(upper[:, 1])), float(ground[best]), np.inf)
-        found.append(replace(column, top_m=float(points[column.holds(points, wires), 2].max())))
+        column = replace(column, top_m=float(points[column.holds(points, wires), 2].max()))
+        highest = max(float(np.interp(axis, wire[:, 0], wire[:, 2])) for wire in wires)
+        found.append(column if column.top_m >= highest - SHORT_M else None)
     return found[0], found[1]
 
 
