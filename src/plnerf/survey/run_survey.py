@@ -29,7 +29,7 @@ from plnerf.survey.model import (
     Survey,
     Tower,
 )
-from plnerf.survey.obstacles import sampled
+from plnerf.survey.obstacles import LOOSE_M, sampled
 from plnerf.survey.on_wires import on_wires
 from plnerf.survey.refine.curves import refit_curves
 from plnerf.survey.report.colours import KINDS
@@ -151,14 +151,15 @@ def classified(
     label = np.full(len(surface.xyz), UNCLASSIFIED, np.uint8)
     wire = np.full(len(surface.xyz), NO_WIRE, np.int64)
     sigma, notes = surface.sigma, []
-    ground = find_ground(surface.xyz[~of_tower] / metre) if (~of_tower).any() else None
+    # Along flat ground a point may move as it will: only the upright part of its deviation counts.
+    upright = surface.sigma * np.abs(surface.sight[:, 2])
+    firm = upright <= LOOSE_M * metre
+    ground = find_ground(surface.xyz[firm & ~of_tower] / metre) if (firm & ~of_tower).any() else None
     if ground is None:
         notes.append("The field shows no ground: its points are not classified, and no heights are known.")
     else:
         above = ground.above(surface.xyz / metre)
-        # Along flat ground a point may move as it will: only the upright part of its deviation counts.
-        upright = surface.sigma * np.abs(surface.sight[:, 2])
-        on_it = np.abs(above) <= np.maximum(NEAR_GROUND_M, 2 * upright / metre)
+        on_it = firm & (np.abs(above) <= np.maximum(NEAR_GROUND_M, 2 * upright / metre))
         label[on_it] = GROUND
         sigma = np.where(on_it, upright, sigma)
         higher = (above > 0) & ~on_it

@@ -76,15 +76,21 @@ def surface_points(
                 progress(done + 1, len(scene.train))
     xyz, view = torch.cat(places).double().numpy(), np.concatenate(views)
     along, footprint = torch.cat(spreads).double().numpy(), torch.cat(footprints).double().numpy()
-    low, high = scene.box
-    middle, half = (low + high) / 2, (high - low) / 2
-    use = (np.abs(xyz - middle) <= FARTHEST * half.max()).all(1)
+    use = within(xyz, scene.box)
     use[use], scatter = _seen_together(xyz[use], view[use], footprint[use])
     sigma = np.sqrt(along[use] ** 2 + scatter**2 + footprint[use] ** 2 / 12)
     frames = scene.frames
     rgb = torch.cat(colours).numpy()[use]
     sight = torch.cat(sights).double().numpy()[use] @ frames.R_scene_world
     return Surface(frames.to_world(xyz[use]), rgb, sigma / frames.scale, sight)
+
+
+def within(points: Float[np.ndarray, "n 3"], box: Float[np.ndarray, "2 3"]) -> Bool[np.ndarray, " n"]:
+    """Which points of the scene frame are no background."""
+    low, high = box
+    middle, half = (low + high) / 2, (high - low) / 2
+    inside: Bool[np.ndarray, " n"] = (np.abs(points - middle) <= FARTHEST * half.max()).all(1)
+    return inside
 
 
 def half_width(t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"]) -> Float[Tensor, " r"]:

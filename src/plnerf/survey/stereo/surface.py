@@ -16,7 +16,7 @@ from plnerf.scene.scene import Scene
 from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import partners
 from plnerf.survey.stereo.views import View, picture, view_of
-from plnerf.survey.surface import RAYS, Surface
+from plnerf.survey.surface import RAYS, Surface, within
 from plnerf.wires.curves import Curve
 
 LEAST_SEEN = 20
@@ -60,13 +60,13 @@ def with_stereo(
             "two partners that look the same way from beside them): ground and plants are the field's alone, "
             "which may be metres off."
         ]
-    wires = _on_curves(of_field, curves)
-    frames = scene.frames
+    wires, frames, met = _on_curves(of_field, curves), scene.frames, np.concatenate(places)
+    near = within(met, scene.box)
     return Surface(
-        np.concatenate([frames.to_world(np.concatenate(places)), field.xyz[wires]]),
-        np.concatenate([*colours, field.rgb[wires]]),
-        np.concatenate([np.concatenate(sigmas) / frames.scale, field.sigma[wires]]),
-        np.concatenate([np.concatenate(sights) @ frames.R_scene_world, field.sight[wires]]),
+        np.concatenate([frames.to_world(met[near]), field.xyz[wires]]),
+        np.concatenate([np.concatenate(colours)[near], field.rgb[wires]]),
+        np.concatenate([np.concatenate(sigmas)[near] / frames.scale, field.sigma[wires]]),
+        np.concatenate([np.concatenate(sights)[near] @ frames.R_scene_world, field.sight[wires]]),
     ), []
 
 
