@@ -42,6 +42,7 @@ def check_folder(folder: Path) -> None:
     """
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not place.is_dir():
-        raise PlnerfError(f"{folder} is to be a folder, but {place} is a file. Name another place: -o.")
+        it = "it" if place == folder else str(place)
+        raise PlnerfError(f"{folder} is to be a folder, but {it} is a file. Name another place: -o.")
     if not os.access(place, os.W_OK | os.X_OK):
         raise PlnerfError(f"{folder} is to be written, but {place} is read-only. Name another place: -o.")
