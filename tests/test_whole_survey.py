@@ -181,7 +181,7 @@ def as_it_was(curve: Curve, frames: Frames) -> Refit:
     """Without a refit."""
     base = Base(np.array([curve.ends[0], 0.0]), np.array([1.0, 0.0]), curve.ends[1] - curve.ends[0])
     line = cut(base, of_curve(curve, base), np.eye(5) * curve.sigma**2, curve.ends, frames)
-    return Refit(line, line, 9, 0.1, 0.0, None)
+    return Refit(line, line, 9, None)
 
 
 def test_points_on_a_conductor_are_its_own() -> None:

@@ -41,9 +41,6 @@ class Refit:
     after: Line
     """The same as before where `refused` says why."""
     images: int
-    rms_px: float
-    moved: float
-    """World units, over all of the base."""
     refused: str | None
     end_sigma: tuple[float, float] = (0.0, 0.0)
     """Standard deviation of each end's place; 0 where the images end before the wire."""
@@ -88,12 +85,7 @@ def refit_curves(
         low, high = (ends[k] if supports[k] else curve.ends[k] for k in (0, 1))
         old = cut(base, q, np.eye(5) * curve.sigma**2, (low, high), frames)
         new = old if one.refused else cut(base, one.q, one.covariance, (low, high), frames)
-        rows.append(
-            Refit(
-                old, new, one.views, one.rms_px, one.moved / frames.scale, one.refused,
-                (end_sigma[0], end_sigma[1]),
-            )
-        )  # fmt: skip
+        rows.append(Refit(old, new, one.views, one.refused, (end_sigma[0], end_sigma[1])))
     return rows, found.motion_px
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Float32
 
 from plnerf.survey.refine.track import Track, crossings
 
@@ -50,7 +50,7 @@ class Sightings:
 
 
 def sightings(
-    grey: UInt8[np.ndarray, "h w"],
+    grey: Float32[np.ndarray, "h w"],
     valid: Bool[np.ndarray, "h w"] | None,
     seen: Track,
     others: list[Track],
@@ -75,8 +75,7 @@ def sightings(
         return Sightings(none, np.zeros((0, 2)), np.zeros((0, 3)), none, none, none, none)
     d = np.arange(-WINDOW_PX, WINDOW_PX + STEP_PX / 2, STEP_PX)
     x, y = (seen.pixel[good, None] + d[:, None] * seen.normal[good, None] - 0.5).astype(np.float32).T
-    picture = grey.astype(np.float32)  # of bytes it gives bytes
-    profile = cv2.remap(picture, x.T, y.T, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profile = cv2.remap(grey, x.T, y.T, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     fit, variance = _least_squares(profile.astype(np.float64), _columns(d, tau[good], near[good]))
     return Sightings(
         seen.s[good], seen.g[good], seen.motion[good], fit[:, 0], fit[:, 1], variance[:, 0], variance[:, 1]
