@@ -50,6 +50,7 @@ def test_points_are_as_far_from_a_wire_as_brute_force_says(name: str) -> None:
 def test_the_least_distances_are_those_of_brute_force(monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
     monkeypatch.setattr(room, "CHUNK", chunk)
     survey = corridor(count=500)
+    survey = replace(survey, cloud=replace(survey.cloud, sigma_m=None))
     found, counted = measure_clearances(survey), obstacles(survey)
     for one, known in zip(found.conductors, survey.conductors, strict=True):
         for group in GROUPS:
@@ -161,6 +162,9 @@ def test_what_is_beyond_an_end_counts_and_what_is_far_beside_does_not() -> None:
     place = measure_clearances(beyond).conductors[0].least("vegetation")
     assert place is not None
     assert place.distance_m == pytest.approx(5.0, abs=1e-3) and place.s_m == pytest.approx(100.0, abs=1e-3)
+    cloud = replace(beyond.cloud, sigma_m=np.full(len(beyond.cloud.xyz), 0.1))
+    of_images = measure_clearances(replace(beyond, cloud=cloud)).conductors[0]
+    assert not of_images.places["vegetation"]  # it may be of a support that is not seen
     aside = survey_of({5: np.array([[50.0, room.REACH_M + 1, 12.0]])})
     assert not measure_clearances(aside).conductors[0].places["vegetation"]
 

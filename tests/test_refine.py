@@ -14,7 +14,6 @@ from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base
 from plnerf.survey.refine.curves import cut, of_curve, refit_curves
-from plnerf.survey.refine.ends import wire_end
 from plnerf.survey.refine.profile import sightings
 from plnerf.survey.refine.refine import Refined, double, refine
 from plnerf.survey.refine.track import Track, crossings, track
@@ -172,23 +171,8 @@ def _flat(pixel: np.ndarray) -> Track:
     return Track(s, pixel, tangent, normal, normal, still, yes, yes)
 
 
-def test_wires_end_where_the_images_end_them(tmp_path: Path) -> None:
-    """Supports seen up to 0.8 m off their place; 20 m are a scene unit."""
-    metre = 0.05
-    cameras = two_passes(8)
-    shorter = [replace(wire, ends=(-0.62, 0.55)) for wire in WIRES]
-    scene = scene_of(tmp_path, cameras, lit(cameras, *shorter))
-    wires, still = [of_curve(wire, BASE) for wire in WIRES], np.zeros((len(scene.train), 3))
-    for x, off_m, outward in ((-0.62, 0.8, -1), (-0.62, -0.5, -1), (0.55, 0.5, 1), (0.55, -0.8, 1)):
-        near = x + HALF + off_m * metre
-        found = wire_end(scene, BASE, wires, still, near, outward, metre, DIAMETER)
-        assert found is not None and (found - HALF) / metre == pytest.approx(x / metre, abs=0.2)
-    # In the middle of a span nothing ends.
-    assert wire_end(scene, BASE, wires, still, HALF, 1, metre, DIAMETER) is None
-
-
 def test_a_seen_support_makes_ends_uncertain(scene: Scene) -> None:
     curves = [replace(wire, ends=(-0.6, 0.6), reach=4 * PIXEL) for wire in WIRES]
-    rows, _ = refit_curves(scene, curves, DIAMETER / 0.03, (True, False))
+    rows, _ = refit_curves(scene, curves, DIAMETER / 0.03, (0.1, None))
     for row in rows:
-        assert row.end_sigma[0] > 0 and row.end_sigma[1] == 0
+        assert row.end_sigma == (pytest.approx(0.1 * DIAMETER / 0.03), 0.0)

@@ -162,7 +162,12 @@ def hills(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def over_hills() -> WireTruth:
     x, y = np.meshgrid(np.arange(-25.0, 26.0), np.arange(-10.0, 11.0, 5.0))
     ground = np.stack([x.ravel(), y.ravel(), hills(x.ravel(), y.ravel())], 1)
-    return replace(TRUTH, ground=ground, plants=(TruePlant(4.0, "B"), TruePlant(3.0, "A")))
+    feet = ((0.0, 3.0), (5.0, -4.0), (39.0, 0.0))
+    plants = (
+        TruePlant(np.array([*foot, 0.0]), clearance, wire)
+        for foot, clearance, wire in zip(feet, (4.0, 3.0, 1.0), ("B", "A", "B"), strict=True)
+    )
+    return replace(TRUTH, ground=ground, plants=tuple(plants))
 
 
 def down(number: int, at: np.ndarray, distance: float, to: str = DOWN) -> Clearance:
@@ -194,16 +199,18 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
     truth = over_hills()
     truth = replace(truth, wires=tuple(replace(one, diameter_m=0.04) for one in truth.wires))
     stated = [down(1, np.zeros(3), 5.0, PLANTS), down(2, np.zeros(3), 3.32, PLANTS)]
-    plant = score_clearances((), (), stated, truth).vegetation
+    found = all_exact()
+    plant = score_clearances((), found, stated, truth).vegetation  # the third stands beyond the wires' ends
     assert plant is not None and (plant.wire, plant.conductor) == ("A", 2)
     assert plant.true_m == pytest.approx(3.02) and plant.error_m == pytest.approx(0.3) and not plant.within_95
     for other, why in (
         (replace(truth, houses=2), "2 houses, which surveys do not tell from plants"),
         (replace(truth, plants=()), "the truth says nothing of them"),
+        (replace(truth, plants=truth.plants[2:]), "the truth has none between the conductors' ends"),
     ):
-        score = score_clearances((), (), stated, other)
+        score = score_clearances((), found, stated, other)
         assert score.vegetation is None and why in score.notes[-1]
-    assert "states no distance" in score_clearances((), (), (), truth).notes[-1]
+    assert "states no distance" in score_clearances((), found, (), truth).notes[-1]
 
 
 @pytest.fixture(scope="module")
@@ -348,7 +355,8 @@ def test_what_is_no_survey_at_all_is_told(folder: Path, tmp_path: Path) -> None:
 def test_the_truth_of_plants_must_be_numbers(tmp_path: Path) -> None:
     path = tmp_path / "truth.json"
     line = {"polyline": [[0, 0, 9], [20, 0, 8], [40, 0, 9]]}
-    path.write_text(json.dumps({"conductors": [line], "vegetation": [{"clearance_m": "near"}]}))
+    plant = {"foot": [0, 0, 0], "clearance_m": "near"}
+    path.write_text(json.dumps({"conductors": [line], "vegetation": [plant]}))
     with pytest.raises(SurveyError, match="plant 0, clearance_m: expected a finite number, but found 'near'"):
         read_truth(path)
     path.write_text(json.dumps({"conductors": [line], "ground": {"rows": [{"points": [[0, 0]]}]}}))

@@ -17,11 +17,14 @@ from plnerf.cli import main
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base
+from plnerf.survey.classify import classified, ground_of, standing_on
 from plnerf.survey.cloud.survey import read_las, survey_cloud
 from plnerf.survey.curve_wires import conductors_of_curves, require_upright
 from plnerf.survey.deliver import SurveyOptions
+from plnerf.survey.model import Tower
 from plnerf.survey.refine.curves import Refit, cut, of_curve
-from plnerf.survey.run_survey import between_supports, classified, survey_run
+from plnerf.survey.run_survey import survey_run
+from plnerf.survey.supports import between_supports
 from plnerf.survey.surface import Surface, half_width, surface_points
 from plnerf.train.guidance import CURVES
 from plnerf.train.loop import train
@@ -194,10 +197,16 @@ def test_points_on_a_conductor_are_its_own() -> None:
     xyz = np.concatenate([floor, on, bush])
     sight = np.tile([0.0, 1.0, 0.0], (len(xyz), 1))
     surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), sight)
-    cloud, notes = classified(surface, [wire], np.zeros(len(xyz), bool))
+    none = np.zeros(len(xyz), bool)
+    ground = ground_of(surface, none)
+    cloud, notes = classified(surface, ground, [wire], none)
     assert (cloud.wire[4000:4050] == 1).all() and (cloud.label[4000:4050] == 14).all()
     assert (cloud.label[:4000] == 2).mean() > 0.99 and np.isin(cloud.label[4050:], (4, 5)).mean() > 0.9
     assert len(notes) == 1 and cloud.rgb is not None and cloud.sigma_m is not None
+    sunk = Tower(np.array([4.0, 4.0, -3.0]), 15.0)
+    (tower,) = standing_on(ground, [sunk])
+    assert tower.foot[2] == pytest.approx(0.08, abs=0.05) and tower.foot[2] + tower.height_m == 12.0
+    assert standing_on(None, [sunk]) == (sunk,)
 
 
 @pytest.mark.parametrize("seen", [(True, True), (True, False), (False, False)])
@@ -219,7 +228,8 @@ def test_wires_end_at_the_supports_that_the_surface_shows(seen: tuple[bool, bool
     ends = [-15.0 if seen[0] else -18.0, 16.0 if seen[1] else 18.0]
     for curve in shorter:
         assert np.array(curve.ends) / 0.05 == pytest.approx(ends, abs=0.05)
-    assert len(found.towers) == sum(seen) and found.seen == seen and not found.points[:4300].any()
+    assert len(found.towers) == sum(seen) and not found.points[:4300].any()
+    assert tuple(one is not None for one in found.sigma_m) == seen
     for tower, x in zip(found.towers, (-15.0, 16.0), strict=False):
         assert tower.foot == pytest.approx([x + 7, -3, 2], abs=0.15)
         assert tower.height_m == pytest.approx(11.5, abs=0.1)

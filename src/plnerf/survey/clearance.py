@@ -22,6 +22,7 @@ from plnerf.survey.obstacles import (
     LOOSE_M,
     NEAR_SUPPORT_M,
     NO_THING,
+    REACH_M,
     Nearest,
     beside,
     nearest_along,
@@ -161,7 +162,8 @@ def _measure(conductor: Conductor, survey: Survey, found: _Indices) -> Conductor
     curve, cloud = conductor.fit.curve, survey.cloud
     at = stations(curve, STATION_M)
     wire, sigma = curve.points(at), conductor.fit.sigma_at(at / curve.span_m * conductor.fit.base.length_m)
-    near = {group: nearest_along(curve, at, cloud.xyz, found[group]) for group in GROUPS}
+    beyond_m = REACH_M if cloud.sigma_m is None else 0.0
+    near = {group: nearest_along(curve, at, cloud.xyz, found[group], beyond_m) for group in GROUPS}
     ground_z, ground_sigma = ground_under(curve, at, cloud.xyz, found["ground"], cloud.sigma_m)
     profile = Profile(
         s_m=at,
@@ -226,7 +228,7 @@ def _highest(
 ) -> Float[np.ndarray, " k"]:
     """Of the vegetation within `CORRIDOR_M` of the wire, by station."""
     curve, top = conductor.fit.curve, np.full(len(at), -np.inf)
-    for _, local in beside(curve, survey.cloud.xyz, index, CORRIDOR_M):
+    for _, local in beside(curve, survey.cloud.xyz, index, CORRIDOR_M, 0.0):
         inside: Bool[np.ndarray, " c"] = (local[:, 0] >= 0) & (local[:, 0] <= curve.span_m)
         station = np.rint(local[inside, 0] / curve.span_m * (len(at) - 1)).astype(np.int64)
         np.maximum.at(top, station, local[inside, 2])

@@ -96,7 +96,7 @@ def _cells(
     """Means of s, y and z by cell, and the mean variance; of cells that hold points."""
     rows, columns = (math.ceil((side + 2 * SIDE_M) / CELL_M) + 1 for side in (curve.span_m, 0.0))
     sums = np.zeros((5, rows * columns))
-    for some, local in beside(curve, xyz, index, SIDE_M):
+    for some, local in beside(curve, xyz, index, SIDE_M, SIDE_M):
         row, column = np.floor((local[:, :2] + SIDE_M) / CELL_M).astype(np.int64).T
         variance = np.zeros(len(some)) if sigma_m is None else sigma_m[some] ** 2
         for k, values in enumerate((np.ones(len(some)), *local.T, variance)):

@@ -68,8 +68,9 @@ RULES = {
     "other": "unclassified points (class 1) and all further classes, not within "
     f"{SUPPORT_M:g} m of a tower's foot or a wire's end, and not within {OWN_M:g} m of any wire",
     "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
-    f"standard deviations points with more than {LOOSE_M:g} m, and vegetation within {NEAR_SUPPORT_M:g} m of "
-    "a tower's foot or a wire's end",
+    f"standard deviations points with more than {LOOSE_M:g} m, vegetation within {NEAR_SUPPORT_M:g} m of a "
+    "tower's foot or a wire's end, and what is not beside a wire but beyond its ends, which may be a support "
+    "that is not seen",
 }
 
 
@@ -122,9 +123,14 @@ def stations(curve: Catenary, step_m: float) -> Float[np.ndarray, " k"]:
 
 
 def beside(
-    curve: Catenary, xyz: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " m"], reach_m: float
+    curve: Catenary,
+    xyz: Float[np.ndarray, "n 3"],
+    index: Int[np.ndarray, " m"],
+    reach_m: float,
+    beyond_m: float,
 ) -> Iterator[tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 3"]]]:
-    """The points within `reach_m` of the wire horizontally (a box), by chunks: indices, and s, y, z."""
+    """By chunks, indices and s, y, z of the points within `reach_m` across the wire and `beyond_m` beyond its
+    ends, horizontally."""
     ux, uy = curve.direction
     ends = np.array([curve.a[:2], curve.b[:2]])
     low, high = ends.min(0) - math.sqrt(2) * reach_m, ends.max(0) + math.sqrt(2) * reach_m
@@ -134,15 +140,20 @@ def beside(
         near = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])  # of a long line, few are
         some, x, y = some[near], x[near] - ends[0, 0], y[near] - ends[0, 1]
         local = np.stack([ux * x + uy * y, ux * y - uy * x, z[near]], 1)
-        near = (local[:, 0] >= -reach_m) & (local[:, 0] <= curve.span_m + reach_m)
+        near = (local[:, 0] >= -beyond_m) & (local[:, 0] <= curve.span_m + beyond_m)
         near &= np.abs(local[:, 1]) <= reach_m
         yield some[near], local[near]
 
 
 def nearest_along(
-    curve: Catenary, at: Float[np.ndarray, " k"], xyz: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " m"]
+    curve: Catenary,
+    at: Float[np.ndarray, " k"],
+    xyz: Float[np.ndarray, "n 3"],
+    index: Int[np.ndarray, " m"],
+    beyond_m: float = REACH_M,
 ) -> Nearest:
-    """Of the points beside each station (those beyond an end are at its station), the nearest to the wire.
+    """Of the points beside each station, the nearest to the wire; those beyond an end, up to `beyond_m`, are
+    at its station.
 
     A wire whose slope is nowhere greater than g is no nearer to a point that is dz above or below it than
     dz / sqrt(1 + g^2), so that only points are compared exactly which could be the nearest of their station.
@@ -151,7 +162,7 @@ def nearest_along(
     steep = math.hypot(1.0, math.sinh(max(abs(curve.s0_m), abs(length - curve.s0_m)) / curve.p_m))
     least = np.full(len(at), np.inf)
     kept: list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"], Float[np.ndarray, " c"]]] = []
-    for some, local in beside(curve, xyz, index, REACH_M):
+    for some, local in beside(curve, xyz, index, REACH_M, beyond_m):
         s = np.clip(local[:, 0], 0.0, length)
         along, up = np.abs(local[:, 0] - s), np.abs(local[:, 2] - curve.heights(s))
         station = np.rint(s / length * (len(at) - 1)).astype(np.int64)

@@ -57,10 +57,11 @@ class TrueTower:
     height_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TruePlant:
     """A plant beside the line."""
 
+    foot: Float[np.ndarray, "3"]
     clearance_m: float
     """The least distance from its leaves to the surface of a wire."""
     wire: str
@@ -129,6 +130,7 @@ def read_truth(path: Path) -> WireTruth:
         _ground(data.get("ground"), path),
         tuple(
             TruePlant(
+                _points([entry.get("foot")], f"{path}, plant {i}, foot")[0],
                 _number(entry["clearance_m"], f"{path}, plant {i}, clearance_m"),
                 str(entry.get("nearest_conductor", "")),
             )

@@ -12,7 +12,6 @@ from jaxtyping import Float
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base, jacobian
-from plnerf.survey.refine.ends import SIGMA_M, wire_end
 from plnerf.survey.refine.refine import refine
 from plnerf.wires.curves import Curve
 
@@ -27,10 +26,6 @@ class Line:
     base: Base
     q: Float[np.ndarray, "5"]
     covariance: Float[np.ndarray, "5 5"]
-
-
-SUPPORT_SIGMA_M = 0.3
-"""Standard deviation along the line of a support's place in a field, as measured on rendered towers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +45,14 @@ def refit_curves(
     scene: Scene,
     curves: Sequence[Curve],
     metre: float,
-    supports: tuple[bool, bool] = (False, False),
+    support_sigma_m: tuple[float | None, float | None] = (None, None),
     tell: Callable[[int, int], object] = lambda done, of: None,
 ) -> tuple[list[Refit], float]:
     """One for each curve, and the images' motion in pixels.
 
     A curve states one standard deviation, that of its least certain point in its least certain direction: it
-    stands for all of them before.  metre: its length in the unit of the world.  supports: whether the first
-    and the last ends of the curves are supports that were seen; these are then put where the images say that
-    the wires end.  The world's z is up.
+    stands for all of them before.  metre: its length in the unit of the world, whose z is up.
+    support_sigma_m: of the places of the first and the last support, at which curves end that have one.
     """
     if not curves:
         return [], 0.0
@@ -69,23 +63,12 @@ def refit_curves(
     found = refine(
         scene, base, before, [curve.reach for curve in curves], DIAMETER_M * metre * frames.scale, tell
     )
-    ends, end_sigma = [-np.inf, np.inf], [0.0, 0.0]
-    for k, (near, outward) in enumerate(((0.0, -1), (base.length_m, 1))):
-        if supports[k]:
-            wires = [one.q for one in found.wires]
-            there = wire_end(
-                scene, base, wires, found.motion, near, outward, metre * frames.scale,
-                DIAMETER_M * metre * frames.scale,
-            )  # fmt: skip
-            ends[k] = first + (near if there is None else there)
-            end_sigma[k] = metre * (SUPPORT_SIGMA_M if there is None else SIGMA_M)
+    first_sigma, last_sigma = (metre * (sigma or 0.0) for sigma in support_sigma_m)
     rows = []
     for curve, q, one in zip(curves, before, found.wires, strict=True):
-        # At a support a curve ends there; else with what the images show of it.
-        low, high = (ends[k] if supports[k] else curve.ends[k] for k in (0, 1))
-        old = cut(base, q, np.eye(5) * curve.sigma**2, (low, high), frames)
-        new = old if one.refused else cut(base, one.q, one.covariance, (low, high), frames)
-        rows.append(Refit(old, new, one.views, one.refused, (end_sigma[0], end_sigma[1])))
+        old = cut(base, q, np.eye(5) * curve.sigma**2, curve.ends, frames)
+        new = old if one.refused else cut(base, one.q, one.covariance, curve.ends, frames)
+        rows.append(Refit(old, new, one.views, one.refused, (first_sigma, last_sigma)))
     return rows, found.motion_px
 
 

@@ -12,7 +12,7 @@ from scipy.interpolate import CloughTocher2DInterpolator
 from plnerf.survey.model import Conductor
 from plnerf.survey.report.data import TWO_SIDED_95, Clearance
 from plnerf.survey.score.conductors import Match, common_stretch
-from plnerf.wires.truth import TrueWire, WireTruth
+from plnerf.wires.truth import TruePlant, TrueWire, WireTruth
 
 DOWN, PLANTS = "ground, straight down", "vegetation"
 """What survey.json calls them."""
@@ -22,7 +22,8 @@ RULES = {
     "stretch that it shares with the conductor, above a smooth surface through the truth's points of the "
     "ground (piecewise cubic: Clough and Tocher)",
     "vegetation": "the least distance in space from any wire's axis to a plant; the truth's is that to the "
-    "leaves of the plants whose clearance truth.json states, with half the wire's diameter added",
+    "leaves of the plants whose clearance truth.json states and that stand between the ends of a conductor, "
+    "with half the wire's diameter added",
     "off_along": "how far apart along the line the two places are, horizontally",
     "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations",
 }
@@ -75,7 +76,7 @@ def score_clearances(
     notes: list[str] = []
     return ClearanceScore(
         _ground(matches, conductors, clearances, truth, notes),
-        _vegetation(clearances, truth, notes),
+        _vegetation(conductors, clearances, truth, notes),
         tuple(notes),
     )
 
@@ -128,22 +129,33 @@ def _above_ground(
     )
 
 
-def _vegetation(clearances: Sequence[Clearance], truth: WireTruth, notes: list[str]) -> Compared | None:
+def _vegetation(
+    conductors: Sequence[Conductor], clearances: Sequence[Clearance], truth: WireTruth, notes: list[str]
+) -> Compared | None:
     """Only the least of all wires: of a plant the truth knows the clearance of the nearest wire alone."""
     found = min(
         (one for one in clearances if one.to == PLANTS), key=lambda one: one.distance_m, default=None
     )
-    if not truth.plants or truth.houses or found is None:
+    plants = [plant for plant in truth.plants if _beside(plant, conductors)]
+    if not plants or truth.houses or found is None:
         why = (
             f"the truth has {truth.houses} houses, which surveys do not tell from plants"
             if truth.houses
             else "the truth says nothing of them"
             if not truth.plants
+            else "the truth has none between the conductors' ends"
+            if not plants
             else "the survey states no distance to any"
         )
         notes.append(f"Distances to plants are not compared: {why}.")
         return None
     radius = {wire.name: wire.diameter_m / 2 for wire in truth.wires}
-    axis_m = {plant: plant.clearance_m + radius.get(plant.wire, 0.0) for plant in truth.plants}
+    axis_m = {plant: plant.clearance_m + radius.get(plant.wire, 0.0) for plant in plants}
     nearest = min(axis_m, key=axis_m.__getitem__)
     return Compared(nearest.wire, found.conductor, axis_m[nearest], found.distance_m, found.sigma_m, None)
+
+
+def _beside(plant: TruePlant, conductors: Sequence[Conductor]) -> bool:
+    """Whether it stands between the ends of a conductor."""
+    along = [(one.fit.base, float(one.fit.base.local(plant.foot[None])[0, 0])) for one in conductors]
+    return any(0 <= s <= base.length_m for base, s in along)

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from plnerf.scene.scene import Scene
 from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import partners
+from plnerf.survey.stereo.specks import confirmed
 from plnerf.survey.stereo.views import View, picture, view_of
 from plnerf.survey.surface import RAYS, Surface, within
 from plnerf.wires.curves import Curve
@@ -23,6 +24,9 @@ LEAST_SEEN = 20
 """Points of the field that a view must see, to tell how far away things are."""
 LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
+COMPANY = 10
+"""Points that another image of the same thing would have, all of its pixels matched, within the distance at
+which a point's confirmation is looked for."""
 
 
 def with_stereo(
@@ -40,7 +44,7 @@ def with_stereo(
     chosen = partners(views, distance)
     random = np.random.default_rng(0)
     each = max(1, points // len(views))
-    places, colours, sigmas, sights = [], [], [], []
+    places, colours, sigmas, sights, images, radii = [], [], [], [], [], []
     for k, (view, others) in enumerate(zip(views, chosen, strict=True)):
         if len(others) >= 2:
             mine, rgb = _picture(scene, scene.train[k], view)
@@ -51,6 +55,9 @@ def with_stereo(
             colours.append(rgb[at])
             sigmas.append(depths.sigma[at])
             sights.append(mine.rays[at])
+            images.append(np.full(len(at[0]), k))
+            apart = np.sqrt(COMPANY * depths.t.size / (np.pi * each))  # pixels
+            radii.append(depths.sigma[at] + apart * depths.t[at] / float(view.focal_px.mean()))
         if progress is not None:
             progress(k + 1, len(views))
     found = sum(len(some) for some in places)
@@ -61,7 +68,7 @@ def with_stereo(
             "which may be metres off."
         ]
     wires, frames, met = _on_curves(of_field, curves), scene.frames, np.concatenate(places)
-    near = within(met, scene.box)
+    near = within(met, scene.box) & confirmed(met, np.concatenate(images), np.concatenate(radii))
     return Surface(
         np.concatenate([frames.to_world(met[near]), field.xyz[wires]]),
         np.concatenate([np.concatenate(colours)[near], field.rgb[wires]]),

@@ -6,7 +6,7 @@ Letters: n points in the scene frame in metres (x along the line, z up); e wires
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -81,12 +81,24 @@ def find_columns(
         # Lattice and poles are symmetric about their axis; plants at the foot are not.
         half = (ground[best] + lowest[best]) / 2
         upper = points[corridor & (np.abs(points[:, 0] - x[best]) <= HALF_DEPTH_M) & (points[:, 2] > half)]
-        axis = float(np.median(upper[:, 0]))
-        column = Column(axis, float(np.median(upper[:, 1])), float(ground[best]), np.inf)
-        column = replace(column, top_m=float(points[column.holds(points, wires), 2].max()))
-        highest = max(float(np.interp(axis, wire[:, 0], wire[:, 2])) for wire in wires)
+        column = column_at(float(np.median(upper[:, 0])), points, wires)
+        highest = max(float(np.interp(column.x_m, wire[:, 0], wire[:, 2])) for wire in wires)
         found.append(column if column.top_m >= highest - SHORT_M else None)
     return found[0], found[1]
+
+
+def column_at(
+    x_m: float, points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]]
+) -> Column:
+    """The support at a place: from the lowest ground around it to the highest of its points."""
+    at = np.array([[np.interp(x_m, wire[:, 0], wire[:, axis]) for axis in (1, 2)] for wire in wires])
+    lowest_m = float(at[:, 1].min())
+    around = points[_between_wires(points, wires) & (np.abs(points[:, 0] - x_m) <= AROUND_M)]
+    foot_m = float(around[:, 2].min()) if len(around) else lowest_m
+    near = np.abs(around[:, 0] - x_m) <= HALF_DEPTH_M
+    upper = around[near & (around[:, 2] > (foot_m + lowest_m) / 2)]
+    y_m = float(np.median(upper[:, 1])) if len(upper) else float(at[:, 0].mean())
+    return Column(x_m, y_m, foot_m, float(upper[:, 2].max(initial=lowest_m)))
 
 
 def _between_wires(
