@@ -13,7 +13,7 @@ from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.stereo import views as views_module
 from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import BASELINES, partners
-from plnerf.survey.stereo.surface import typical_distances, with_stereo
+from plnerf.survey.stereo.surface import distances, with_stereo
 from plnerf.survey.stereo.views import View, picture, view_of
 from plnerf.survey.surface import Surface
 from plnerf.wires.catenary import Catenary
@@ -64,12 +64,12 @@ def mapped(views: list[View]) -> DepthMap:
 
 
 def check(depths: DepthMap, true: np.ndarray, least_share: float = 0.6) -> None:
-    """Dense, right, and no less exact than it says: images without noise match to a quarter of the stated
-    deviation."""
+    """Dense, right, and no less exact than it says: images without noise match to a third of the stated
+    deviation.  Of the sky, and of what one pair alone sees, some is mistaken until other images are asked."""
     there, known = np.isfinite(true), np.isfinite(depths.t)
-    assert known[there].mean() >= least_share and known[~there].mean() < 0.02
+    assert known[there].mean() >= least_share and known[~there].mean() < 0.04
     error = np.abs(depths.t - true)[there & known]
-    assert np.median(error) < 0.01 and np.quantile(error, 0.9) < 0.06
+    assert np.median(error) < 0.012 and np.quantile(error, 0.9) < 0.09
     score = error / depths.sigma[there & known]
     assert 0.15 < np.quantile(score, 0.683) < 1.0 and np.quantile(score, 0.954) < 2.0
 
@@ -111,9 +111,15 @@ def test_masks_hide_in_both_images() -> None:
     assert np.isnan(theirs.t[105:]).all() and np.isfinite(theirs.t[60:95]).mean() > 0.5
 
 
-def test_one_partner_is_not_enough() -> None:
-    first, second, _ = views_of(row_of_cameras())
+def test_one_partner_is_not_enough_but_where_the_other_shows_nothing() -> None:
+    first, second, third = views_of(row_of_cameras())
     assert np.isnan(mapped([first, second]).t).all()
+    one, blind = taken(first), taken(third)
+    blind = replace(blind, valid=np.zeros_like(blind.valid))
+    check(depth_map(one, [taken(second), blind], DISTANCE), cast(first)[0], 0.5)
+    # A partner that shows something else contradicts.
+    other = replace(taken(third), grey=np.roll(taken(third).grey, 9, axis=1))
+    assert np.isfinite(depth_map(one, [taken(second), other], DISTANCE).t).mean() < 0.2
 
 
 def test_partners_stand_beside_and_look_the_same_way() -> None:
@@ -199,8 +205,9 @@ def test_distances_are_those_of_what_is_seen() -> None:
     seen = points(100, [-0.1, 0.5, FLOOR], [0.1, 0.5, FLOOR]).xyz
     apart = np.median(np.linalg.norm(seen - views[0].centre, axis=1))
     behind = seen * [1, -9, 1]
-    assert typical_distances(views[:1], np.concatenate([seen, behind]))[0] == pytest.approx(apart, abs=1e-3)
-    assert np.isnan(typical_distances(views, behind)).all()
+    ((typical, near),) = distances(views[:1], np.concatenate([seen, behind]))
+    assert typical == pytest.approx(apart, abs=1e-3) and near < apart
+    assert np.isnan(distances(views, behind)).all()
 
 
 def test_points_smeared_along_their_sight_are_the_wires() -> None:

@@ -3,7 +3,8 @@
 Both images of a pair are turned so that their rows lie along the baseline (A. Fusiello, E. Trucco, A. Verri,
 "A compact algorithm for rectification of stereo pairs", Machine Vision and Applications 12, 2000), and
 matched by semi-global matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual
-information", IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel's depth stands where two pairs agree.
+information", IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel's depth stands where two pairs agree,
+or one pair alone says anything: that is less sure, and `specks.py` asks other images.
 
 Letters: w = 1/t inverse distance along a pixel's ray, what a disparity is linear in: for rectified depth Z
 and focal length f, disparity = f b / Z; k partners; h x w pixels.
@@ -21,7 +22,7 @@ from plnerf.survey.stereo.pairs import LEAST_SINE
 from plnerf.survey.stereo.views import View
 
 NEAREST = 1 / 3
-"""Of the typical distance: nearer things are not looked for."""
+"""Of the given distance: nearer things are not looked for."""
 BLOCK_PX = 5
 UNIQUE_PERCENT = 10
 SPECKLE_PX, SPECKLE_STEP_PX = 60, 1
@@ -60,7 +61,7 @@ class DepthMap:
 
 
 def depth_map(picture: Picture, partners: Sequence[Picture], distance: float) -> DepthMap:
-    """Where at least two partners agree; distance: typical of what is seen."""
+    """Of the pixels that no two partners contradict each other on; distance: typical of what is near."""
     shape = picture.valid.shape
     pairs = [inverse_distance(picture, one, distance) for one in partners]
     if len(pairs) < 2:
@@ -167,7 +168,7 @@ def _sampled(
 
 def _agreed(w: Float[np.ndarray, "k h w"], sigma: Float[np.ndarray, "k h w"]) -> DepthMap:
     """The weighted mean of the pairs that agree with the one with which most agree (of equals, the
-    most exact).
+    most exact).  One pair alone is believed where no other says anything: near things leave most images.
 
     Its deviation is the least of theirs, for all share one image, or their spread where that is more."""
     limit = AGREE_PX / SIGMA_PX * np.maximum(sigma[:, None], sigma[None])
@@ -177,7 +178,7 @@ def _agreed(w: Float[np.ndarray, "k h w"], sigma: Float[np.ndarray, "k h w"]) ->
     chosen = np.take_along_axis(agree, best[None, None], 0)[0]
     weight = np.where(chosen, 1 / sigma**2, 0.0)
     total = weight.sum(0)
-    known = chosen.sum(0) >= 2
+    known = (chosen.sum(0) >= 2) | (np.isfinite(w).sum(0) == 1)
     safe = np.where(known, total, 1.0)
     filled = np.where(chosen, w, 0.0)
     mean = (weight * filled).sum(0) / safe

@@ -22,6 +22,7 @@ from plnerf.wires.curves import Curve
 
 LEAST_SEEN = 20
 """Points of the field that a view must see, to tell how far away things are."""
+NEARER = 0.15
 LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
 COMPANY = 10
@@ -40,8 +41,12 @@ def with_stereo(
     and the field's on the curves; all of the field, with a note, where the images make no pairs."""
     views = [view_of(scene, i) for i in scene.train]
     of_field = scene.frames.to_scene(field.xyz)
-    distance = typical_distances(views, of_field)
-    chosen = partners(views, distance)
+    far, near = distances(views, of_field).T
+    # What is near needs images that are near to one another, what is far others.
+    chosen = [
+        tuple(dict.fromkeys((*some, *more)))
+        for some, more in zip(partners(views, far), partners(views, near), strict=True)
+    ]
     random = np.random.default_rng(0)
     each = max(1, points // len(views))
     places, colours, sigmas, sights, images, radii = [], [], [], [], [], []
@@ -49,7 +54,7 @@ def with_stereo(
         if len(others) >= 2:
             mine, rgb = _picture(scene, scene.train[k], view)
             there = (_picture(scene, scene.train[j], views[j])[0] for j in others)
-            depths = depth_map(mine, list(there), float(distance[k]))
+            depths = depth_map(mine, list(there), float(near[k]))
             at = _pixels(depths, each, random)
             places.append(view.centre + depths.t[at][:, None] * mine.rays[at])
             colours.append(rgb[at])
@@ -68,12 +73,12 @@ def with_stereo(
             "which may be metres off."
         ]
     wires, frames, met = _on_curves(of_field, curves), scene.frames, np.concatenate(places)
-    near = within(met, scene.box) & confirmed(met, np.concatenate(images), np.concatenate(radii))
+    inside = within(met, scene.box) & confirmed(met, np.concatenate(images), np.concatenate(radii))
     return Surface(
-        np.concatenate([frames.to_world(met[near]), field.xyz[wires]]),
-        np.concatenate([np.concatenate(colours)[near], field.rgb[wires]]),
-        np.concatenate([np.concatenate(sigmas)[near] / frames.scale, field.sigma[wires]]),
-        np.concatenate([np.concatenate(sights)[near] @ frames.R_scene_world, field.sight[wires]]),
+        np.concatenate([frames.to_world(met[inside]), field.xyz[wires]]),
+        np.concatenate([np.concatenate(colours)[inside], field.rgb[wires]]),
+        np.concatenate([np.concatenate(sigmas)[inside] / frames.scale, field.sigma[wires]]),
+        np.concatenate([np.concatenate(sights)[inside] @ frames.R_scene_world, field.sight[wires]]),
     ), []
 
 
@@ -87,13 +92,15 @@ def _on_curves(points: Float[np.ndarray, "n 3"], curves: Sequence[Curve]) -> Boo
     return on
 
 
-def typical_distances(views: Sequence[View], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " m"]:
-    """The median distance of the points that each view has in its image; NaN where they are few."""
-    found = np.full(len(views), np.nan)
+def distances(views: Sequence[View], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "m 2"]:
+    """The median distance of the points that each view has in its image, and that of the nearer ones (their
+    `NEARER` quantile); NaN where they are few."""
+    found = np.full((len(views), 2), np.nan)
     for k, view in enumerate(views):
         _, inside = view.project(points)
         if inside.sum() >= LEAST_SEEN:
-            found[k] = np.median(np.linalg.norm(points[inside] - view.centre, axis=1))
+            apart = np.linalg.norm(points[inside] - view.centre, axis=1)
+            found[k] = np.quantile(apart, [0.5, NEARER])
     return found
 
 
