@@ -13,8 +13,9 @@ from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base
+from plnerf.survey.refine.adjust import VIEWS, Prior, State, adjust
 from plnerf.survey.refine.curves import cut, of_curve, refit_curves
-from plnerf.survey.refine.profile import sightings
+from plnerf.survey.refine.profile import Sightings, sightings
 from plnerf.survey.refine.refine import Refined, double, refine
 from plnerf.survey.refine.track import Track, crossings, track
 from plnerf.wires.curves import Curve
@@ -86,6 +87,20 @@ def test_no_wire_is_refined_where_none_is_seen(scene: Scene) -> None:
     empty = of_curve(hanging(0.14, -0.1, 0.02), BASE)
     (found,) = refine(scene, BASE, [empty], [4 * PIXEL], DIAMETER).wires
     assert found.refused is not None and (found.q == empty).all()
+
+
+def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
+    random = np.random.default_rng(0)
+    known = np.array([of_curve(wire, BASE) for wire in WIRES])
+    state = State(
+        known + random.normal(size=(3, 5)) * PIXEL,
+        *(random.normal(size=shape) for shape in ((4, 3), (3, VIEWS), (3, 2), 2)),
+    )
+    nothing = Sightings(*(np.zeros((0, *rest)) for rest in ((), (2,), (3,), (), (), (), ())))
+    step = adjust(BASE, state, Prior(known, np.array(TRUST), DIAMETER, 0.1), [[nothing] * 3] * 4)
+    np.testing.assert_allclose(step.state.q, known, atol=1e-3 * PIXEL)
+    for name in ("motion", "bias", "light", "common_light"):
+        np.testing.assert_allclose(getattr(step.state, name), 0, atol=1e-9)
 
 
 def test_a_track_along_the_wires_fixes_none(tmp_path: Path) -> None:
