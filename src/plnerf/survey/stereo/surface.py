@@ -25,6 +25,8 @@ LEAST_SEEN = 20
 NEARER = 0.15
 LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
+WIRE_SIGMAS = 2.0
+"""What stereo shows so near to a curve, in its standard deviations, may be the wire."""
 COMPANY = 10
 """Points that another image of the same thing would have, all of its pixels matched, within the distance at
 which a point's confirmation is looked for."""
@@ -72,23 +74,28 @@ def with_stereo(
             "two partners that look the same way from beside them): ground and plants are the field's alone, "
             "which may be metres off."
         ]
-    wires, frames, met = _on_curves(of_field, curves), scene.frames, np.concatenate(places)
-    inside = within(met, scene.box) & confirmed(met, np.concatenate(images), np.concatenate(radii))
+    met, sigma = np.concatenate(places), np.concatenate(sigmas)
+    kept = within(met, scene.box) & ~_on_curves(met, curves, WIRE_SIGMAS * sigma)
+    kept[kept] = confirmed(met[kept], np.concatenate(images)[kept], np.concatenate(radii)[kept])
+    wires, frames = _on_curves(of_field, curves, np.zeros(len(of_field))), scene.frames
     return Surface(
-        np.concatenate([frames.to_world(met[inside]), field.xyz[wires]]),
-        np.concatenate([np.concatenate(colours)[inside], field.rgb[wires]]),
-        np.concatenate([np.concatenate(sigmas)[inside] / frames.scale, field.sigma[wires]]),
-        np.concatenate([np.concatenate(sights)[inside] @ frames.R_scene_world, field.sight[wires]]),
+        np.concatenate([frames.to_world(met[kept]), field.xyz[wires]]),
+        np.concatenate([np.concatenate(colours)[kept], field.rgb[wires]]),
+        np.concatenate([sigma[kept] / frames.scale, field.sigma[wires]]),
+        np.concatenate([np.concatenate(sights)[kept] @ frames.R_scene_world, field.sight[wires]]),
     ), []
 
 
-def _on_curves(points: Float[np.ndarray, "n 3"], curves: Sequence[Curve]) -> Bool[np.ndarray, " n"]:
-    """Which points are as near to a curve as its conductor is looked for."""
+def _on_curves(
+    points: Float[np.ndarray, "n 3"], curves: Sequence[Curve], wider: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Which points are as near to a curve as its conductor is looked for, or so much further."""
     on = np.zeros(len(points), np.bool_)
     for curve in curves:
         low, high = curve.ends
         off = points - curve.points(points[:, 0])
-        on |= (points[:, 0] >= low) & (points[:, 0] <= high) & (np.linalg.norm(off, axis=1) <= curve.reach)
+        near = np.linalg.norm(off, axis=1) <= curve.reach + wider
+        on |= (points[:, 0] >= low) & (points[:, 0] <= high) & near
     return on
 
 
