@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from plnerf.scene.scene import Scene
-from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
+from plnerf.survey.stereo.depth import BLOCK_PX, DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import partners
 from plnerf.survey.stereo.specks import confirmed
 from plnerf.survey.stereo.views import View, picture, view_of
@@ -25,6 +25,8 @@ LEAST_SEEN = 20
 NEARER = 0.15
 LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
+EDGE_PX = BLOCK_PX / 2
+"""Where a thing ends is known to half a block: leaves outside of a crown are smaller."""
 WIRE_SIGMAS = 2.0
 """What stereo shows so near to a curve, in its standard deviations, may be the wire."""
 COMPANY = 10
@@ -60,11 +62,11 @@ def with_stereo(
             at = _pixels(depths, each, random)
             places.append(view.centre + depths.t[at][:, None] * mine.rays[at])
             colours.append(rgb[at])
-            sigmas.append(depths.sigma[at])
+            pixel = depths.t[at] / float(view.focal_px.mean())
+            sigmas.append(np.hypot(depths.sigma[at], EDGE_PX * pixel))
             sights.append(mine.rays[at])
             images.append(np.full(len(at[0]), k))
-            apart = np.sqrt(COMPANY * depths.t.size / (np.pi * each))  # pixels
-            radii.append(depths.sigma[at] + apart * depths.t[at] / float(view.focal_px.mean()))
+            radii.append(depths.sigma[at] + np.sqrt(COMPANY * depths.t.size / (np.pi * each)) * pixel)
         if progress is not None:
             progress(k + 1, len(views))
     found = sum(len(some) for some in places)
