@@ -23,6 +23,7 @@ from plnerf.wires.curves import Curve
 LEAST_SEEN = 20
 """Points of the field that a view must see, to tell how far away things are."""
 NEARER = 0.15
+"""Quantile of a view's distances that stands for what is near."""
 LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
 EDGE_PX = BLOCK_PX / 2
