@@ -14,7 +14,7 @@ from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.survey.catenary import Base
 from plnerf.survey.refine.adjust import VIEWS, Prior, State, adjust
-from plnerf.survey.refine.curves import cut, of_curve, refit_curves
+from plnerf.survey.refine.curves import Held, cut, of_curve, refit_curves
 from plnerf.survey.refine.profile import Sightings, sightings
 from plnerf.survey.refine.refine import Refined, double, refine
 from plnerf.survey.refine.track import Track, crossings, track
@@ -188,6 +188,8 @@ def _flat(pixel: np.ndarray) -> Track:
 
 def test_a_seen_support_makes_ends_uncertain(scene: Scene) -> None:
     curves = [replace(wire, ends=(-0.6, 0.6), reach=4 * PIXEL) for wire in WIRES]
-    rows, _ = refit_curves(scene, curves, DIAMETER / 0.03, (0.1, None))
+    rows, _ = refit_curves(scene, curves, DIAMETER / 0.03, (Held(-0.65, 0.1), None))
     for row in rows:
         assert row.end_sigma == (pytest.approx(0.1 * DIAMETER / 0.03), 0.0)
+        first, last = row.after.base.curve(row.after.q).points(np.array([0.0, row.after.base.length_m]))
+        assert scene.frames.to_scene(np.array([first, last]))[:, 0] == pytest.approx([-0.65, 0.6], abs=1e-3)

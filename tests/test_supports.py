@@ -1,5 +1,7 @@
 """Supports are where the wires are held, and are not invented."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,9 +95,12 @@ def test_curves_end_at_supports_by_the_best_that_shows_them() -> None:
     shown = surface(floor, body(random, 15.3), arm(random, 15.0))
     field = surface(floor, body(random, 15.3), arm(random, -14.8))
     cut, supports = between_supports(shown, field, CURVES, FRAMES)
-    assert supports.sigma_m == (BY_FIELD_M, BY_STEREO_M) and len(supports.towers) == 2
+    assert [at and at.sigma_m for at in supports.held] == [BY_FIELD_M, BY_STEREO_M]
     for curve in cut:
         assert np.array(curve.ends) / METRE == pytest.approx([-14.8, 15.0], abs=0.1)
+    shorter = [replace(curve, ends=(-0.7, 0.9)) for curve in CURVES]
+    cut, again = between_supports(shown, field, shorter, FRAMES)
+    assert again.held == supports.held and all(curve.ends[0] == -0.7 for curve in cut)
     # The second has a body, the first has none: it stands on the ground below what holds the wires.
     first, last = supports.towers
     assert first.foot == pytest.approx([100 - 14.8, 200.0, 0.0], abs=0.4) and first.height_m > 10
@@ -107,7 +112,7 @@ def test_a_body_alone_is_less_exact_and_no_support_leaves_the_curves() -> None:
     random = np.random.default_rng(4)
     floor = ground(random)
     cut, supports = between_supports(surface(floor), surface(floor, body(random, 15.0)), CURVES, FRAMES)
-    assert supports.sigma_m == (None, BY_BODY_M)
+    assert supports.held[0] is None and supports.held[1] and supports.held[1].sigma_m == BY_BODY_M
     assert all(curve.ends[0] == -0.9 and curve.ends[1] / METRE == pytest.approx(15, abs=0.2) for curve in cut)
     cut, supports = between_supports(surface(floor), surface(floor), CURVES, FRAMES)
     assert [one.ends for one in cut] == [one.ends for one in CURVES] and supports.towers == ()

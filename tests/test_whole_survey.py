@@ -229,7 +229,7 @@ def test_wires_end_at_the_supports_that_the_surface_shows(seen: tuple[bool, bool
     for curve in shorter:
         assert np.array(curve.ends) / 0.05 == pytest.approx(ends, abs=0.05)
     assert len(found.towers) == sum(seen) and not found.points[:4300].any()
-    assert tuple(one is not None for one in found.sigma_m) == seen
+    assert tuple(one is not None for one in found.held) == seen
     for tower, x in zip(found.towers, (-15.0, 16.0), strict=False):
         assert tower.foot == pytest.approx([x + 7, -3, 2], abs=0.15)
         assert tower.height_m == pytest.approx(11.5, abs=0.1)

@@ -61,7 +61,7 @@ def survey_run(
     if curves:
         require_upright(frames)
     refits, motion_px = refit_curves(
-        run.scene, curves, metre_of(frames), supports.sigma_m, lambda done, of: told(3 * of + done, 4 * of)
+        run.scene, curves, metre_of(frames), supports.held, lambda done, of: told(3 * of + done, 4 * of)
     )
     conductors = conductors_of_curves(refits, frames, points)
     if motion_px > LOOSE_POSES_PX:

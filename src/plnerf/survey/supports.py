@@ -11,6 +11,7 @@ from plnerf.survey.attachments import held_at
 from plnerf.survey.columns import Column, column_at, find_columns
 from plnerf.survey.curve_wires import metre_of
 from plnerf.survey.model import Tower
+from plnerf.survey.refine.curves import Held
 from plnerf.survey.surface import Surface
 from plnerf.wires.curves import Curve
 
@@ -31,14 +32,14 @@ class Supports:
     towers: tuple[Tower, ...]
     points: Bool[np.ndarray, " n"]
     """Those of the surface that are theirs."""
-    sigma_m: tuple[float | None, float | None]
-    """Standard deviation along the line of the first and the last support's place; None: it is not seen."""
+    held: tuple[Held | None, Held | None]
+    """Where the first and the last hold the wires; None: it is not seen."""
 
 
 def between_supports(
     surface: Surface, field: Surface, curves: Sequence[Curve], frames: Frames
 ) -> tuple[list[Curve], Supports]:
-    """The curves from support to support, and these; where none is seen, a curve ends as it did.
+    """The curves as far as they lie between the supports, and these.
 
     Bodies are looked for in the field, which shows a lattice from all sides: stereo sees its near side alone.
     """
@@ -52,17 +53,21 @@ def between_supports(
     x = np.linspace(first - ABOUT_END_M, last + ABOUT_END_M, 120) * metre
     wires = [curve.points(x) / metre for curve in curves]
     towers, of_tower = [], np.zeros(len(surface.xyz), np.bool_)
-    sigma: list[float | None] = [None, None]
-    ends: list[float | None] = [None, None]
-    for k, body in enumerate(bodies):
-        column, sigma[k] = _support(body, (first, last)[k], of_stereo, of_field, wires)
+    held: list[Held | None] = []
+    for body, end in zip(bodies, (first, last), strict=True):
+        column, sigma = _support(body, end, of_stereo, of_field, wires)
+        held.append(None if column is None else Held(column.x_m * metre, sigma))
         if column is not None:
-            ends[k] = column.x_m * metre
             of_tower |= column.holds(of_stereo, wires)
             foot = frames.to_world(metre * np.array([[column.x_m, column.y_m, column.foot_m]]))[0]
             towers.append(Tower(foot, (column.top_m - column.foot_m) * metre_of(frames)))
-    held = [replace(curve, ends=_ends(curve, *ends)) for curve in curves]
-    return held, Supports(tuple(towers), of_tower, (sigma[0], sigma[1]))
+    low, high = (
+        beyond if at is None else at.x for beyond, at in zip((-np.inf, np.inf), held, strict=True)
+    )
+    between = [
+        replace(curve, ends=(max(curve.ends[0], low), min(curve.ends[1], high))) for curve in curves
+    ]
+    return between, Supports(tuple(towers), of_tower, (held[0], held[1]))
 
 
 def _support(
@@ -71,7 +76,7 @@ def _support(
     of_stereo: Float[np.ndarray, "n 3"],
     of_field: Float[np.ndarray, "m 3"],
     wires: Sequence[Float[np.ndarray, "_ 3"]],
-) -> tuple[Column | None, float | None]:
+) -> tuple[Column | None, float]:
     """Where the wires are held about a body, or their end, by the best that shows it, and how exactly."""
     middle, reach = (end, ABOUT_END_M) if body is None else (body.x_m, AROUND_M)
     for points, sigma in ((of_stereo, BY_STEREO_M), (of_field, BY_FIELD_M)):
@@ -81,9 +86,4 @@ def _support(
             found = column_at(at, of_field, wires)
             highest = max(float(np.interp(at, wire[:, 0], wire[:, 2])) for wire in wires)
             return replace(body or found, x_m=at, top_m=max(highest, (body or found).top_m)), sigma
-    return body, None if body is None else BY_BODY_M
-
-
-def _ends(curve: Curve, first: float | None, last: float | None) -> tuple[float, float]:
-    """A curve's own where there is no support."""
-    return curve.ends[0] if first is None else first, curve.ends[1] if last is None else last
+    return body, BY_BODY_M

@@ -28,6 +28,16 @@ class Line:
     covariance: Float[np.ndarray, "5 5"]
 
 
+@dataclass(frozen=True)
+class Held:
+    """Where a support holds the wires."""
+
+    x: float
+    """Along the line, scene frame."""
+    sigma_m: float
+    """Standard deviation of it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Refit:
     """A curve before and after."""
@@ -45,14 +55,15 @@ def refit_curves(
     scene: Scene,
     curves: Sequence[Curve],
     metre: float,
-    support_sigma_m: tuple[float | None, float | None] = (None, None),
+    held: tuple[Held | None, Held | None] = (None, None),
     tell: Callable[[int, int], object] = lambda done, of: None,
 ) -> tuple[list[Refit], float]:
     """One for each curve, and the images' motion in pixels.
 
     A curve states one standard deviation, that of its least certain point in its least certain direction: it
-    stands for all of them before.  metre: its length in the unit of the world, whose z is up.
-    support_sigma_m: of the places of the first and the last support, at which curves end that have one.
+    stands for all of them before.  metre: its length in the unit of the world, whose z is up.  held: by the
+    first and the last support; there a wire ends, even where its curve ends before: the images are asked of
+    the curve alone.
     """
     if not curves:
         return [], 0.0
@@ -63,11 +74,12 @@ def refit_curves(
     found = refine(
         scene, base, before, [curve.reach for curve in curves], DIAMETER_M * metre * frames.scale, tell
     )
-    first_sigma, last_sigma = (metre * (sigma or 0.0) for sigma in support_sigma_m)
+    first_sigma, last_sigma = (0.0 if one is None else metre * one.sigma_m for one in held)
     rows = []
     for curve, q, one in zip(curves, before, found.wires, strict=True):
-        old = cut(base, q, np.eye(5) * curve.sigma**2, curve.ends, frames)
-        new = old if one.refused else cut(base, one.q, one.covariance, curve.ends, frames)
+        low, high = (end if at is None else at.x for end, at in zip(curve.ends, held, strict=True))
+        old = cut(base, q, np.eye(5) * curve.sigma**2, (low, high), frames)
+        new = old if one.refused else cut(base, one.q, one.covariance, (low, high), frames)
         rows.append(Refit(old, new, one.views, one.refused, (first_sigma, last_sigma)))
     return rows, found.motion_px
 
