@@ -13,7 +13,7 @@ from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.stereo import views as views_module
 from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import BASELINES, partners
-from plnerf.survey.stereo.surface import distances, with_stereo
+from plnerf.survey.stereo.surface import WIRE_PX, distances, shows_wires, with_stereo
 from plnerf.survey.stereo.views import View, picture, view_of
 from plnerf.survey.surface import Surface
 from plnerf.wires.catenary import Catenary
@@ -224,3 +224,13 @@ def test_points_smeared_along_their_sight_are_the_wires() -> None:
     assert doubtful.tolist() == [False, False, True, False, False, False, False]
     nowhere, none = on_wires(surface, [])
     assert (nowhere == NONE).all() and not none.any()
+
+
+def test_pixels_near_to_wires_are_told() -> None:
+    view, curve = views_of(row_of_cameras())[0], hanging(0.5, 0.0)
+    near = shows_wires(view, [curve])
+    pixel, inside = view.project(curve.points(np.linspace(-0.3, 0.3, 40)))
+    column, row = pixel[inside].astype(int).T
+    assert inside.all() and near[row, column].all() and near[row + WIRE_PX - 1, column].all()
+    assert not near[row + WIRE_PX + 2, column].any() and not near[row - WIRE_PX - 2, column].any()
+    assert not shows_wires(view, []).any()

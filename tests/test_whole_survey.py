@@ -198,7 +198,7 @@ def test_points_on_a_conductor_are_its_own() -> None:
     sight = np.tile([0.0, 1.0, 0.0], (len(xyz), 1))
     surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), sight)
     none = np.zeros(len(xyz), bool)
-    ground = ground_of(surface, none)
+    ground = ground_of(surface, [wire.fit.curve], none)
     cloud, notes = classified(surface, ground, [wire], none)
     assert (cloud.wire[4000:4050] == 1).all() and (cloud.label[4000:4050] == 14).all()
     assert (cloud.label[:4000] == 2).mean() > 0.99 and np.isin(cloud.label[4050:], (4, 5)).mean() > 0.9
@@ -246,3 +246,16 @@ def test_what_ends_below_the_wires_is_no_support() -> None:
         surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.02), along)
         _, found = between_supports(surface, surface, [hanging(-0.1, 0.0), hanging(0.1, 0.08)], frames)
         assert len(found.towers) == towers
+
+
+def test_a_crown_that_hides_the_ground_is_no_ground() -> None:
+    random = np.random.default_rng(0)
+    xy = random.uniform(-20, 20, (9000, 2))
+    hidden = np.hypot(*(xy - [4, 4]).T) < 5
+    floor = np.column_stack([xy[~hidden], random.normal(0, 0.03, (~hidden).sum())])
+    crown = random.normal(size=(1500, 3)) * [1.2, 1.2, 0.9] + [4, 4, 4.0]
+    xyz = np.concatenate([floor, crown])
+    n = len(xyz)
+    surface = Surface(xyz, np.zeros((n, 3), np.uint8), np.full(n, 0.05), np.tile([0.0, 1.0, 0.0], (n, 1)))
+    ground = ground_of(surface, [], np.zeros(n, bool))
+    assert ground is not None and abs(float(ground.above(np.array([[4.0, 4.0, 0.0]]))[0])) < 0.2

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.survey.ground import Ground, find_ground, vegetation
+from plnerf.survey.ground import CELL_M, Ground, find_ground, vegetation
 from plnerf.survey.model import (
     CONDUCTOR,
     GROUND,
@@ -23,20 +23,40 @@ from plnerf.survey.model import (
     Tower,
 )
 from plnerf.survey.obstacles import LOOSE_M
-from plnerf.survey.on_wires import on_wires
+from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
+from plnerf.wires.catenary import Catenary
 
+CROWN_M, LEAST_LOW = 0.5, 0.3
+"""Of a cell's points, how many must be within so much of the lowest: else it shows a crown from the side."""
 NEAR_GROUND_M = 0.3
 """A surface point this near to the ground, or twice its standard deviation, belongs to it."""
 
 
-def ground_of(surface: Surface, of_tower: Bool[np.ndarray, " n"], metre: float = 1.0) -> Ground | None:
+def ground_of(
+    surface: Surface, wires: Sequence[Catenary], of_tower: Bool[np.ndarray, " n"], metre: float = 1.0
+) -> Ground | None:
     """In metres, of the points that are known to a metre; None where they make none.
 
-    metre: its length in the surface's units.
+    The lowest of a crown that hides the ground is no ground.  metre: its length in the surface's units.
     """
-    ground = (_upright(surface) <= LOOSE_M * metre) & ~of_tower
-    return find_ground(surface.xyz[ground] / metre) if ground.any() else None
+    nearest, _ = on_wires(surface, wires, metre)
+    firm = (_upright(surface) <= LOOSE_M * metre) & ~of_tower & (nearest == NONE)
+    firm[firm] = ~_in_crowns(surface.xyz[firm] / metre, _upright(surface)[firm] / metre)
+    return find_ground(surface.xyz[firm] / metre) if firm.any() else None
+
+
+def _in_crowns(points: Float[np.ndarray, "n 3"], sigma: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Those in cells of which few points are near to the lowest."""
+    cell = np.floor((points[:, :2] - points[:, :2].min(0, initial=0.0)) / CELL_M).astype(np.int64)
+    _, index = np.unique(cell, axis=0, return_inverse=True)
+    index = index.reshape(-1)
+    lowest = np.full(index.max(initial=0) + 1, np.inf)
+    np.minimum.at(lowest, index, points[:, 2] + sigma)
+    low = points[:, 2] - sigma <= lowest[index] + CROWN_M
+    share = np.bincount(index, low) / np.maximum(np.bincount(index), 1)
+    crowns: Bool[np.ndarray, " n"] = share[index] < LEAST_LOW if len(points) else np.zeros(0, np.bool_)
+    return crowns
 
 
 def standing_on(ground: Ground | None, towers: Sequence[Tower], metre: float = 1.0) -> tuple[Tower, ...]:

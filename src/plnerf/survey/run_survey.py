@@ -77,7 +77,7 @@ def survey_run(
     towers = supports.towers
     if is_upright(frames):
         metre = metre_of(frames)
-        ground = ground_of(surface, supports.points, metre)
+        ground = ground_of(surface, [one.fit.curve for one in conductors], supports.points, metre)
         towers = standing_on(ground, towers, metre)
         cloud, more = classified(surface, ground, conductors, supports.points, metre)
     else:

@@ -28,8 +28,9 @@ LEAST_SHARE = 0.02
 """Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
 EDGE_PX = BLOCK_PX / 2
 """Where a thing ends is known to half a block: leaves outside of a crown are smaller."""
-WIRE_SIGMAS = 2.0
-"""What stereo shows so near to a curve, in its standard deviations, may be the wire."""
+WIRE_PX = BLOCK_PX
+"""Pixels this near to a projected curve are left out: one wire is matched with another."""
+CURVE_PLACES = 2000
 COMPANY = 10
 """Points that another image of the same thing would have, all of its pixels matched, within the distance at
 which a point's confirmation is looked for."""
@@ -60,6 +61,7 @@ def with_stereo(
             mine, rgb = _picture(scene, scene.train[k], view)
             there = (_picture(scene, scene.train[j], views[j])[0] for j in others)
             depths = depth_map(mine, list(there), float(near[k]))
+            depths.t[shows_wires(view, curves)] = np.nan
             at = _pixels(depths, each, random)
             places.append(view.centre + depths.t[at][:, None] * mine.rays[at])
             colours.append(rgb[at])
@@ -77,28 +79,34 @@ def with_stereo(
             "two partners that look the same way from beside them): ground and plants are the field's alone, "
             "which may be metres off."
         ]
-    met, sigma = np.concatenate(places), np.concatenate(sigmas)
-    kept = within(met, scene.box) & ~_on_curves(met, curves, WIRE_SIGMAS * sigma)
-    kept[kept] = confirmed(met[kept], np.concatenate(images)[kept], np.concatenate(radii)[kept])
-    wires, frames = _on_curves(of_field, curves, np.zeros(len(of_field))), scene.frames
+    wires, frames, met = _on_curves(of_field, curves), scene.frames, np.concatenate(places)
+    kept = within(met, scene.box) & confirmed(met, np.concatenate(images), np.concatenate(radii))
     return Surface(
         np.concatenate([frames.to_world(met[kept]), field.xyz[wires]]),
         np.concatenate([np.concatenate(colours)[kept], field.rgb[wires]]),
-        np.concatenate([sigma[kept] / frames.scale, field.sigma[wires]]),
+        np.concatenate([np.concatenate(sigmas)[kept] / frames.scale, field.sigma[wires]]),
         np.concatenate([np.concatenate(sights)[kept] @ frames.R_scene_world, field.sight[wires]]),
     ), []
 
 
-def _on_curves(
-    points: Float[np.ndarray, "n 3"], curves: Sequence[Curve], wider: Float[np.ndarray, " n"]
-) -> Bool[np.ndarray, " n"]:
-    """Which points are as near to a curve as its conductor is looked for, or so much further."""
+def shows_wires(view: View, curves: Sequence[Curve]) -> Bool[np.ndarray, "h w"]:
+    """The pixels of an image near to a projected curve."""
+    near = np.zeros((view.height, view.width), np.uint8)
+    for curve in curves:
+        pixel, inside = view.project(curve.points(np.linspace(*curve.ends, CURVE_PLACES)))
+        column, row = pixel[inside].astype(int).T
+        near[row, column] = 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * WIRE_PX + 1, 2 * WIRE_PX + 1))
+    return cv2.dilate(near, disc) > 0
+
+
+def _on_curves(points: Float[np.ndarray, "n 3"], curves: Sequence[Curve]) -> Bool[np.ndarray, " n"]:
+    """Which points are as near to a curve as its conductor is looked for."""
     on = np.zeros(len(points), np.bool_)
     for curve in curves:
         low, high = curve.ends
         off = points - curve.points(points[:, 0])
-        near = np.linalg.norm(off, axis=1) <= curve.reach + wider
-        on |= (points[:, 0] >= low) & (points[:, 0] <= high) & near
+        on |= (points[:, 0] >= low) & (points[:, 0] <= high) & (np.linalg.norm(off, axis=1) <= curve.reach)
     return on
 
 
