@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import minimum_filter, uniform_filter
 
 from plnerf.survey.ground import CELL_M, Ground, find_ground, vegetation
 from plnerf.survey.model import (
@@ -27,8 +28,10 @@ from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
 from plnerf.wires.catenary import Catenary
 
-CROWN_M, LEAST_LOW = 0.5, 0.3
-"""Of a cell's points, how many must be within so much of the lowest: else it shows a crown from the side."""
+AROUND_CELLS = 5
+CROWN_M, LEAST_LOW = 1.25, 0.3
+"""Of the points in so many cells, how many must be within so much (ground may rise) of the lowest: else
+they are a crown's, seen from the side."""
 NEAR_GROUND_M = 0.3
 """A surface point this near to the ground, or twice its standard deviation, belongs to it."""
 
@@ -47,15 +50,19 @@ def ground_of(
 
 
 def _in_crowns(points: Float[np.ndarray, "n 3"], sigma: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Those in cells of which few points are near to the lowest."""
-    cell = np.floor((points[:, :2] - points[:, :2].min(0, initial=0.0)) / CELL_M).astype(np.int64)
-    _, index = np.unique(cell, axis=0, return_inverse=True)
-    index = index.reshape(-1)
-    lowest = np.full(index.max(initial=0) + 1, np.inf)
-    np.minimum.at(lowest, index, points[:, 2] + sigma)
-    low = points[:, 2] - sigma <= lowest[index] + CROWN_M
-    share = np.bincount(index, low) / np.maximum(np.bincount(index), 1)
-    crowns: Bool[np.ndarray, " n"] = share[index] < LEAST_LOW if len(points) else np.zeros(0, np.bool_)
+    """Those around which few points are near to the lowest."""
+    if not len(points):
+        return np.zeros(0, np.bool_)
+    row, column = np.floor((points[:, :2] - points[:, :2].min(0)) / CELL_M).astype(np.int64).T
+    shape = (int(row.max()) + 1, int(column.max()) + 1)
+    lowest = np.full(shape, np.inf)
+    np.minimum.at(lowest, (row, column), points[:, 2] + sigma)
+    lowest = minimum_filter(lowest, AROUND_CELLS, mode="nearest")
+    every, low = np.zeros(shape), np.zeros(shape)
+    np.add.at(every, (row, column), 1.0)
+    np.add.at(low, (row, column), points[:, 2] - sigma <= lowest[row, column] + CROWN_M)
+    low, every = (uniform_filter(counts, AROUND_CELLS, mode="constant") for counts in (low, every))
+    crowns: Bool[np.ndarray, " n"] = low[row, column] < LEAST_LOW * every[row, column]
     return crowns
 
 
