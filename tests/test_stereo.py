@@ -13,7 +13,7 @@ from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.stereo import views as views_module
 from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import BASELINES, partners
-from plnerf.survey.stereo.surface import WIRE_PX, distances, shows_wires, with_stereo
+from plnerf.survey.stereo.surface import WIRE_PX, distances, loosened, shows_wires, with_stereo
 from plnerf.survey.stereo.views import View, picture, view_of
 from plnerf.survey.surface import Surface
 from plnerf.wires.catenary import Catenary
@@ -234,3 +234,10 @@ def test_pixels_near_to_wires_are_told() -> None:
     assert inside.all() and near[row, column].all() and near[row + WIRE_PX - 1, column].all()
     assert not near[row + WIRE_PX + 2, column].any() and not near[row - WIRE_PX - 2, column].any()
     assert not shows_wires(view, []).any()
+
+
+def test_images_off_their_poses_make_points_less_certain() -> None:
+    """0.3 px each, beside 0.4 px of the match."""
+    surface = points(5, [0, 0, 0], [1, 1, 1], sigma=0.1)
+    np.testing.assert_allclose(loosened(surface, 0.3).sigma, 0.1 * np.hypot(0.4, 0.3 * np.sqrt(2)) / 0.4)
+    assert (loosened(surface, 0.0).sigma == surface.sigma).all()

@@ -26,7 +26,7 @@ from plnerf.survey.refine.curves import refit_curves
 from plnerf.survey.report.colours import KINDS
 from plnerf.survey.report.data import Picture
 from plnerf.survey.report.overlay import overlay
-from plnerf.survey.stereo.surface import with_stereo
+from plnerf.survey.stereo.surface import loosened, with_stereo
 from plnerf.survey.supports import between_supports
 from plnerf.survey.surface import surface_points
 from plnerf.survey.survey import POINTS, survey_wires
@@ -69,6 +69,7 @@ def survey_run(
             f"The images lie about {motion_px:.1f} px off their poses, as the wires in them show: better "
             "poses make better conductors."
         )
+        surface = loosened(surface, motion_px)
     if conductors and len(supports.towers) < 2:
         notes.append(
             f"{len(supports.towers)} of 2 supports are seen: where none is, wires end with what the images "

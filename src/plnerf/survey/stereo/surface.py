@@ -7,13 +7,14 @@ Letters: n points, m views, h x w pixels.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from plnerf.scene.scene import Scene
-from plnerf.survey.stereo.depth import BLOCK_PX, DepthMap, Picture, depth_map
+from plnerf.survey.stereo.depth import BLOCK_PX, SIGMA_PX, DepthMap, Picture, depth_map
 from plnerf.survey.stereo.pairs import partners
 from plnerf.survey.stereo.specks import confirmed
 from plnerf.survey.stereo.views import View, picture, view_of
@@ -87,6 +88,11 @@ def with_stereo(
         np.concatenate([np.concatenate(sigmas)[kept] / frames.scale, field.sigma[wires]]),
         np.concatenate([np.concatenate(sights)[kept] @ frames.R_scene_world, field.sight[wires]]),
     ), []
+
+
+def loosened(surface: Surface, motion_px: float) -> Surface:
+    """The same, less certain: both images of a pair lie so far off their poses."""
+    return replace(surface, sigma=surface.sigma * np.hypot(1.0, np.sqrt(2) * motion_px / SIGMA_PX))
 
 
 def shows_wires(view: View, curves: Sequence[Curve]) -> Bool[np.ndarray, "h w"]:
