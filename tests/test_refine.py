@@ -101,6 +101,8 @@ def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
     np.testing.assert_allclose(step.state.q, known, atol=1e-3 * PIXEL)
     for name in ("motion", "bias", "light", "common_light"):
         np.testing.assert_allclose(getattr(step.state, name), 0, atol=1e-9)
+    # Nor is there a spread among images that would tell otherwise than what was known.
+    np.testing.assert_allclose(step.spread, step.covariance, rtol=1e-6, atol=1e-9 * step.covariance.max())
 
 
 def test_a_track_along_the_wires_fixes_none(tmp_path: Path) -> None:

@@ -259,3 +259,11 @@ def test_a_crown_that_hides_the_ground_is_no_ground() -> None:
     surface = Surface(xyz, np.zeros((n, 3), np.uint8), np.full(n, 0.05), np.tile([0.0, 1.0, 0.0], (n, 1)))
     ground = ground_of(surface, [], np.zeros(n, bool))
     assert ground is not None and abs(float(ground.above(np.array([[4.0, 4.0, 0.0]]))[0])) < 0.2
+
+
+def test_ground_that_is_known_to_a_metre_only_is_no_crown() -> None:
+    random = np.random.default_rng(0)
+    xyz = np.column_stack([random.uniform(-20, 20, (9000, 2)), random.normal(0, 0.8, 9000)])
+    down = np.tile([0.0, 0.0, -1.0], (len(xyz), 1))
+    surface = Surface(xyz, np.zeros((len(xyz), 3), np.uint8), np.full(len(xyz), 0.8), down)
+    assert ground_of(surface, [], np.zeros(len(xyz), bool)) is not None

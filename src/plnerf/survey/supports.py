@@ -49,7 +49,7 @@ def between_supports(
     of_field, of_stereo = (frames.to_scene(one.xyz) / metre for one in (field, surface))
     lines = [curve.points(np.linspace(*curve.ends, 60)) / metre for curve in curves]
     bodies = find_columns(of_field, lines)
-    first, last = (float(f([line[end, 0] for line in lines])) for f, end in ((np.min, 0), (np.max, -1)))
+    first, last = min(float(line[0, 0]) for line in lines), max(float(line[-1, 0]) for line in lines)
     x = np.linspace(first - ABOUT_END_M, last + ABOUT_END_M, 120) * metre
     wires = [curve.points(x) / metre for curve in curves]
     towers, of_tower = [], np.zeros(len(surface.xyz), np.bool_)
@@ -82,8 +82,8 @@ def _support(
     for points, sigma in ((of_stereo, BY_STEREO_M), (of_field, BY_FIELD_M)):
         at = held_at(points, wires, middle - reach, middle + reach)
         if at is not None:
+            found = body or column_at(at, of_field, wires)
             # A support is as high as its highest wire.
-            found = column_at(at, of_field, wires)
             highest = max(float(np.interp(at, wire[:, 0], wire[:, 2])) for wire in wires)
-            return replace(body or found, x_m=at, top_m=max(highest, (body or found).top_m)), sigma
+            return replace(found, x_m=at, top_m=max(highest, found.top_m)), sigma
     return body, BY_BODY_M

@@ -62,8 +62,6 @@ class Refinement:
     """Of all wires."""
 
     wires: tuple[Refined, ...]
-    motion: Float[np.ndarray, "n 3"]
-    """Of every training image, as `Track.motion` counts it."""
     motion_px: float
     """Standard deviation of what the images' poses are off by, as their wires show it."""
 
@@ -95,7 +93,7 @@ def refine(
 
         def look(n: int, state: State = state, blur: float = blur) -> list[Sightings]:
             tracks = [track(cameras[n], base, q, s, state.motion[n]) for q in state.q]
-            return of_image(scene, views[n], tracks, blur, diameter)
+            return _of_image(scene, views[n], tracks, blur, diameter)
 
         with ThreadPoolExecutor() as pool:
             found = list(pool.map(look, range(N)))
@@ -108,7 +106,7 @@ def refine(
             break
     tell(MOST_ROUNDS, MOST_ROUNDS)
     wires_now = tuple(_judged(base, prior, step, w, found, s) for w in range(W))
-    return Refinement(wires_now, state.motion, step.motion_px())
+    return Refinement(wires_now, step.motion_px())
 
 
 def _between(
@@ -124,7 +122,7 @@ def double(cameras: Cameras) -> Cameras:
     return Cameras(*(value.double() if value.is_floating_point() else value for value in values))
 
 
-def of_image(
+def _of_image(
     scene: Scene, i: int, tracks: list[Track], blur_px: float, diameter: float
 ) -> list[Sightings]:
     """The sightings of each wire in one image."""

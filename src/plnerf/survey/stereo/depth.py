@@ -61,7 +61,7 @@ class DepthMap:
 
 
 def depth_map(picture: Picture, partners: Sequence[Picture], distance: float) -> DepthMap:
-    """Of the pixels that no two partners contradict each other on; distance: typical of what is near."""
+    """Where two partners agree, or one alone says anything; distance: typical of what is near."""
     shape = picture.valid.shape
     pairs = [inverse_distance(picture, one, distance) for one in partners]
     if len(pairs) < 2:
