@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from plnerf.detect.detect import find_curves
 from plnerf.scene.scene import load_scene
-from plnerf.wires.find import find_curves
 
 CLOSE_M = 0.10
 

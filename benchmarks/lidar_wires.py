@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from plnerf.survey.cloud.find import Found, find_conductors
+from plnerf.survey.lidar.find import Found, find_conductors
 from plnerf.survey.model import CONDUCTOR, NO_WIRE, TOWER
 
 TOLERANCE_M, STEP_M, ALONG_M, TOWER_M, BOTH_M = 0.25, 0.1, 2.5, 3.0, 5.0

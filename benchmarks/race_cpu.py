@@ -201,7 +201,7 @@ def run_ours(arguments: Arguments, seconds: float, count: int) -> Run:
     folder = arguments.out / f"ours-{count}"
     validations = round(min(60, max(10, 2 * seconds)))
     command = [
-        sys.executable, "-m", "plnerf.cli", "train", str(arguments.scene), "-o", str(folder),
+        sys.executable, "-m", "plnerf.cli.main", "train", str(arguments.scene), "-o", str(folder),
         "--downscale", str(arguments.downscale), "--seconds", str(seconds), "--device", "cpu",
         "--set", f"train.validations={validations}", "--set", "train.checkpoints=1",
     ]  # fmt: skip

@@ -29,6 +29,8 @@ from plnerf.capture.capture import CaptureConfig
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.report import capture_and_tell
 from plnerf.capture.sfm import SfmConfig
+from plnerf.detect.curves import Curve
+from plnerf.detect.detect import find_curves
 from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
 from plnerf.scene.listing import Listing
@@ -37,8 +39,6 @@ from plnerf.survey.refine.curves import Line, refit_curves
 from plnerf.synth.config import Pass
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import synthesize
-from plnerf.wires.curves import Curve
-from plnerf.wires.find import find_curves
 
 PLACE = LocalFrame("EPSG:4979", (10.0, 51.0, 250.0))
 """Where on the earth the synthetic world is put."""

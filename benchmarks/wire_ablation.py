@@ -16,13 +16,13 @@ import tyro
 from rich.console import Console
 
 from plnerf.bench.span_suite import RESULT, VIEWS, score_run
+from plnerf.detect.curves import write_curves
+from plnerf.detect.detect import find_curves
 from plnerf.pipeline import bundled_span, train_scene
 from plnerf.render.files import write_text
 from plnerf.scene.scene import load_scene
 from plnerf.train.guidance import CURVES
 from plnerf.train.protocol import plain
-from plnerf.wires.curves import write_curves
-from plnerf.wires.find import find_curves
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "pl-nerf-wire": (),

@@ -26,9 +26,9 @@ from skimage.morphology import skeletonize
 
 from plnerf.bench.machine import circumstances
 from plnerf.bench.tables import Table, figure
+from plnerf.detect.ridges import ridge_map
 from plnerf.errors import SceneError
 from plnerf.train.pixels import ridge_strength
-from plnerf.wires.ridges import ridge_map
 
 SCALES_PX = (1, 2, 3)
 SAME_PHOTO = 0.9

@@ -23,12 +23,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from plnerf.bench.machine import circumstances
+from plnerf.detect.line_pixels import WirePixels, wire_pixels
 from plnerf.pipeline import bundled_span
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene, load_scene
+from plnerf.score.truth import read_truth
 from plnerf.train.truth import read_wire_mask
-from plnerf.wires.line_pixels import WirePixels, wire_pixels
-from plnerf.wires.truth import read_truth
 
 VISIBLE_PX = 1.5
 SAMPLES = 8000

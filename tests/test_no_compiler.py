@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from tiny_run import SMALL
+from tests.support.tiny_run import SMALL
 
 COMPILERS = (
     "cc",
@@ -40,7 +39,8 @@ def test_a_machine_without_a_compiler_trains(built_tiny_scene: Path, tmp_path: P
     assert [name for name in COMPILERS if shutil.which(name, path=environment["PATH"])] == []
     run = tmp_path / "run"
     settings = [word for setting in SMALL for word in ("--set", setting)]
-    command = [sys.executable, "-m", "plnerf.cli", "train", str(built_tiny_scene), "-o", str(run), *settings]
+    train = [sys.executable, "-m", "plnerf.cli.main", "train"]
+    command = [*train, str(built_tiny_scene), "-o", str(run), *settings]
     done = subprocess.run(
         [*command, "--steps", "20", "--device", "cpu", "--backend", "numba"],
         env=environment, text=True, capture_output=True, timeout=300, check=False,

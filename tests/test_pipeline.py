@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 import torch
 from rich.console import Console
+from tests.support.tiny_run import SMALL, assert_same_bits, newest_tensors
 
 from plnerf import pipeline
 from plnerf.errors import ConfigError, SceneError
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.train.config import fit_to_scene
 from plnerf.train.run import open_run, read_config
-from tiny_run import SMALL, assert_same_bits, newest_tensors
 
 
 @pytest.fixture

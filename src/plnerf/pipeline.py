@@ -19,12 +19,12 @@ from plnerf.errors import ConfigError
 from plnerf.ops.dispatch import BackendChoice, resolve_backend
 from plnerf.presets import preset_names
 from plnerf.render.systems import SystemConfig
+from plnerf.report.deliver import CONTENT, SurveyOptions
 from plnerf.scene.files import check_folder
 from plnerf.scene.scene import load_scene
-from plnerf.survey.cloud.survey import SUFFIXES, survey_cloud
-from plnerf.survey.deliver import CONTENT, SurveyOptions
-from plnerf.survey.run_survey import survey_run
-from plnerf.survey.score.report import score_survey
+from plnerf.score.score import score_survey
+from plnerf.survey.lidar.las import SUFFIXES, survey_cloud
+from plnerf.survey.run import survey_run
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import summary, synthesize
 from plnerf.train.checkpoint import list_checkpoints

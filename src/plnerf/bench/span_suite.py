@@ -18,15 +18,15 @@ from plnerf.errors import ConfigError
 from plnerf.pipeline import bar, bundled_span, train_scene
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
-from plnerf.survey.survey import POINTS, survey_wires
+from plnerf.score.clouds import read_cloud
+from plnerf.score.point_report import to_json
+from plnerf.score.points import score_points
+from plnerf.score.truth import read_truth
+from plnerf.survey.wire_files import POINTS, survey_wires
 from plnerf.train.evaluate import mean_appearance, means, measure
 from plnerf.train.metrics import Lpips
 from plnerf.train.protocol import plain
 from plnerf.train.run import open_run
-from plnerf.wires.clouds import read_cloud
-from plnerf.wires.score import score_points
-from plnerf.wires.score_report import to_json
-from plnerf.wires.truth import read_truth
 
 PRESETS = ("nerfacto", "pl-nerf", "pl-nerf-wire")
 VIEWS = 4

@@ -17,12 +17,12 @@ from jaxtyping import Bool, Float, Int
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
+from plnerf.field.guides import Guides, Windows
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp
 from plnerf.ops.dispatch import Backend
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays
-from plnerf.wires.guides import Guides, Windows
 
 FIRST_DEPTH = 0.2
 """Optical depth across a new tube: thin enough to see through, thick enough to have a gradient."""

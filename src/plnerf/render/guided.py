@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
+from plnerf.field.guides import Windows
 from plnerf.rays.warp import to_warped
-from plnerf.wires.guides import Windows
 
 
 def guide_edges(

@@ -20,6 +20,7 @@ from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
 from plnerf.field.density import DensityConfig, DensityField
+from plnerf.field.guides import Guides, Windows, windows
 from plnerf.field.radiance import RadianceConfig, RadianceField
 from plnerf.field.tubes import TubeConfig, TubeField
 from plnerf.ops.dispatch import Backend
@@ -31,7 +32,6 @@ from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distanc
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
 from plnerf.render.volume import composite
-from plnerf.wires.guides import Guides, Windows, windows
 
 
 @dataclass(frozen=True)

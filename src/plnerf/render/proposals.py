@@ -11,11 +11,11 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from plnerf.errors import ConfigError
+from plnerf.field.guides import Windows
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges, stratified_levels
 from plnerf.render.guided import guide_edges
 from plnerf.render.ray_ops import TORCH, RayOps
-from plnerf.wires.guides import Windows
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
+from plnerf.field.guides import Guides
 from plnerf.field.poses import PoseCorrections
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.rays import Rays
 from plnerf.render.proposals import Histogram, SamplerConfig
 from plnerf.render.ray_ops import Rendered
-from plnerf.wires.guides import Guides
 
 
 @dataclass(frozen=True)

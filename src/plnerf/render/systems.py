@@ -2,13 +2,13 @@
 
 from torch import Generator
 
+from plnerf.field.guides import Guides
 from plnerf.ops.dispatch import Backend
 from plnerf.render.coarse_fine import CoarseFineConfig, CoarseFineNeRF
 from plnerf.render.deep_proposals import DeepProposalsConfig, DeepProposalsNeRF
 from plnerf.render.model import ModelConfig, PLNeRF
 from plnerf.render.occupied import OccupiedConfig, OccupiedNeRF
 from plnerf.render.system import RadianceSystem
-from plnerf.wires.guides import Guides
 
 SystemConfig = ModelConfig | CoarseFineConfig | DeepProposalsConfig | OccupiedConfig
 """Told apart in a run's config.json by their `kind`."""

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter, uniform_filter
 
+from plnerf.line.catenary import Catenary
+from plnerf.survey.field_surface import Surface
 from plnerf.survey.ground import CELL_M, Ground, find_ground, vegetation
 from plnerf.survey.model import (
     CONDUCTOR,
@@ -25,8 +27,6 @@ from plnerf.survey.model import (
 )
 from plnerf.survey.obstacles import LOOSE_M
 from plnerf.survey.on_wires import NONE, on_wires
-from plnerf.survey.surface import Surface
-from plnerf.wires.catenary import Catenary
 
 AROUND_CELLS = 5
 CROWN_M, LEAST_LOW = 1.25, 0.3

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import Frames
-from plnerf.survey.catenary import CatenaryFit
+from plnerf.survey.fit import CatenaryFit
 from plnerf.survey.kinds import kinds
 from plnerf.survey.model import Conductor
 from plnerf.survey.refine.curves import Line, Refit

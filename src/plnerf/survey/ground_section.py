@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from plnerf.line.catenary import Catenary
 from plnerf.survey.obstacles import beside
-from plnerf.wires.catenary import Catenary
 
 SIDE_M = 10.0
 """Ground within this distance of the wire (horizontally) takes part."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from plnerf.survey.catenary import CatenaryFit
+from plnerf.survey.fit import CatenaryFit
 from plnerf.survey.model import Kind
 
 LEVEL_M, BELOW_M = 2.0, 2.0

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from plnerf.survey.catenary import CatenaryFit
+from plnerf.survey.fit import CatenaryFit
 
 UNCLASSIFIED, GROUND, LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, BUILDING = 1, 2, 3, 4, 5, 6
 SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE = 13, 14, 15, 16, 18

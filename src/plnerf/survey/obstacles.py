@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from plnerf.line.catenary import Catenary
+from plnerf.line.polylines import onto_segments
 from plnerf.survey.model import (
     BUILDING,
     CONDUCTOR,
@@ -26,8 +28,6 @@ from plnerf.survey.model import (
     Survey,
 )
 from plnerf.survey.thresholds import GROUPS, Group
-from plnerf.wires.catenary import Catenary
-from plnerf.wires.polylines import onto_segments
 
 WATER, RAIL, ROAD = 9, 10, 11
 OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from plnerf.line.catenary import Catenary
+from plnerf.survey.field_surface import Surface
 from plnerf.survey.obstacles import sampled
-from plnerf.survey.surface import Surface
-from plnerf.wires.catenary import Catenary
 
 ON_WIRE_M = 0.25
 """A point this near to a conductor is on it."""

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from plnerf.detect.curves import Curve
 from plnerf.scene.transforms import Frames
 from plnerf.survey.attachments import held_at
-from plnerf.survey.columns import Column, column_at, find_columns
+from plnerf.survey.bodies import Column, column_at, find_columns
 from plnerf.survey.curve_wires import metre_of
+from plnerf.survey.field_surface import Surface
 from plnerf.survey.model import Tower
 from plnerf.survey.refine.curves import Held
-from plnerf.survey.surface import Surface
-from plnerf.wires.curves import Curve
 
 BY_STEREO_M, BY_FIELD_M, BY_BODY_M = 0.05, 0.15, 0.3
 """Standard deviation along the line of a support's place, by what is about the wires there in stereo, by the

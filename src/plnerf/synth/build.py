@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from plnerf.line.catenary import Point, hang
 from plnerf.synth.check import check_wires
 from plnerf.synth.config import SpanConfig, WireConfig
 from plnerf.synth.houses import place_houses
@@ -15,7 +16,6 @@ from plnerf.synth.planting import plant
 from plnerf.synth.pole import arm_ahead_m
 from plnerf.synth.span import Conductor, Span, Tower
 from plnerf.synth.terrain import Ground
-from plnerf.wires.catenary import Point, hang
 
 
 def build_span(config: SpanConfig) -> Span:

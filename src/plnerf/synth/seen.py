@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from plnerf.line.catenary import Catenary
 from plnerf.synth.capture import View
 from plnerf.synth.config import CaptureConfig
-from plnerf.wires.catenary import Catenary
 
 STEP_M = 0.05
 WITHIN_PX = 1.5

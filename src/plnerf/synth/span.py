@@ -7,9 +7,9 @@ Every length carries _m, every angle _deg.
 from dataclasses import dataclass, field
 from typing import Literal
 
+from plnerf.line.catenary import Catenary, Point
 from plnerf.synth.config import SpanConfig
 from plnerf.synth.terrain import Ground
-from plnerf.wires.catenary import Catenary, Point
 
 
 @dataclass(frozen=True)

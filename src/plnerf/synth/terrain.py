@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.line.catenary import Point
 from plnerf.synth.config import TerrainConfig
-from plnerf.wires.catenary import Point
 
 ROAD_ACROSS_M = -6.5  # the road's centre line, to the right of the wires
 ROAD_HALF_M = 2.6

@@ -9,13 +9,13 @@ import numpy as np
 import torch
 from jaxtyping import Int
 
+from plnerf.detect.curves import Curve, read_curves, write_curves
+from plnerf.detect.detect import compile_search, find_curves
+from plnerf.field.guides import Guides, guides_of
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.pixels import Pool, detail_pools
-from plnerf.wires.curves import Curve, read_curves, write_curves
-from plnerf.wires.find import compile_search, find_curves
-from plnerf.wires.guides import Guides, guides_of
 
 CURVES = "curves.json"
 WIDEST_PX = 24

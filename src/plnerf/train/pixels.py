@@ -16,9 +16,9 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Generator, Tensor
 
+from plnerf.detect.ridges import hessian, ridge_map
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
-from plnerf.wires.ridges import hessian, ridge_map
 
 DetailMap = Literal["hessian", "ridge"]
 """By what detail pixels are chosen: curvature alone, or the long thin lines of `wires/ridges.py`."""

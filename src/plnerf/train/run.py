@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 
 from plnerf.errors import CheckpointError, ConfigError
+from plnerf.field.guides import Guides
 from plnerf.ops.dispatch import resolve_backend
 from plnerf.render.files import write_text
 from plnerf.render.system import RadianceSystem
@@ -20,7 +21,6 @@ from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
 from plnerf.train.guidance import guides_for, run_curves
 from plnerf.train.settings import from_json, to_json
-from plnerf.wires.guides import Guides
 
 
 @dataclass(frozen=True)

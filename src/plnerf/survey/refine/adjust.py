@@ -22,7 +22,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.survey.catenary import Base
+from plnerf.survey.fit import Base
 from plnerf.survey.refine.profile import Sightings
 
 VISIBLE = 3.0

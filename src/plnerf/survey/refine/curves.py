@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.detect.curves import Curve
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
-from plnerf.survey.catenary import Base, jacobian
+from plnerf.survey.fit import Base, jacobian
 from plnerf.survey.refine.refine import refine
-from plnerf.wires.curves import Curve
 
 DIAMETER_M = 0.03
 """Of conductors, 1 to 5 cm."""

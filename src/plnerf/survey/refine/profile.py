@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from plnerf.survey.refine.track import Track, crossings
+from plnerf.survey.refine.projection import Track, crossings
 
 STEP_PX = 0.5
 WINDOW_PX = 6.0

@@ -15,10 +15,10 @@ from jaxtyping import Float
 
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
-from plnerf.survey.catenary import LEAST_BEND_M, Base
+from plnerf.survey.fit import LEAST_BEND_M, Base
 from plnerf.survey.refine.adjust import VIEWS, Prior, State, Step, adjust
 from plnerf.survey.refine.profile import Sightings, sightings
-from plnerf.survey.refine.track import Track, track
+from plnerf.survey.refine.projection import Track, track
 
 SAMPLES = 240
 """Along a wire."""

@@ -1,0 +1,1 @@
+"""A survey in, files that other programs read out."""

@@ -1,0 +1,114 @@
+"""The classified cloud as LAZ: LAS 1.4, point format 7, ASPRS classes, its CRS as WKT.
+
+Format 7 because classes of wires and towers are reserved in formats before 6.  The specification asks for
+the first WKT (OGC 01-009) there, which knows no three-dimensional projected CRS: of such a one the horizontal
+part is written.  Every point has its `wire_id`, and `sigma` (m) where the cloud states it.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import laspy
+import numpy as np
+from jaxtyping import Float
+from laspy.vlrs.known import WktCoordinateSystemVlr
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from plnerf.errors import SurveyError
+from plnerf.export.check import check_all, check_places, check_same
+from plnerf.export.crs import Places
+from plnerf.scene.files import complete_file
+from plnerf.survey.model import Cloud
+
+SCALE = 0.001
+CHUNK = 500_000
+COLOUR_STEP = 257
+"""LAS colours have 16 bits: 255 becomes 65535."""
+
+
+def write_las(path: Path, cloud: Cloud, places: Places, *, synthetic: bool) -> None:
+    """Writes a cloud and reads it back, by chunks.
+
+    synthetic: sets that flag of every point, which is for points not observed directly, such as those from
+    images.  Raises SurveyError where the file differs, or the cloud is wider than LAS can say.
+    """
+    header = _header(cloud, places)
+    with complete_file(path) as beside:
+        try:
+            with laspy.open(beside, mode="w", header=header) as file:
+                for part, at in _parts(cloud, places):
+                    file.write_points(_record(cloud, part, at, header, synthetic=synthetic))
+        except OverflowError as error:
+            raise SurveyError(
+                f"{path} cannot hold the cloud, which is wider than {SCALE * 2**31:.0f} m. Take out stray "
+                "points."
+            ) from error
+        _check(path, beside, cloud, places, synthetic=synthetic)
+
+
+def wkt_of(crs: CRS) -> str:
+    """A CRS in the WKT that LAS 1.4 asks for, without a third axis of its own."""
+    flat = crs if crs.is_compound else crs.to_2d()
+    try:
+        return str(flat.to_wkt("WKT1_GDAL"))
+    except CRSError:  # a projection that the first WKT has no name for
+        return str(crs.to_wkt())
+
+
+def _header(cloud: Cloud, places: Places) -> laspy.LasHeader:
+    header = laspy.LasHeader(version="1.4", point_format=7)
+    header.scales = np.full(3, SCALE)
+    header.offsets = np.floor(places.to_map(cloud.xyz[:1])[0]) if len(cloud.xyz) else np.zeros(3)
+    header.generating_software = "plnerf"
+    header.add_extra_dim(laspy.ExtraBytesParams("wire_id", "int32", "conductor, 0: none"))
+    if cloud.sigma_m is not None:
+        header.add_extra_dim(laspy.ExtraBytesParams("sigma", "float32", "standard deviation, m"))
+    header.global_encoding.wkt = True  # format 7 knows no other
+    if places.crs is not None:
+        header.vlrs.append(WktCoordinateSystemVlr(wkt_of(places.crs)))
+    return header
+
+
+def _parts(cloud: Cloud, places: Places) -> Iterator[tuple[slice, Float[np.ndarray, "c 3"]]]:
+    """Chunks of the cloud, and their map coordinates."""
+    for first in range(0, len(cloud.xyz), CHUNK):
+        part = slice(first, first + CHUNK)
+        yield part, places.to_map(cloud.xyz[part])
+
+
+def _record(
+    cloud: Cloud, part: slice, at: Float[np.ndarray, "c 3"], header: laspy.LasHeader, *, synthetic: bool
+) -> laspy.ScaleAwarePointRecord:
+    record = laspy.ScaleAwarePointRecord.zeros(len(at), header=header)
+    record.x, record.y, record.z = at.T
+    record.classification = cloud.label[part]
+    record.synthetic = np.full(len(at), synthetic, np.uint8)
+    record.return_number = record.number_of_returns = np.ones(len(at), np.uint8)
+    record.wire_id = cloud.wire[part].astype(np.int32)
+    if cloud.sigma_m is not None:
+        record.sigma = cloud.sigma_m[part].astype(np.float32)
+    if cloud.rgb is not None:
+        record.red, record.green, record.blue = cloud.rgb[part].T.astype(np.uint16) * COLOUR_STEP
+    return record
+
+
+def _check(path: Path, beside: Path, cloud: Cloud, places: Places, *, synthetic: bool) -> None:
+    with laspy.open(beside) as file:
+        header = file.header
+        said = (str(header.version), header.point_format.id, bool(header.global_encoding.wkt))
+        check_same(path, ("1.4", 7, True), said, "version, point format and the WKT bit")
+        check_same(path, len(cloud.xyz), header.point_count, "the number of points")
+        wkts = [vlr.string for vlr in header.vlrs if isinstance(vlr, WktCoordinateSystemVlr)]
+        check_same(path, [] if places.crs is None else [wkt_of(places.crs)], wkts, "the CRS")
+        for (part, at), read in zip(_parts(cloud, places), file.chunk_iterator(CHUNK), strict=True):
+            found = np.stack([np.asarray(read[axis], dtype=np.float64) for axis in "xyz"], 1)
+            check_places(path, at, found, "points")
+            check_all(path, np.array_equal(read.classification, cloud.label[part]), "classes")
+            check_all(path, np.array_equal(read.wire_id, cloud.wire[part]), "wire ids")
+            check_all(path, bool((np.asarray(read.synthetic) == synthetic).all()), "synthetic flags")
+            if cloud.sigma_m is not None:
+                check_all(path, np.array_equal(read.sigma, cloud.sigma_m[part].astype(np.float32)), "sigmas")
+            if cloud.rgb is not None:
+                colours = np.stack([read.red, read.green, read.blue], 1) // COLOUR_STEP
+                check_all(path, np.array_equal(colours, cloud.rgb[part]), "colours")

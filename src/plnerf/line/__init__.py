@@ -1,0 +1,1 @@
+"""The line: frame, structures, spans and wires as values, and their files."""

@@ -1,0 +1,1 @@
+"""A survey in, a page that people read out."""

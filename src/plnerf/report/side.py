@@ -1,0 +1,133 @@
+"""A span seen from the side: its axis, what lies below its wires, and the scale of a drawing.
+
+Letters: t horizontal distance along the span's axis from where the first of its wires begins, in world
+units; z height; x and y pixels of the drawing, y down; g places along t.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from plnerf.report.data import Profile
+from plnerf.survey.model import Conductor
+
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1100, 64, 60, 14, 46
+"""Of a drawing and its margins, in pixels."""
+MOST_HEIGHT, LEAST_HEIGHT = 440, 200
+"""Of the plotting area."""
+EXAGGERATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
+PLACES = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The view of one span from its side."""
+
+    o: Float[np.ndarray, "2"]
+    u: Float[np.ndarray, "2"]
+    length: float
+
+    def t(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Place along the axis."""
+        return (points[:, :2] - self.o) @ self.u
+
+
+@dataclass(frozen=True)
+class Scale:
+    """World to pixels."""
+
+    per_unit: float
+    """Pixels per world unit along t."""
+    exaggeration: float
+    first: float
+    """t at the left edge."""
+    top: float
+    """z at the upper edge."""
+    width: float
+    height: float
+    """Of the plotting area, in pixels."""
+
+    @property
+    def bottom(self) -> float:
+        """z at the lower edge."""
+        return self.top - self.height / self.per_unit / self.exaggeration
+
+    def x(self, t: float) -> float:
+        """Pixels from the left."""
+        return LEFT + (t - self.first) * self.per_unit
+
+    def y(self, z: float) -> float:
+        """Pixels from above."""
+        return TOP + (self.top - z) * self.per_unit * self.exaggeration
+
+    def path(self, t: Float[np.ndarray, " k"], z: Float[np.ndarray, " k"]) -> str:
+        """Points of a polyline."""
+        return " ".join(f"{self.x(a):.1f},{self.y(b):.1f}" for a, b in zip(t, z, strict=True))
+
+
+def side_of(conductors: list[Conductor]) -> Side:
+    """The axis that the wires of a span share, from the mean of their ends A to that of their ends B."""
+    curves = [one.fit.curve for one in conductors]
+    a, b = np.array([curve.a[:2] for curve in curves]), np.array([curve.b[:2] for curve in curves])
+    # Wires may be fitted in either direction: all are turned as the first.
+    turned = ((b - a) @ (b[0] - a[0])) < 0
+    a[turned], b[turned] = b[turned], a[turned].copy()
+    along = b.mean(0) - a.mean(0)
+    u = along / np.linalg.norm(along)
+    first, last = ((a - a.mean(0)) @ u).min(), ((b - a.mean(0)) @ u).max()
+    return Side(a.mean(0) + first * u, u, float(last - first))
+
+
+@dataclass(frozen=True, eq=False)
+class Below:
+    """Heights over all wires of a span at places t, NaN where none of the profiles knows any."""
+
+    t: Float[np.ndarray, " g"]
+    lowest: Float[np.ndarray, " g"]
+    """Of the ground."""
+    highest: Float[np.ndarray, " g"]
+    """Of the ground."""
+    vegetation: Float[np.ndarray, " g"]
+    """Its highest top."""
+
+
+def below(side: Side, conductors: list[Conductor], profiles: list[Profile]) -> Below:
+    """What the profiles of a span's wires say together."""
+    curves = {one.id: one.fit.curve for one in conductors}
+    grid, nothing = np.linspace(0.0, side.length, PLACES), np.full(PLACES, np.nan)
+    ground, vegetation = [nothing], [nothing]
+    for one in profiles:
+        t = side.t(curves[one.conductor].points(one.place_m))
+        order = np.argsort(t)
+        for rows, z in ((ground, one.ground_m), (vegetation, one.vegetation_m)):
+            rows.append(np.interp(grid, t[order], z[order], left=np.nan, right=np.nan))
+    lowest, highest = np.fmin.reduce(ground), np.fmax.reduce(ground)  # which pass over NaN
+    return Below(grid, lowest, highest, np.fmax.reduce(vegetation))
+
+
+def fitting(first: float, last: float, low: float, high: float) -> Scale:
+    """The largest drawing within the page, with the greatest of EXAGGERATIONS that fits."""
+    aside = 0.015 * (last - first)
+    first, last = first - aside, last + aside
+    wide = max(last - first, 1e-9)
+    tall = max(high - low, 0.02 * wide) * 1.06
+    per_unit = min((WIDTH - LEFT - RIGHT) / wide, MOST_HEIGHT / tall)
+    exaggeration = max(k for k in EXAGGERATIONS if k == 1 or k * tall * per_unit <= MOST_HEIGHT * 0.8)
+    height = max(tall * per_unit * exaggeration, LEAST_HEIGHT)
+    middle = (low + high) / 2 + height / per_unit / exaggeration / 2
+    return Scale(per_unit, exaggeration, first, middle, wide * per_unit, height)
+
+
+def ticks(low: float, high: float, count: float) -> Float[np.ndarray, " k"]:
+    """About `count` round values from low to high."""
+    raw = (high - low) / max(count, 1)
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = min((k * power for k in (1, 2, 5, 10)), key=lambda s: abs(np.log(s / raw)))
+    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
+
+
+def runs(good: Bool[np.ndarray, " g"]) -> list[slice]:
+    """Stretches of two or more neighbours that are true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
+    return [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a > 1]

@@ -1,1 +1,0 @@
-"""What a classified cloud tells of a line: wires, spans, supports."""

@@ -1,1 +1,0 @@
-"""A survey as files: CSV, GeoJSON, GeoPackage, DXF, LAS, PLY."""

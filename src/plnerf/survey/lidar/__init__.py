@@ -1,0 +1,1 @@
+"""A point cloud in, its wires, structures and classes out."""

@@ -1,1 +1,0 @@
-"""A survey as a report: one HTML page and survey.json."""

@@ -1,1 +1,0 @@
-"""Conductors as curves: their evidence in images, finding them, scoring them against the truth."""

@@ -1,0 +1,245 @@
+"""A reconstruction finds its place on the earth, says what held it there, and what was not to be trusted."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tests.capture.test_exif import HERE, photo
+
+from plnerf.capture.control import nearest_point, read_gcp_list
+from plnerf.capture.exif import PhotoFacts, read_facts
+from plnerf.capture.georef import Anchor, georeference
+from plnerf.capture.gravity import gravity_from_gimbal, up_in_camera
+from plnerf.capture.local_frame import LocalFrame
+from plnerf.capture.references import Reference, References, from_photos, read_geo_txt
+from plnerf.capture.similarity import Similarity
+from plnerf.errors import CaptureError
+
+PLACE = LocalFrame("EPSG:25832", (10.5, 51.5, 300.0))
+
+
+def flown(
+    local: np.ndarray, accuracy_m: float = 0.02, seed: int = 0
+) -> tuple[dict[str, np.ndarray], References, Similarity]:
+    """Centres in a reconstruction of its own, their stated positions, and what links the two."""
+    random = np.random.default_rng(seed)
+    to_metres = Similarity(7.0, Rotation.random(random_state=seed).as_matrix(), random.normal(size=3))
+    centres = ((local - to_metres.shift) @ to_metres.R) / to_metres.scale
+    stated = PLACE.to_crs(local + accuracy_m * random.normal(size=local.shape))
+    names = [f"{i:03d}.jpg" for i in range(len(local))]
+    rows = {name: Reference(tuple(xyz), (accuracy_m,) * 3) for name, xyz in zip(names, stated, strict=True)}  # type: ignore[misc]
+    return dict(zip(names, centres, strict=True)), References(PLACE.crs, rows, "a test"), to_metres
+
+
+def curve() -> np.ndarray:
+    s = np.linspace(0, 3, 40)
+    return np.stack([40 * s, 25 * np.sin(s), 60 + 4 * np.cos(2 * s)], 1)
+
+
+def test_it_lies_where_it_was_flown() -> None:
+    centres, references, truth = flown(curve())
+    found = georeference(centres, references)
+    assert found.held_by == "positions" and found.fit.inlier.all()
+    things = np.random.default_rng(1).normal(size=(50, 3)) * 30 + [60, 0, 20]
+    x = ((things - truth.shift) @ truth.R) / truth.scale
+    crs = found.frame.to_crs(found.fit.similarity(x))
+    assert np.abs(PLACE.to_local(crs) - things).max() < 0.15
+    summary = found.summary()
+    assert summary["residual_median_m"] < 0.06 and summary["positions"] == 40 and not summary["not_trusted"]
+    assert summary["crs"] == "EPSG:25832" and summary["metres_per_unit"] == pytest.approx(7.0, rel=1e-3)
+
+
+def test_wrong_positions_are_named() -> None:
+    centres, references, _ = flown(curve())
+    rows = dict(references.by_name)
+    for name in ("003.jpg", "017.jpg", "030.jpg"):
+        x, y, z = rows[name].xyz
+        rows[name] = replace(rows[name], xyz=(x + 80.0, y, z - 30))
+    found = georeference(centres, replace(references, by_name=rows))
+    assert found.summary()["not_trusted"] == ["003.jpg", "017.jpg", "030.jpg"]
+    assert found.summary()["residual_worst_m"] < 0.12
+
+
+def test_a_place_that_few_positions_agree_on_is_none() -> None:
+    """Some always agree, with a reconstruction of any shape: more than half must."""
+    centres, references, _ = flown(curve())
+    off = np.random.default_rng(3).normal(size=(40, 3))
+    for right in (15, 25):
+        wrong = {name: centres[name] + off[i] for i, name in enumerate(centres) if i >= right}
+        if right < 20:
+            with pytest.raises(CaptureError, match=r"Of 40 positions only 15 agree .* it is bent or put"):
+                georeference({**centres, **wrong}, references)
+        else:
+            assert georeference({**centres, **wrong}, references).fit.inlier.sum() == right
+
+
+def test_a_straight_track_needs_gravity_and_says_so() -> None:
+    straight = np.stack([np.linspace(0, 200, 40), np.linspace(0, 80, 40), np.full(40, 30.0)], 1)
+    centres, references, truth = flown(straight)
+    alone = georeference(centres, references)
+    assert alone.held_by == "positions alone, the roll is open" and alone.fit.roll_sigma_deg > 1
+    random = np.random.default_rng(2)
+    angles = np.stack([random.uniform(-60, 0, 40), random.normal(size=40)], 1)
+    heading = Rotation.from_euler("z", random.uniform(0, 360, (40, 1)), degrees=True).as_matrix()
+    R = []
+    for (pitch, roll), turn in zip(angles, heading, strict=True):
+        up = up_in_camera(float(pitch), float(roll))
+        level = Rotation.align_vectors([[0, 0, 1.0]], up[None])[0].as_matrix()  # camera to a level world
+        R.append(truth.R.T @ turn @ level)
+    gravity = gravity_from_gimbal(np.array(R), angles + random.normal(size=angles.shape))
+    assert gravity is not None and gravity.scatter_deg < 3
+    assert np.degrees(np.arccos(gravity.up @ truth.R.T @ [0, 0, 1.0])) < 0.5
+    found = georeference(centres, references, gravity)
+    assert found.held_by == "positions and the gimbal's angles"
+    beside = np.array([[100.0, 60.0, 10.0]])
+    x = ((beside - truth.shift) @ truth.R) / truth.scale
+    assert np.abs(PLACE.to_local(found.frame.to_crs(found.fit.similarity(x))) - beside).max() < 0.4
+
+
+@pytest.mark.parametrize(
+    ("pitch", "roll", "up"),
+    [(0, 0, (0, -1, 0)), (-90, 0, (0, 0, -1)), (90, 0, (0, 0, 1)), (0, 90, (-1, 0, 0)), (0, -90, (1, 0, 0))],
+)
+def test_up_as_a_camera_sees_it(pitch: float, roll: float, up: tuple[float, ...]) -> None:
+    assert up_in_camera(float(pitch), float(roll)) == pytest.approx(up, abs=1e-12)
+
+
+def test_gimbals_that_disagree_say_nothing() -> None:
+    R = Rotation.random(30, random_state=0).as_matrix()
+    assert gravity_from_gimbal(R, np.zeros((30, 2))) is None
+    assert gravity_from_gimbal(R[:2], np.zeros((2, 2))) is None
+
+
+def test_photos_positions_are_collected_with_what_was_wrong(tmp_path: Path) -> None:
+    facts: dict[str, PhotoFacts] = {"good.jpg": photo(tmp_path, HERE), "none.jpg": photo(tmp_path)}
+    flat = {tag: value for tag, value in HERE.items() if tag not in (5, 6)}
+    facts["flat.jpg"] = photo(tmp_path, flat)
+    facts["zero.jpg"] = photo(tmp_path, {**HERE, 2: (0.0, 0.0, 0.0), 4: (0.0, 0.0, 0.0)})
+    found = from_photos(facts)
+    assert list(found.by_name) == ["good.jpg"] and found.crs == "EPSG:4979"
+    assert [problem.split(":")[0] for problem in found.problems] == ["flat.jpg", "zero.jpg"]
+
+
+def test_geo_txt_of_odm(tmp_path: Path) -> None:
+    path = tmp_path / "geo.txt"
+    path.write_text(
+        "WGS84 UTM 32N\n\nA.JPG 600000.5 5700000.25 310\n"
+        "b.jpg 600010 5700000 311 10 -90 0 0.02 0.05\nc.jpg 1 2 3\n"
+    )
+    found = read_geo_txt(path, ["a.jpg", "sub/b.jpg"])
+    assert found.crs == "EPSG:32632" and set(found.by_name) == {"a.jpg", "sub/b.jpg"}
+    assert found.by_name["a.jpg"] == Reference((600000.5, 5700000.25, 310.0), (3.0, 3.0, 10.0))
+    assert found.by_name["sub/b.jpg"].sigma_m == (0.02, 0.02, 0.05)
+    assert found.problems == ("c.jpg: named in geo.txt, but there is no such image",)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "needs a first line with a coordinate reference system"),
+        ("EPSG:32632\n", "has 1 lines"),
+        ("EPSG:1\na.jpg 1 2 3\n", "cannot be used"),
+        ("EPSG:32632\na.jpg 1 2\n", r"line 2 should be `image x y z"),
+        ("EPSG:32632\na.jpg 1 2 nan\n", r"line 2 should be"),
+        ("EPSG:32632\nz.jpg 1 2 3\n", "none is among the 1 images here"),
+    ],
+)
+def test_a_geo_txt_that_cannot_be_used_says_why(text: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "geo.txt").write_text(text)
+    with pytest.raises(CaptureError, match=why):
+        read_geo_txt(tmp_path / "geo.txt", ["a.jpg"])
+
+
+def test_no_position_for_any_posed_image_is_told() -> None:
+    centres, references, _ = flown(curve())
+    with pytest.raises(CaptureError, match="None of the 40 images with a pose has a position from a test"):
+        georeference(centres, replace(references, by_name={}))
+
+
+def test_positions_as_close_as_they_are_good_hold_no_scale() -> None:
+    close = 0.02 * curve()  # 2.4 m long
+    centres, references, _ = flown(close, accuracy_m=0.01)
+    assert georeference(centres, references).fit.scale_sigma == pytest.approx(
+        0.01 / np.sqrt(((close - close.mean(0)) ** 2).sum()), rel=0.1
+    )
+    rows = {name: replace(row, sigma_m=(3.0, 3.0, 10.0)) for name, row in references.by_name.items()}
+    with pytest.raises(CaptureError, match=r"lie within 2\.\d+ m and are good to 3 m, .* scale to \d+% only"):
+        georeference(centres, replace(references, by_name=rows))
+    first = next(iter(references.by_name.values()))
+    rows = dict.fromkeys(references.by_name, first)
+    with pytest.raises(CaptureError, match="All 40 positions are the same, so that they hold no scale"):
+        georeference(centres, replace(references, by_name=rows))
+
+
+@pytest.mark.data
+def test_real_photos_positions_are_a_track(shared_data: Path) -> None:
+    """70 photos along a road, some 10 m apart: the distances are those of a drone and of no other mistake."""
+    facts = {path.name: read_facts(path) for path in sorted((shared_data / "seneca").glob("*.jpg"))}
+    found = from_photos(facts)
+    assert len(found.by_name) == 70 and not found.problems
+    stated = np.array([reference.xyz for reference in found.by_name.values()])
+    local = LocalFrame(found.crs, tuple(np.median(stated, 0))).to_local(stated)
+    steps = np.linalg.norm(np.diff(local[:, :2], axis=0), axis=1)
+    assert 5 < np.median(steps) < 60 and np.abs(local[:, 2]).max() < 40
+
+
+GCP = """EPSG:25832
+600000 5700000 300 10.5 20.5 A.jpg p1
+600000 5700000 300 30 40 b.jpg p1
+600050 5700000 301 11 12 a.jpg p2
+600050 5700000 301 13 14 c.jpg p2
+600050 5700020 301 1 2 a.jpg lonely
+"""
+
+
+def test_gcp_list_of_odm(tmp_path: Path) -> None:
+    (tmp_path / "gcp_list.txt").write_text(GCP)
+    found = read_gcp_list(tmp_path / "gcp_list.txt", ["a.jpg", "b.jpg"])
+    assert found.crs == "EPSG:25832" and [point.name for point in found.points] == ["p1"]
+    assert found.points[0].seen_px == {"a.jpg": (10.5, 20.5), "b.jpg": (30.0, 40.0)}
+    assert found.points[0].xyz == (600000.0, 5700000.0, 300.0)
+    assert [problem.split(":")[0] for problem in found.problems] == ["c.jpg", "p2", "lonely"]
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("x y z 1 2 a.jpg p3", r"line 7 should be `x y z pixel_x"),
+        ("1 2 nan 4 5 a.jpg p3", r"line 7 should be `x y z pixel_x"),
+        ("1 2 3 4 a.jpg", r"line 7 should be `x y z pixel_x pixel_y image"),
+        ("600000 5700000 302 1 2 b.jpg p1", r"line 7: control point p1 is at .* here and at .* before"),
+    ],
+)
+def test_a_gcp_list_that_cannot_be_used_says_why(line: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "gcp_list.txt").write_text(GCP + line + "\n")
+    with pytest.raises(CaptureError, match=why):
+        read_gcp_list(tmp_path / "gcp_list.txt", ["a.jpg", "b.jpg"])
+
+
+def test_rays_meet_where_they_are_nearest() -> None:
+    random = np.random.default_rng(8)
+    x, centres = np.array([1.0, 2.0, 3.0]), random.normal(size=(5, 3)) * 4
+    assert nearest_point(centres, x - centres) == pytest.approx(x)
+    apart = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    assert nearest_point(apart, np.array([[1.0, 0, 0], [0, 1.0, 0]])) == pytest.approx([0, 0, 0])
+
+
+def test_control_points_hold_what_positions_do_not() -> None:
+    """A straight track with poor positions, and four points on the ground: their turn, scale and CRS."""
+    straight = np.stack([np.linspace(0, 200, 40), np.linspace(0, 80, 40), np.full(40, 30.0)], 1)
+    centres, references, truth = flown(straight, accuracy_m=2.0)
+    corners = np.array([[20.0, 40, 0], [150, 100, 2], [180, 20, 1], [30, -20, 3]])
+    utm = LocalFrame("EPSG:32632", PLACE.origin)
+    control = [
+        Anchor(f"p{i}", ((place - truth.shift) @ truth.R) / truth.scale, tuple(xyz), (0.02,) * 3, utm.crs)
+        for i, (place, xyz) in enumerate(zip(corners, utm.to_crs(corners), strict=True))
+    ]
+    found = georeference(centres, references, None, control)
+    assert found.held_by == "positions" and found.frame.crs == "EPSG:32632"
+    assert found.source == "a test and 4 control points" and found.fit.roll_sigma_deg < 0.1
+    x = ((corners - truth.shift) @ truth.R) / truth.scale
+    assert np.abs(utm.to_local(found.frame.to_crs(found.fit.similarity(x))) - corners).max() < 0.05
+    alone = georeference({}, replace(references, by_name={}), None, control)
+    assert alone.source == "4 control points" and alone.fit.inlier.all()

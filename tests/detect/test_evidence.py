@@ -1,0 +1,145 @@
+"""A line along the span responds where it is, whatever the light; a line across does not."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
+
+from plnerf.detect.evidence import line_evidence, line_response, track_slope, vanishing_directions
+from plnerf.scene.cameras import project
+from plnerf.scene.images import ImageStore
+
+SIZE = 96
+
+
+def along(angle_deg: float, shape: tuple[int, int] = (SIZE, SIZE)) -> np.ndarray:
+    """The same direction at every pixel."""
+    angle = np.deg2rad(angle_deg)
+    return np.full((*shape, 2), [np.cos(angle), np.sin(angle)], dtype=np.float32)
+
+
+def line_picture(angle_deg: float, thick: int = 2, ground: int = 120, contrast: int = 60) -> np.ndarray:
+    """A line through the middle."""
+    picture = np.full((SIZE, SIZE), ground, np.uint8)
+    angle = np.deg2rad(angle_deg)
+    middle, far = np.array([SIZE / 2] * 2), 100 * np.array([np.cos(angle), np.sin(angle)])
+    a, b = (tuple(int(v) for v in np.round(16 * end)) for end in (middle - far, middle + far))
+    cv2.line(picture, a, b, ground + contrast, thick, cv2.LINE_AA, 4)
+    return np.repeat(picture[..., None], 3, -1)
+
+
+def distance_from_line(angle_deg: float) -> np.ndarray:
+    y, x = np.mgrid[:SIZE, :SIZE] - SIZE / 2
+    angle = np.deg2rad(angle_deg)
+    return np.abs(y * np.cos(angle) - x * np.sin(angle))
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 25.0, 90.0, 140.0])
+@pytest.mark.parametrize("contrast", [60, -60], ids=["bright", "dark"])
+@pytest.mark.parametrize("thick", [1, 2, 5])
+def test_a_line_along_responds_on_itself_and_nowhere_else(
+    angle_deg: float, contrast: int, thick: int
+) -> None:
+    response = line_response(line_picture(angle_deg, thick, contrast=contrast), along(angle_deg))
+    far = distance_from_line(angle_deg)
+    inner = np.zeros((SIZE, SIZE), bool)
+    inner[12:-12, 12:-12] = True
+    on = np.array([
+        response[inner & (np.abs(far) < 1.5) & band].max(initial=0)
+        for band in _bands(angle_deg)
+        if (inner & (far < 1.5) & band).sum() > 20
+    ])
+    assert len(on) >= 5 and (on > 0.4).all()  # all along it
+    assert response[inner & (far > 3)].max() < 0.05
+
+
+def _bands(angle_deg: float) -> list[np.ndarray]:
+    """Strips across the line, ten pixels wide."""
+    y, x = np.mgrid[:SIZE, :SIZE] - SIZE / 2
+    angle = np.deg2rad(angle_deg)
+    where = x * np.cos(angle) + y * np.sin(angle)
+    return [np.abs(where - middle) < 5 for middle in range(-35, 40, 10)]
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 25.0, 90.0])
+@pytest.mark.parametrize("across_deg", [90.0, 60.0, 45.0])
+def test_a_line_across_does_not_respond(angle_deg: float, across_deg: float) -> None:
+    picture = line_picture(angle_deg + across_deg)
+    inner = np.s_[12:-12, 12:-12]
+    assert line_response(picture, along(angle_deg))[inner].max() < 0.05
+    assert line_response(picture, along(angle_deg + across_deg))[inner].max() > 0.4
+
+
+@given(st.integers(0, 1000), st.integers(1, 55))
+@settings(max_examples=10, deadline=None)
+def test_more_light_on_all_changes_nothing_and_polarity_does_not_count(seed: int, more: int) -> None:
+    image = np.random.default_rng(seed).integers(50, 200, (40, 50, 3), dtype=np.uint8)
+    response = line_response(image, along(20.0, (40, 50)))
+    assert response.max() > 0.1
+    np.testing.assert_allclose(
+        line_response(image + np.uint8(more), along(20.0, (40, 50))), response, atol=1e-3
+    )
+    np.testing.assert_allclose(line_response(255 - image, along(20.0, (40, 50))), response, atol=1e-3)
+    np.testing.assert_allclose(line_response(image, -along(20.0, (40, 50))), response, atol=1e-3)
+
+
+def test_responses_are_shares_and_an_even_picture_has_none() -> None:
+    image = np.random.default_rng(3).integers(0, 256, (60, 50, 3), dtype=np.uint8)
+    response = line_response(image, along(0.0, (60, 50)))
+    assert response.dtype == np.float32 and response.min() >= 0 and response.max() <= 1
+    assert line_response(np.full((60, 50, 3), 77, np.uint8), along(0.0, (60, 50))).max() < 1e-5  # round-off
+    slope = np.repeat(np.broadcast_to(np.arange(50, dtype=np.uint8) * 4, (60, 50))[..., None], 3, -1)
+    inner = line_response(np.ascontiguousarray(slope), along(90.0, (60, 50)))[:, 20:30]
+    assert inner.max() < 0.01  # an even slope is no line
+
+
+def test_vanishing_directions_are_where_points_move_along_the_axis() -> None:
+    """A point seen in a pixel at any depth, moved a little along (1, 0, slope), moves that way."""
+    cameras, slope = two_passes(2), 0.2
+    for i in range(len(cameras)):
+        w, h = (int(side) for side in cameras.size_px[i])
+        towards = vanishing_directions(cameras, i, (h, w), slope)
+        assert towards.shape == (h, w, 2)
+        np.testing.assert_allclose(np.linalg.norm(towards, axis=-1), 1, atol=1e-5)
+        for u, v in ((20, 30), (200, 100), (120, 170)):
+            for depth in (0.3, 1.0):
+                plane = torch.tensor([u + 0.5, v + 0.5]) - cameras.principal_px[i]
+                ray = torch.cat([plane / cameras.focal_px[i], torch.ones(1)]) * depth
+                point = cameras.centre[i] + cameras.R_scene_camera[i] @ ray
+                step = 0.002 * torch.tensor([1.0, 0.0, slope])
+                pixels, _ = project(cameras, torch.stack([point - step, point + step]))
+                moved = (pixels[i, 1] - pixels[i, 0]).numpy()
+                np.testing.assert_allclose(moved / np.linalg.norm(moved), towards[v, u], atol=2e-3)
+
+
+def test_the_track_gives_the_slope() -> None:
+    x = np.linspace(-1, 1, 9)
+    y = np.random.default_rng(0).normal(size=9)
+    for slope in (-0.3, 0.0, 0.2):
+        assert track_slope(np.stack([x, y, 0.4 + slope * x], 1)) == pytest.approx(slope)
+    assert track_slope(np.zeros((3, 3))) == 0.0  # cameras in one place climb nowhere
+
+
+def test_evidence_is_flat_over_the_chosen_images_and_blind_where_masked(tmp_path: Path) -> None:
+    cameras = two_passes(2, wobble=0.0)
+    pictures = draw(cameras, [polyline(hanging(0.0, 0.05))])
+    scene = scene_of(tmp_path, cameras, pictures)
+    each = [line_evidence(scene.images, cameras, (i,)) for i in range(4)]
+    sizes = scene.images.sizes_px.prod(1)
+    assert [len(part) for part in each] == sizes.tolist() and all(part.max() > 0.4 for part in each)
+    level = cameras.centre[:, 2].numpy()  # slope depends on the chosen cameras: in a pass it is 0
+    assert level[0] == level[1]
+    together = line_evidence(scene.images, cameras, (0, 1))
+    np.testing.assert_allclose(together, np.concatenate(each[:2]), atol=1e-6)
+    valid = np.ones(int(sizes.sum()), np.uint8)
+    valid[: int(sizes[0]) // 2] = 0
+    valid.tofile(tmp_path / "valid.u8")
+    masked = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,))
+    half = int(sizes[0]) // 2
+    assert each[0][:half].max() > 0 and masked[:half].max() == 0
+    np.testing.assert_array_equal(masked[half:], each[0][half:])

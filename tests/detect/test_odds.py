@@ -1,0 +1,143 @@
+"""Ridges and their lack as odds: fair by chance, blind beside others' ridges, and as the definition says."""
+
+import numpy as np
+import pytest
+import torch
+from tests.support.drawn import two_passes
+
+from plnerf.detect.odds import (
+    BLOCK,
+    LEAST_DENSITY,
+    MISSED,
+    MUFFLED_PX,
+    RADII_PX,
+    SHOWN,
+    STEPS,
+    Odds,
+    column_odds,
+    distances,
+    odds_of,
+    without,
+)
+from plnerf.detect.views import Views, look_at, views_of
+from plnerf.scene.cameras import Cameras
+
+
+def one_view(w: int, h: int) -> Views:
+    """A camera at the origin that looks along +z, a pixel wide at distance w."""
+    return Views(
+        np.eye(3)[None], np.zeros((1, 3)), np.full((1, 2), float(w)), np.array([[w / 2, h / 2]]),
+        np.zeros((1, 5)), np.array([[w, h]]), np.zeros(1, np.int64),
+    )  # fmt: skip
+
+
+def at_pixels(views: Views, odds: Odds, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Odds of the one view at pixels' middles, at their sharpest."""
+    (w, h), total, seen = views.sizes[0], np.zeros(1), np.zeros(1, np.int64)
+    out = []
+    for u, v in zip(columns, rows, strict=True):
+        point = ((u + 0.5 - w / 2) / w, (v + 0.5 - h / 2) / w, 1.0)
+        column_odds(views, odds, point, 0.0, 0.0, total, seen)
+        assert seen[0] == 1
+        out.append(total[0])
+    return np.array(out)
+
+
+@pytest.mark.parametrize(("share", "mean"), [(0.002, 0.85), (0.02, 1.0), (0.1, 1.0)])
+def test_by_chance_nothing_is_won(share: float, mean: float) -> None:
+    """exp(odds) is a ratio of likelihoods: over places without a conductor its mean is 1.
+
+    Less where ridges are so rare that `LEAST_DENSITY` makes each count for less.
+    """
+    rng = np.random.default_rng(0)
+    views = one_view(400, 300)
+    odds = odds_of((rng.random(400 * 300) < share).astype(np.float32), views)
+    ratio = np.exp(at_pixels(views, odds, rng.integers(30, 370, 4000), rng.integers(30, 270, 4000)))
+    assert ratio.mean() == pytest.approx(mean, abs=0.1)
+
+
+def test_a_ridge_counts_most_where_there_are_few_and_its_lack_always_the_same() -> None:
+    rng = np.random.default_rng(1)
+    views = one_view(400, 100)
+    responses = np.zeros((100, 400), np.float32)
+    responses[:, 200:] = rng.random((100, 200)) < 0.1
+    responses[50, 60] = responses[50, 320] = 1
+    responses[44:57, 54:67] *= np.eye(13) > 2  # nothing else near the lonely one
+    responses[50, 60] = 1
+    odds = odds_of(responses.ravel(), views)
+    lonely, crowded = at_pixels(views, odds, np.array([60, 320]), np.array([50, 50]))
+    assert lonely == pytest.approx(np.log(SHOWN / LEAST_DENSITY + 1 - SHOWN), abs=0.1)
+    assert 0 < crowded < 0.6 * lonely
+    assert at_pixels(views, odds, np.array([20, 100]), np.array([20, 80])) == pytest.approx([MISSED] * 2)
+
+
+def test_beside_others_ridges_nothing_is_known() -> None:
+    views = one_view(200, 100)
+    responses = np.zeros((100, 200), np.float32)
+    responses[50] = responses[70] = 1
+    others = np.zeros((100, 200), bool)
+    others[48:53] = True
+    first = odds_of(responses.ravel(), views)
+    odds = without(first, responses.ravel(), others.ravel(), views)
+    rows = np.array([50, 52 + MUFFLED_PX, 53 + MUFFLED_PX, 70, 90])
+    before, after = (at_pixels(views, one, np.full(5, 100), rows) for one in (first, odds))
+    assert before[0] > 1 and after[0] == 0 and after[1] == 0
+    assert after[2] == before[2] == MISSED
+    assert after[3] == before[3] > 1 and after[4] == MISSED
+
+
+def test_distances_are_to_the_next_ridge_of_the_same_view() -> None:
+    views = views_of(two_passes(2))
+    sizes = views.sizes.prod(1)
+    ridges = np.zeros(sizes.sum(), bool)
+    ridges[views.starts[1] + 90 * 240 + 100] = True
+    found = distances(ridges, views)
+    assert (found[: sizes[0]] == 255).all()  # none: as far as can be
+    picture = found[views.starts[1] : views.starts[1] + sizes[1]].reshape(180, 240)
+    y, x = np.mgrid[:180, :240]
+    away = np.minimum(STEPS * np.hypot(x - 100, y - 90), 255)
+    assert np.abs(picture - away).max() < 0.025 * 255
+    assert picture[90, 100] == 0 and picture[90, 103] == 3 * STEPS
+
+
+def with_lens(cameras: Cameras) -> Cameras:
+    lens = torch.tensor([-0.05, 0.02, 0.001, -0.002, 0.003]).repeat(len(cameras), 1)
+    return Cameras(
+        cameras.R_scene_camera, cameras.centre, cameras.focal_px, cameras.principal_px, lens, cameras.size_px
+    )
+
+
+@pytest.mark.parametrize("lens", [False, True])
+def test_a_column_is_point_by_point_what_the_views_see(lens: bool) -> None:
+    cameras = two_passes(3)
+    views = views_of(with_lens(cameras) if lens else cameras)
+    rng = np.random.default_rng(2)
+    responses = (rng.random(int(views.sizes.prod(1).sum())) < 0.03).astype(np.float32)
+    others = rng.random(len(responses)) < 0.01
+    odds = without(odds_of(responses, views), responses, others, views)
+    total, seen = np.zeros(9), np.zeros(9, np.int64)
+    for x, y, reach in rng.uniform([-0.8, -0.2, 0.0], [0.8, 0.2, 0.02], (20, 3)):
+        column_odds(views, odds, (x, y, -0.3), 0.07, reach, total, seen)
+        expected = [by_definition(views, odds, (x, y, -0.3 + 0.07 * k), reach) for k in range(9)]
+        np.testing.assert_allclose(total, [one[0] for one in expected], atol=1e-6)
+        assert seen.tolist() == [one[1] for one in expected]
+
+
+def by_definition(
+    views: Views, odds: Odds, point: tuple[float, float, float], reach: float
+) -> tuple[float, int]:
+    total, seen = 0.0, 0
+    for n in range(len(views.R)):
+        u, v, depth = look_at(views, n, *point)
+        if depth < 0:
+            continue
+        seen += 1
+        radius = max(reach * views.focal[n, 0] / depth, odds.sharp_px)
+        level = next((k for k, r in enumerate(RADII_PX) if r >= 0.7 * radius), len(RADII_PX) - 1)
+        pixel = views.starts[n] + int(v) * views.sizes[n, 0] + int(u)
+        block = odds.starts[n] + int(v) // BLOCK * odds.blocks[n] + int(u) // BLOCK
+        if odds.free[pixel] <= STEPS * radius:
+            total += odds.shown[level, block]
+        elif odds.ridge[pixel] > STEPS * radius:
+            total += MISSED
+    return total, seen

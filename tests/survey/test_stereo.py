@@ -1,0 +1,243 @@
+"""Stereo: depth maps of a textured floor with a box on it are right and as exact as they say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.drawn import hanging, pinhole_cameras, scene_of
+
+from plnerf.line.catenary import Catenary
+from plnerf.scene.cameras import Cameras
+from plnerf.scene.scene import Scene
+from plnerf.survey.field_surface import Surface
+from plnerf.survey.on_wires import NONE, on_wires
+from plnerf.survey.stereo import views as views_module
+from plnerf.survey.stereo.cloud import WIRE_PX, distances, loosened, shows_wires, with_stereo
+from plnerf.survey.stereo.depth import DepthMap, Picture, depth_map
+from plnerf.survey.stereo.pairs import BASELINES, partners
+from plnerf.survey.stereo.views import View, picture, view_of
+
+FLOOR = -0.5
+BOX = np.array([[-0.3, 0.3, FLOOR], [0.2, 0.7, -0.1]])
+RANDOM = np.random.default_rng(0)
+WAVES, PHASES = RANDOM.normal(size=(60, 3)) * 45, RANDOM.uniform(0, 2 * np.pi, 60)
+DISTANCE = 1.5
+
+
+def cast(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Distance along each pixel's ray to the floor or the box (infinite in the sky), and its grey value."""
+    rays, centre = view.rays(), view.centre
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where(rays[..., 2] < -0.05, (FLOOR - centre[2]) / rays[..., 2], np.inf)
+        sides = np.sort((BOX[:, None, None] - centre) / rays, axis=0)
+    enter, leave = sides[0].max(-1), sides[1].min(-1)
+    t = np.where((enter > 0) & (enter < leave), np.minimum(t, enter), t)
+    at = centre + np.where(np.isfinite(t), t, 1.0)[..., None] * rays
+    grey = 128 + 14 * np.sin(at @ WAVES.T + PHASES).sum(-1)
+    return t, np.where(np.isfinite(t), grey, 200).clip(0, 255).astype(np.uint8)
+
+
+def row_of_cameras(offsets: tuple[float, ...] = (0.0, 0.15, -0.2)) -> Cameras:
+    """Beside one another, looking along y and a little down."""
+    x = np.array(offsets)
+    centres = np.stack([x, 0 * x - 1.0, 0 * x + 0.2], 1)
+    return pinhole_cameras(centres, centres + np.array([0.0, 1.0, -0.35]))
+
+
+def views_of(cameras: Cameras) -> list[View]:
+    return [
+        View(*(getattr(cameras, name)[i].double().numpy() for name in NAMES), *map(int, cameras.size_px[i]))
+        for i in range(len(cameras))
+    ]
+
+
+NAMES = ("R_scene_camera", "centre", "focal_px", "principal_px", "distortion")
+
+
+def taken(view: View) -> Picture:
+    return Picture(view, cast(view)[1], np.ones((view.height, view.width), bool))
+
+
+def mapped(views: list[View]) -> DepthMap:
+    return depth_map(taken(views[0]), [taken(view) for view in views[1:]], DISTANCE)
+
+
+def check(depths: DepthMap, true: np.ndarray, least_share: float = 0.6) -> None:
+    """Dense, right, and no less exact than it says: images without noise match to a third of the stated
+    deviation.  Of the sky, and of what one pair alone sees, some is mistaken until other images are asked."""
+    there, known = np.isfinite(true), np.isfinite(depths.t)
+    assert known[there].mean() >= least_share and known[~there].mean() < 0.04
+    error = np.abs(depths.t - true)[there & known]
+    assert np.median(error) < 0.012 and np.quantile(error, 0.9) < 0.09
+    score = error / depths.sigma[there & known]
+    assert 0.15 < np.quantile(score, 0.683) < 1.0 and np.quantile(score, 0.954) < 2.0
+
+
+def test_depth_is_right_and_as_exact_as_it_says() -> None:
+    views = views_of(row_of_cameras())
+    check(mapped(views), cast(views[0])[0])
+
+
+@pytest.mark.parametrize("turn_deg", [35.0, 90.0, 180.0])
+def test_turned_cameras_and_baselines_change_nothing(turn_deg: float) -> None:
+    """Baselines upright or askew, and a partner that stands on its head."""
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+    first, *others = views_of(row_of_cameras())
+    check(mapped([replace(first, R_scene_camera=first.R_scene_camera @ turn), *others]), cast(
+        replace(first, R_scene_camera=first.R_scene_camera @ turn))[0], 0.5)  # fmt: skip
+    up = [replace(one, centre=first.centre + np.array([0, 0, one.centre[0]])) for one in others]
+    check(mapped([first, *up]), cast(first)[0], 0.5)
+
+
+def test_lens_size_and_focal_length_may_differ() -> None:
+    first, second, third = views_of(row_of_cameras())
+    bent = np.array([-0.12, 0.05, 0.001, -0.002, 0.0])
+    first = replace(first, distortion=bent)
+    wide = replace(second, width=280, principal_px=second.principal_px + np.array([20.0, 0]))
+    zoomed = replace(third, focal_px=third.focal_px * 1.2)
+    check(mapped([first, wide, zoomed]), cast(first)[0], 0.4)
+
+
+def test_masks_hide_in_both_images() -> None:
+    first, *others = views_of(row_of_cameras())
+    hidden = np.ones((first.height, first.width), bool)
+    hidden[100:] = False
+    one, there = taken(first), [taken(view) for view in others]
+    mine = depth_map(replace(one, valid=hidden), there, DISTANCE)
+    assert np.isnan(mine.t[100:]).all() and np.isfinite(mine.t[60:95]).mean() > 0.5
+    theirs = depth_map(one, [replace(picture, valid=hidden) for picture in there], DISTANCE)
+    assert np.isnan(theirs.t[105:]).all() and np.isfinite(theirs.t[60:95]).mean() > 0.5
+
+
+def test_one_partner_is_not_enough_but_where_the_other_shows_nothing() -> None:
+    first, second, third = views_of(row_of_cameras())
+    assert np.isnan(mapped([first, second]).t).all()
+    one, blind = taken(first), taken(third)
+    blind = replace(blind, valid=np.zeros_like(blind.valid))
+    check(depth_map(one, [taken(second), blind], DISTANCE), cast(first)[0], 0.5)
+    # A partner that shows something else contradicts.
+    other = replace(taken(third), grey=np.roll(taken(third).grey, 9, axis=1))
+    assert np.isfinite(depth_map(one, [taken(second), other], DISTANCE).t).mean() < 0.2
+
+
+def test_partners_stand_beside_and_look_the_same_way() -> None:
+    """A row of cameras, then one too near, one too far, one before, one that looks away, one that zooms."""
+    row = views_of(row_of_cameras((0.0, 0.15, -0.2, 0.05, 0.8)))
+    first = row[0]
+    ahead = replace(first, centre=first.centre + 0.2 * first.axis + [0.09, 0, 0])
+    c, s = np.cos(0.5), np.sin(0.5)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    away = replace(row[1], R_scene_camera=turn @ row[1].R_scene_camera)
+    zoomed = replace(row[1], focal_px=row[1].focal_px * 2)
+    smaller = replace(row[1], width=200, centre=row[1].centre + np.array([0.04, 0, 0]))
+    views = [*row, ahead, away, zoomed, smaller]
+    chosen = partners(views, np.full(len(views), DISTANCE))
+    assert set(chosen[0]) == {1, 2, 8}
+    assert partners(views, np.full(len(views), np.nan))[0] == ()
+    near, far = (abs(row[k].centre[0]) / DISTANCE for k in (3, 4))
+    assert near < BASELINES[0] and far > BASELINES[1]
+
+
+def scene_with(folder: Path, cameras: Cameras) -> Scene:
+    views = views_of(cameras)
+    return scene_of(folder, cameras, [np.repeat(cast(view)[1][..., None], 3, -1) for view in views])
+
+
+def points(n: int, low: list[float], high: list[float], sigma: float = 0.1) -> Surface:
+    xyz = np.random.default_rng(3).uniform(low, high, (n, 3))
+    return Surface(xyz, np.zeros((n, 3), np.uint8), np.full(n, sigma), np.tile([0.0, 1.0, 0.0], (n, 1)))
+
+
+def joined(*parts: Surface) -> Surface:
+    names = ("xyz", "rgb", "sigma", "sight")
+    return Surface(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def test_of_the_field_only_wires_are_left(tmp_path: Path) -> None:
+    """Floaters before the cameras and beneath the ground go; what lies on a curve stays."""
+    scene = scene_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3)))
+    curve = hanging(0.5, 0.3)
+    wire = points(40, [-0.5, 0, 0], [0.5, 0, 0])
+    wire = replace(wire, xyz=curve.points(wire.xyz[:, 0]))
+    field = joined(
+        points(600, [-1, 0, FLOOR], [1, 1, FLOOR + 0.01]),
+        points(80, [-0.3, -0.8, 0], [0.3, -0.7, 0.1]), points(80, [-1, 0, -1.2], [1, 1, -1]), wire,
+    )  # fmt: skip
+    found, notes = with_stereo(scene, field, [curve], points=20_000)
+    assert not notes and (found.xyz[-40:] == wire.xyz).all()
+    z = found.xyz[:-40, 2]
+    on_box = np.abs(np.maximum(BOX[0] - found.xyz[:-40], found.xyz[:-40] - BOX[1]).max(1)) < 0.05
+    assert len(z) > 5000 and (on_box | (np.abs(z - FLOOR) < 0.05)).mean() > 0.97
+    assert np.abs(np.linalg.norm(found.sight, axis=1) - 1).max() < 1e-6
+    again, _ = with_stereo(scene, field, [curve], points=20_000)
+    assert (again.xyz == found.xyz).all()
+
+
+def test_without_pairs_the_field_is_all_there_is(tmp_path: Path) -> None:
+    scene = scene_with(tmp_path, row_of_cameras((0.0, 1.5)))
+    field = points(500, [-1, 0, FLOOR], [1, 1, FLOOR])
+    found, notes = with_stereo(scene, field, [])
+    assert found is field
+    assert notes == [
+        "The images make no stereo (0 of 2 have two partners that look the same way from beside them): "
+        "ground and plants are the field's alone, which may be metres off."
+    ]
+
+
+def test_large_images_are_reduced_as_their_cameras(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_with(tmp_path, row_of_cameras())
+    full = view_of(scene, 1)
+    monkeypatch.setattr(views_module, "LONGEST_PX", 100)
+    small = view_of(scene, 1)
+    rgb, valid = picture(scene, 1)
+    assert rgb.shape == (60, 80, 3) and valid.shape == (60, 80) and valid.all()
+    at = points(200, [-0.3, 0, FLOOR], [0.3, 1, 0]).xyz
+    assert small.project(at)[0] * 3 == pytest.approx(full.project(at)[0], abs=1e-9)
+    assert small.directions(small.project(at)[0]) * np.linalg.norm(at - full.centre, axis=1)[:, None] == (
+        pytest.approx(at - full.centre, abs=1e-6)
+    )
+
+
+def test_distances_are_those_of_what_is_seen() -> None:
+    views = views_of(row_of_cameras())
+    seen = points(100, [-0.1, 0.5, FLOOR], [0.1, 0.5, FLOOR]).xyz
+    apart = np.median(np.linalg.norm(seen - views[0].centre, axis=1))
+    behind = seen * [1, -9, 1]
+    ((typical, near),) = distances(views[:1], np.concatenate([seen, behind]))
+    assert typical == pytest.approx(apart, abs=1e-3) and near < apart
+    assert np.isnan(distances(views, behind)).all()
+
+
+def test_points_smeared_along_their_sight_are_the_wires() -> None:
+    """Seen along y, before a wire along x at y = 0: within three deviations they cannot be told from it."""
+    wires = [Catenary((-20.0, y, 9.0), (20.0, y, 9.0), 150.0) for y in (0.0, 5.0)]
+    low = wires[0].lowest[2]
+    y = np.array([0.1, -0.2, -1.0, -1.0, -2.0, 5.1, 0.0])
+    z = np.array([low, low, low, low + 0.5, low, low, low - 3])
+    xyz = np.stack([0 * y, y, z], 1)
+    n = len(y)
+    surface = Surface(xyz, np.zeros((n, 3), np.uint8), np.full(n, 0.4), np.tile([0.0, 1.0, 0.0], (n, 1)))
+    wire, doubtful = on_wires(surface, wires)
+    assert wire.tolist() == [0, 0, NONE, NONE, NONE, 1, NONE]
+    assert doubtful.tolist() == [False, False, True, False, False, False, False]
+    nowhere, none = on_wires(surface, [])
+    assert (nowhere == NONE).all() and not none.any()
+
+
+def test_pixels_near_to_wires_are_told() -> None:
+    view, curve = views_of(row_of_cameras())[0], hanging(0.5, 0.0)
+    near = shows_wires(view, [curve])
+    pixel, inside = view.project(curve.points(np.linspace(-0.3, 0.3, 40)))
+    column, row = pixel[inside].astype(int).T
+    assert inside.all() and near[row, column].all() and near[row + WIRE_PX - 1, column].all()
+    assert not near[row + WIRE_PX + 2, column].any() and not near[row - WIRE_PX - 2, column].any()
+    assert not shows_wires(view, []).any()
+
+
+def test_images_off_their_poses_make_points_less_certain() -> None:
+    """0.3 px each, beside 0.4 px of the match."""
+    surface = points(5, [0, 0, 0], [1, 1, 1], sigma=0.1)
+    np.testing.assert_allclose(loosened(surface, 0.3).sigma, 0.1 * np.hypot(0.4, 0.3 * np.sqrt(2)) / 0.4)
+    assert (loosened(surface, 0.0).sigma == surface.sigma).all()

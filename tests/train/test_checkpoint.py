@@ -1,0 +1,302 @@
+"""A checkpoint comes back bit for bit, or not at all: no failure may cost the one before it."""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors import safe_open
+from tests.conftest import ROOT, SNAPSHOTS
+from tests.support.tiny_run import assert_same_bits, tiny_config
+from torch import Tensor
+
+from plnerf.errors import CheckpointError, PlnerfError, TrainingError
+from plnerf.render.model import ModelConfig, PLNeRF
+from plnerf.train.checkpoint import (
+    drop_old_checkpoints,
+    list_checkpoints,
+    load_checkpoint,
+    save_checkpoint,
+)
+from plnerf.train.optimizer import TableAdam, build_optimizer
+
+FRAMES = {"scale": 1 / 3, "unit": "m"}
+
+
+def a_model(seed: int, config: ModelConfig | None = None) -> tuple[PLNeRF, TableAdam]:
+    run = tiny_config(Path("/none"))
+    model = PLNeRF(config or run.model, 12, "torch", torch.Generator().manual_seed(seed))
+    return model, build_optimizer(model, run.train)
+
+
+def a_trained_model(seed: int = 0) -> tuple[PLNeRF, TableAdam]:
+    """Three steps of Adam with random gradients: every weight has a state."""
+    model, optimizer = a_model(seed)
+    generator = torch.Generator().manual_seed(seed)
+    for _ in range(3):
+        for group in optimizer.param_groups:
+            group["lr"] = group["rate"]
+            for value in group["params"]:
+                value.grad = torch.randn(value.shape, generator=generator)
+        optimizer.step()
+    return model, optimizer
+
+
+def state_of(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    state = optimizer.state_dict()["state"]
+    return {f"{index}.{key}": value for index, items in state.items() for key, value in items.items()}
+
+
+def save(folder: Path, step: int, seed: int = 0) -> Path:
+    model, optimizer = a_trained_model(seed)
+    return save_checkpoint(folder, model, optimizer, step=step, seconds=step / 7, frames=FRAMES).path
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_weights_and_optimiser_come_back_bit_for_bit(tmp_path: Path) -> None:
+    model, optimizer = a_trained_model()
+    saved = save_checkpoint(tmp_path, model, optimizer, step=40, seconds=1 / 3, frames=FRAMES)
+    other, other_optimizer = a_model(seed=1)
+    assert not torch.equal(other.field.grid.table, model.field.grid.table)
+    assert load_checkpoint(saved.path, other, other_optimizer) == saved
+    assert (saved.step, saved.seconds, saved.frames) == (40, 1 / 3, FRAMES)
+    assert_same_bits(other.state_dict(), model.state_dict())
+    state = state_of(other_optimizer)
+    assert {key.split(".")[1] for key in state} == {"step", "exp_avg", "exp_avg_sq"}
+    assert_same_bits(state, state_of(optimizer))
+
+
+def test_the_next_step_is_the_same_as_without_the_disk_between(tmp_path: Path) -> None:
+    model, optimizer = a_trained_model()
+    path = save_checkpoint(tmp_path, model, optimizer, step=3, seconds=0.0, frames=FRAMES).path
+    other, other_optimizer = a_model(seed=1)
+    load_checkpoint(path, other, other_optimizer)
+    for one, its in ((model, optimizer), (other, other_optimizer)):
+        for group in its.param_groups:
+            group["lr"] = group["rate"] / 2
+        for value in one.parameters():
+            value.grad = value.detach().sin()
+        its.step()
+    assert_same_bits(other.state_dict(), model.state_dict())
+
+
+def test_files_hold_no_pickle(tmp_path: Path) -> None:
+    path = save(tmp_path, 5)
+    assert names(tmp_path) == ["step-5.json", "step-5.safetensors"]
+    assert json.loads(path.read_text()).keys() == {"format_version", "step", "seconds", "frames"}
+    data = path.with_suffix(".safetensors").read_bytes()
+    header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
+    assert {name.split(".")[0] for name in header} == {"model", "optimizer"}
+    tensors = sum(end - start for start, end in (entry["data_offsets"] for entry in header.values()))
+    assert len(data) == 8 + int.from_bytes(data[:8], "little") + tensors  # a header and numbers, nothing else
+
+
+def test_weights_alone_can_be_loaded(tmp_path: Path) -> None:
+    path = save(tmp_path, 5)
+    model, _ = a_model(seed=1)
+    load_checkpoint(path, model)
+    assert_same_bits(model.state_dict(), a_trained_model()[0].state_dict())
+
+
+def test_newest_is_by_number_and_a_json_file_alone_makes_a_checkpoint(tmp_path: Path) -> None:
+    for step in (9, 100, 20):
+        save(tmp_path, step)
+    (tmp_path / "step-500.safetensors").write_bytes(b"")
+    (tmp_path / "step-600.json.part").write_text("{")
+    (tmp_path / "step-x.json").write_text("{}")
+    assert [path.name for path in list_checkpoints(tmp_path)] == [
+        "step-9.json",
+        "step-20.json",
+        "step-100.json",
+    ]
+    assert list_checkpoints(tmp_path / "none") == []
+
+
+def test_dropping_old_ones_keeps_the_newest_and_clears_remains(tmp_path: Path) -> None:
+    for step in (9, 100, 20):
+        save(tmp_path, step)
+    for remains in ("step-5.safetensors", "step-100.json.part", "step-120.safetensors.part"):
+        (tmp_path / remains).write_bytes(b"")
+    (tmp_path / "notes.txt").write_text("mine")
+    drop_old_checkpoints(tmp_path, keep=2)
+    kept = [f"step-{step}.{suffix}" for step in (100, 20) for suffix in ("json", "safetensors")]
+    assert names(tmp_path) == ["notes.txt", *kept]
+
+
+def test_a_crash_before_the_json_leaves_the_older_one_newest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of the two renames of the second checkpoint fails in turn, as it would at a power cut."""
+    older = save(tmp_path, 10)
+    rename = Path.replace
+    for suffix in (".safetensors", ".json"):
+
+        def fail(self: Path, target: Path, suffix: str = suffix) -> Path:
+            if target.suffix == suffix:
+                raise KeyboardInterrupt
+            return rename(self, target)
+
+        monkeypatch.setattr(Path, "replace", fail)
+        with pytest.raises(KeyboardInterrupt):
+            save(tmp_path, 20, seed=1)
+        monkeypatch.undo()
+        assert list_checkpoints(tmp_path) == [older]
+    model, optimizer = a_model(seed=2)
+    assert load_checkpoint(list_checkpoints(tmp_path)[-1], model, optimizer).step == 10
+    assert_same_bits(model.state_dict(), a_trained_model()[0].state_dict())
+    save(tmp_path, 20, seed=1)  # and the remains are in nobody's way
+    assert names(tmp_path) == [f"step-{s}.{suffix}" for s in (10, 20) for suffix in ("json", "safetensors")]
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from tests.train import test_checkpoint
+from plnerf.errors import CheckpointError
+folder = Path({folder!r})
+test_checkpoint.save(folder, 10)
+for limit in (100, 100_000):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))  # larger files: EFBIG
+    try:
+        test_checkpoint.save(folder, 20, seed=1)
+    except CheckpointError as error:
+        print(error)
+"""
+
+
+def test_a_full_disk_costs_only_the_new_checkpoint(tmp_path: Path) -> None:
+    """Writes that really fail, at the beginning and in the middle of the tensors."""
+    pytest.importorskip("resource")
+    code = FULL_DISK.format(tests=str(ROOT), folder=str(tmp_path))
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("step-20 could not be written ([Errno 27] File too large)") == 2
+    assert names(tmp_path) == ["step-10.json", "step-10.safetensors"]
+    model, optimizer = a_model(seed=2)
+    assert load_checkpoint(list_checkpoints(tmp_path)[-1], model, optimizer).step == 10
+    assert_same_bits(model.state_dict(), a_trained_model()[0].state_dict())
+
+
+def test_a_disk_that_is_full_for_the_json_leaves_no_tensors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: Path, text: str) -> int:
+        raise OSError(28, "No space left on device")
+
+    save(tmp_path, 10)
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(CheckpointError, match="No space left on device"):
+        save(tmp_path, 20)
+    assert names(tmp_path) == ["step-10.json", "step-10.safetensors"]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints").write_text("a file")
+    with pytest.raises(CheckpointError, match="could not be written"):
+        save(tmp_path / "checkpoints", 10)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_ruined_model_is_not_saved(value: float, tmp_path: Path) -> None:
+    save(tmp_path, 10)
+    model, optimizer = a_trained_model()
+    with torch.no_grad():
+        model.field.density_network[0].weight[3, 1] = value
+    with pytest.raises(
+        TrainingError, match=r"'model\.field.density_network\.0\.weight' is no longer finite"
+    ) as caught:
+        save_checkpoint(tmp_path, model, optimizer, step=20, seconds=1.0, frames=FRAMES)
+    assert f"The last good checkpoint is {tmp_path / 'step-10.json'}" in str(caught.value)
+    assert names(tmp_path) == ["step-10.json", "step-10.safetensors"]
+
+
+def edit(path: Path, **changes: object) -> None:
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+SPOILT: dict[str, Callable[[Path], object]] = {
+    "other_format_version": lambda path: edit(path, format_version=2),
+    "no_format_version": lambda path: path.write_text("{}"),
+    "json_is_a_list": lambda path: path.write_text("[]"),
+    "json_is_cut_off": lambda path: path.write_text('{"format_version": 1,'),
+    "json_is_not_text": lambda path: path.write_bytes(b"\xff\x00"),
+    "step_is_no_number": lambda path: edit(path, step=None),
+    "tensors_are_cut_off": lambda path: truncate(path.with_suffix(".safetensors")),
+    "tensors_are_empty": lambda path: path.with_suffix(".safetensors").write_bytes(b""),
+    "tensors_are_gone": lambda path: path.with_suffix(".safetensors").unlink(),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_text_of_a_spoilt_checkpoint(name: str, tmp_path: Path, snapshot: Callable[[str, str], None]) -> None:
+    path = save(tmp_path, 10)
+    SPOILT[name](path)
+    model, optimizer = a_model(seed=1)
+    before = {key: value.clone() for key, value in model.state_dict().items()}
+    with pytest.raises(CheckpointError) as caught:
+        load_checkpoint(path, model, optimizer)
+    assert_same_bits(model.state_dict(), before)
+    snapshot(f"checkpoint_{name}", message(caught.value, tmp_path))
+
+
+OTHERS: dict[str, Callable[[ModelConfig], ModelConfig]] = {
+    "wider": lambda config: replace(config, field=replace(config.field, hidden=48)),
+    "without_normals": lambda config: replace(config, field=replace(config.field, normals=False)),
+    "other_table": lambda config: replace(
+        config, field=replace(config.field, grid=replace(config.field.grid, log2_table=12))
+    ),
+    "more_layers": lambda config: replace(config, field=replace(config.field, colour_layers=3)),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_text_of_another_architecture(
+    name: str, tmp_path: Path, snapshot: Callable[[str, str], None]
+) -> None:
+    path = save(tmp_path, 10)
+    model, _ = a_model(0, OTHERS[name](tiny_config(Path("/none")).model))
+    before = {key: value.clone() for key, value in model.state_dict().items()}
+    with pytest.raises(CheckpointError) as caught:
+        load_checkpoint(path, model)
+    assert_same_bits(model.state_dict(), before)
+    tensor = re.search(r"'([\w.]+)'", str(caught.value))
+    assert tensor is not None
+    with safe_open(path.with_suffix(".safetensors"), "pt") as file:
+        assert f"model.{tensor[1]}" in file.keys() or tensor[1] in before  # noqa: SIM118 (not a mapping)
+    snapshot(f"checkpoint_of_another_model_{name}", message(caught.value, tmp_path))
+
+
+def test_a_checkpoint_without_an_optimiser_cannot_be_resumed(tmp_path: Path) -> None:
+    model, optimizer = a_model(seed=0)  # before its first step, Adam has no state
+    path = save_checkpoint(tmp_path, model, optimizer, step=0, seconds=0.0, frames=FRAMES).path
+    load_checkpoint(path, model)
+    with pytest.raises(CheckpointError, match="holds no optimiser state"):
+        load_checkpoint(path, model, optimizer)
+
+
+def message(error: PlnerfError, folder: Path) -> str:
+    text = str(error)
+    assert "\n" not in text and len(text) < 700 and str(folder) in text
+    text = re.sub(r"cannot be read \(.*\)\.", "cannot be read (<why>).", text)  # a library's own words
+    return text.replace(str(folder), "<run>")
+
+
+def test_no_stored_text_is_left_over() -> None:
+    stored = {path.stem for path in SNAPSHOTS.glob("checkpoint_*.txt")}
+    assert stored == {f"checkpoint_{name}" for name in SPOILT} | {
+        f"checkpoint_of_another_model_{name}" for name in OTHERS
+    }
