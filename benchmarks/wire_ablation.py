@@ -39,8 +39,6 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "damped levels": ("model.field.damping=true",),
     "blurred interlevel loss": ("train.loss.interlevel_blur=[0.03,0.003]",),
     "dilated proposals": ("model.sampler.dilation=0.0025",),
-    "entropy of rays": ("train.loss.entropy=0.001",),
-    "edges between neighbours": ("train.loss.edges=1.0",),
 }
 
 

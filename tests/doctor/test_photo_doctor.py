@@ -16,11 +16,12 @@ from tests.capture.test_frames import seen
 
 from plnerf.capture.cost import FEATURES_S_PER_MP, MODEL_S_PER_IMAGE, PAIR_S, about_cost, in_words
 from plnerf.capture.exif import GpsFix, PhotoFacts
-from plnerf.capture.findings import Finding, about_files, about_positions, about_wires
+from plnerf.capture.findings import about_files, about_positions, about_wires
 from plnerf.capture.references import from_photos
 from plnerf.cli.main import main
 from plnerf.doctor.photo_doctor import examine_photos
 from plnerf.errors import CaptureError
+from plnerf.findings import Finding
 
 COST: dict[str, Any] = {"preset": "nerfacto", "rays_per_s": 2e4}
 START = datetime(2026, 5, 1, 12, 0, 0)

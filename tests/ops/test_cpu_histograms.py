@@ -1,4 +1,4 @@
-"""The CPU twins of blur, dilation and entropy: the truth's values and gradients on any histogram."""
+"""The CPU twins of blur and dilation: the truth's values and gradients on any histogram."""
 
 import pytest
 import torch
@@ -41,14 +41,6 @@ def test_dilation_is_the_truth(case: str, dtype: torch.dtype, h: float) -> None:
     assert_close([found], [expected], 2e-5 if dtype == torch.float32 else 1e-12)
 
 
-@CASES
-@DTYPES
-def test_entropy_is_the_truth(case: str, dtype: torch.dtype) -> None:
-    _, w = histograms(case, 37, 5, dtype)
-    found, expected = (with_gradient(of, w) for of in (cpu_histograms.ray_entropy, truth.ray_entropy))
-    assert_close(found, expected, 2e-5 if dtype == torch.float32 else 1e-12)
-
-
 def test_the_floor_is_the_truths() -> None:
     assert cpu_histograms.FLOOR == truth.FLOOR
 
@@ -60,7 +52,6 @@ def test_gradients_are_those_of_finite_differences() -> None:
     assert torch.autograd.gradcheck(
         lambda v: cpu_histograms.blurred_interlevel_loss(s, w, other, v, 0.03), (v,)
     )
-    assert torch.autograd.gradcheck(cpu_histograms.ray_entropy, (w.clone().requires_grad_(),))
 
 
 def test_constants_stay_constants() -> None:
@@ -77,7 +68,6 @@ def test_constants_stay_constants() -> None:
 def test_losses_and_gradients_are_finite_whatever_the_weights(scale: float) -> None:
     s, w = histograms("random", 20, 7, torch.float32)
     values = [
-        *with_gradient(cpu_histograms.ray_entropy, w * scale),
         *with_gradient(lambda v: cpu_histograms.blurred_interlevel_loss(s, w, s, v, 0.003), w * scale),
         cpu_histograms.dilate(s, w * scale, 0.003),
     ]
@@ -92,7 +82,6 @@ def test_strided_inputs_and_threads_change_nothing(monkeypatch: pytest.MonkeyPat
         blurred = cpu_histograms.blurred_interlevel_loss
         return [
             *with_gradient(lambda v: blurred(s, w, other, v, 0.03), v),
-            *with_gradient(cpu_histograms.ray_entropy, w),
             cpu_histograms.dilate(s, w, 0.01),
         ]
 

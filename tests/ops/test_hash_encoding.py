@@ -6,9 +6,9 @@ from typing import Literal
 
 import numba
 import numpy as np
-import numpy_reference
 import pytest
 import torch
+from tests.support import numpy_reference
 from torch import Tensor
 
 from plnerf.ops import cpu_arrays, cpu_hash, cpu_hash_normals, reference

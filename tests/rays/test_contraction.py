@@ -5,9 +5,9 @@ the wrong norm goes wrong there alone.
 """
 
 import numpy as np
-import numpy_reference
 import pytest
 import torch
+from tests.support import numpy_reference
 from torch import Tensor
 
 from plnerf.rays.contraction import (

@@ -1,9 +1,9 @@
 """Frustums as Gaussians: moments are integrals over a cone, in any proportion and over the float range."""
 
 import numpy as np
-import numpy_reference
 import pytest
 import torch
+from tests.support import numpy_reference
 
 from plnerf.rays.frustums import Frustums, frustum_moments, ray_frustums
 from plnerf.rays.rays import Rays

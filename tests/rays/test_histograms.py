@@ -1,18 +1,12 @@
-"""Blur, dilation and entropy of histograms: mass is kept, brute force agrees, gradients go the right way."""
+"""Blur and dilation of histograms: mass is kept, brute force agrees, gradients go the right way."""
 
 import numpy as np
-import numpy_reference
 import pytest
 import torch
+from tests.support import numpy_reference
 from torch import Tensor
 
-from plnerf.rays.histograms import (
-    FLOOR,
-    blurred_interlevel_loss,
-    blurred_weights,
-    dilate,
-    ray_entropy,
-)
+from plnerf.rays.histograms import FLOOR, blurred_interlevel_loss, blurred_weights, dilate
 from plnerf.rays.stepfun import even_edges, interlevel_loss, interpolate, resample_edges, stratified_levels
 
 LIKE = torch.zeros(0, dtype=torch.float64)
@@ -173,33 +167,14 @@ def test_dilation_is_finite_for_intervals_of_no_width_and_any_weight(dtype: torc
     torch.testing.assert_close(found.sum(-1), w.sum(-1))
 
 
-def test_entropy_is_zero_for_one_end_and_largest_for_all_alike() -> None:
-    n = 7
-    one, none, even = torch.zeros(3, 1, n, dtype=torch.float64)
-    one[0, 3] = 1
-    even[:] = 1 / (n + 1)
-    assert float(ray_entropy(one)) == pytest.approx(0, abs=2e-5)
-    assert float(ray_entropy(none)) == pytest.approx(0, abs=2e-5)
-    assert float(ray_entropy(even)) == pytest.approx(np.log(n + 1), abs=2e-4)
-    _, w = histograms(50, n, seed=1)
-    assert float(ray_entropy(w).max()) < float(ray_entropy(even))
-    assert float(ray_entropy(w).min()) > 0.3  # 0.9 in all: the way between is undecided
-
-
-def test_entropy_is_blind_to_the_order_and_differentiated_right() -> None:
-    _, w = histograms(5, 9, seed=2)
-    torch.testing.assert_close(ray_entropy(w.flip(-1)), ray_entropy(w))
-    assert torch.autograd.gradcheck(ray_entropy, (w.requires_grad_(),))
-
-
 @pytest.mark.parametrize("scale", [0.0, 1e-38, 1e-20, 1.0, 1.5])
 def test_losses_and_gradients_are_finite_whatever_the_weights(scale: float) -> None:
     s, w = (value.float() for value in histograms(5, 9, seed=2))
     v = (w * scale).requires_grad_()
-    for loss in (ray_entropy(v), blurred_interlevel_loss(s, w, s, v, 0.003)):
-        (gradient,) = torch.autograd.grad(loss.sum(), v)
-        assert bool(loss.isfinite().all())
-        assert bool(gradient.isfinite().all())
+    loss = blurred_interlevel_loss(s, w, s, v, 0.003)
+    (gradient,) = torch.autograd.grad(loss.sum(), v)
+    assert bool(loss.isfinite().all())
+    assert bool(gradient.isfinite().all())
 
 
 def test_resampling_after_dilation_looks_beside_a_peak() -> None:

@@ -1,9 +1,9 @@
 """Step functions: resampling keeps the distribution, bounds and losses are those of brute force."""
 
 import numpy as np
-import numpy_reference
 import pytest
 import torch
+from tests.support import numpy_reference
 from torch import Tensor
 
 from plnerf.rays.stepfun import (

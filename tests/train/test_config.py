@@ -40,11 +40,11 @@ GOOD: dict[str, Any] = {
         ("validations", -1),
         ("warmup_steps", 0),
         ("anneal_steps", 0),
-        ("table_rate", -1e-3),
-        ("network_rate", -1e-3),
-        ("pose_rate", -1e-3),
-        ("final_rate", 0.0),
-        ("final_rate", 1.5),
+        ("hash_lr", -1e-3),
+        ("mlp_lr", -1e-3),
+        ("pose_lr", -1e-3),
+        ("lr_final_factor", 0.0),
+        ("lr_final_factor", 1.5),
         ("pose_from", 1.5),
     ],
 )
@@ -55,7 +55,7 @@ def test_a_wrong_value_is_named(name: str, value: float) -> None:
 
 def test_the_bounds_themselves_are_allowed() -> None:
     TrainConfig(rays=1, normal_rays=0, detail_share=0.0, detail_part=1.0, checkpoints=1, validations=0)
-    TrainConfig(warmup_steps=1, anneal_steps=1, table_rate=0.0, final_rate=1.0, pose_from=1.0)
+    TrainConfig(warmup_steps=1, anneal_steps=1, hash_lr=0.0, lr_final_factor=1.0, pose_from=1.0)
 
 
 @pytest.mark.parametrize(

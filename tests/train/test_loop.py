@@ -63,7 +63,7 @@ def test_progress_is_the_used_part_of_the_budget() -> None:
 
 
 def test_learning_rates_rise_and_then_decay_to_their_share() -> None:
-    cfg = TrainConfig(warmup_steps=10, final_rate=0.05)
+    cfg = TrainConfig(warmup_steps=10, lr_final_factor=0.05)
     groups = [{"params": [torch.zeros(1, requires_grad=True)], "rate": rate} for rate in (1e-2, 5e-4)]
     optimizer = torch.optim.Adam(groups)
 

@@ -8,12 +8,11 @@ import torch
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.rays.histograms import blurred_interlevel_loss, ray_entropy
+from plnerf.rays.histograms import blurred_interlevel_loss
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss
 from plnerf.render.proposals import Histogram
 from plnerf.render.system import NormalSamples, RenderedRays
 from plnerf.train.losses import LossWeights, loss_terms, normal_loss, orientation_loss
-from plnerf.train.pairs import edge_loss
 
 R, S, Q = 6, 5, 4
 ONE = torch.ones(R)
@@ -87,15 +86,7 @@ def test_the_interlevel_loss_may_be_the_anti_aliased_one(blur: tuple[float, floa
     assert found > 0
 
 
-def test_entropy_is_off_until_asked_for_and_weighed() -> None:
-    out, truth = rendered(None), torch.zeros(R, 3)
-    importance = torch.rand(R, generator=torch.Generator().manual_seed(1))
-    assert "entropy" not in loss_terms(out, truth, importance, LossWeights())
-    found = loss_terms(out, truth, importance, LossWeights(entropy=0.2))["entropy"]
-    torch.testing.assert_close(found, 0.2 * (importance * ray_entropy(out.histograms[-1].w)).mean())
-
-
-@pytest.mark.parametrize("bad", [{"entropy": -1.0}, {"edges": -0.1}, {"interlevel_blur": (0.03, -0.003)}])
+@pytest.mark.parametrize("bad", [{"distortion": -1.0}, {"interlevel_blur": (0.03, -0.003)}])
 def test_negative_weights_are_refused(bad: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match="0 or more"):
         LossWeights(**bad)
@@ -186,12 +177,3 @@ def test_samples_without_weight_do_not_count() -> None:
     empty = dataclasses.replace(some, weights=torch.zeros(Q, S))
     assert not normal_loss(empty).any()
     assert not orientation_loss(empty).any()
-
-
-def test_the_loss_on_edges_is_off_until_asked_for_and_weighed() -> None:
-    out, truth = rendered(None), torch.zeros(R, 3)
-    importance = torch.rand(R // 2, generator=torch.Generator().manual_seed(1)).repeat(2)
-    assert "edges" not in loss_terms(out, truth, importance, LossWeights())
-    found = loss_terms(out, truth, importance, LossWeights(edges=0.2))["edges"]
-    torch.testing.assert_close(found, 0.2 * edge_loss(out.colour, importance))
-    assert found > 0

@@ -6,9 +6,9 @@ Rates were measured on two cores of an Intel Xeon at 2.1 GHz; another machine ha
 from collections.abc import Mapping
 
 from plnerf.capture.exif import PhotoFacts
-from plnerf.capture.findings import Finding
 from plnerf.capture.pairs import PairConfig, choose_pairs
 from plnerf.capture.sfm import SfmConfig
+from plnerf.findings import Finding
 
 FEATURES_S_PER_MP, PAIR_S, MODEL_S_PER_IMAGE = 2.2, 0.15, 0.7
 """Seconds of structure from motion: of a megapixel in which features are looked for, of a pair of images, of

@@ -6,7 +6,6 @@ Three degrees: `stops` (nothing good can come of it), `harms` (the result will b
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,8 +14,8 @@ from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.local_frame import local_frame
 from plnerf.capture.motion import blurred
 from plnerf.capture.references import References
+from plnerf.findings import Finding
 
-Degree = Literal["stops", "harms", "note"]
 BRIGHT, DARK = 250, 5
 """Grey values at which a pixel says nothing any more."""
 CLIPPED = 0.25
@@ -27,18 +26,6 @@ FASTEST_M_S = 60.0
 STRAY = 20.0
 """A step so many times as long as the median one is called a jump, where no times are known."""
 LEAST_WIRE_PX, GOOD_WIRE_PX = 1.0, 3.0
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was found."""
-
-    kind: str
-    degree: Degree
-    what: str
-    where: tuple[str, ...]
-    """Names of the images; empty where it is about all."""
-    do: str
 
 
 @dataclass(frozen=True, eq=False)

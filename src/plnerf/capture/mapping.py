@@ -15,8 +15,8 @@ from typing import Any
 import pycolmap
 
 from plnerf.capture.exif import PhotoFacts
-from plnerf.capture.findings import Finding
 from plnerf.capture.lens import lens_problem
+from plnerf.findings import Finding
 from plnerf.scene.files import write_text
 
 LEAST_IMAGES = 3

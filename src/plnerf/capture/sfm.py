@@ -18,7 +18,6 @@ from typing import Any, Literal
 import pycolmap
 
 from plnerf.capture.exif import PhotoFacts
-from plnerf.capture.findings import Finding
 from plnerf.capture.mapping import (
     LEAST_IMAGES,
     MOST_ERROR_PX,
@@ -32,6 +31,7 @@ from plnerf.capture.mapping import (
 )
 from plnerf.capture.pairs import Pair, PairConfig
 from plnerf.errors import CaptureError, ConfigError
+from plnerf.findings import Finding
 from plnerf.scene.files import write_text
 
 DATABASE, MODELS, INPUTS = "database.db", "models", "inputs.sha256"

@@ -1,10 +1,9 @@
-"""Numba twins of what keeps thin things in histograms: blur, dilation, entropy, each in one pass over a ray.
+"""Numba twins of what keeps thin things in histograms: blur and dilation, each in one pass over a ray.
 
 The truths are in plain torch in `rays/histograms.py`; edges are constants here.  Letters as there: s the
 E = S + 1 edges, increasing; w the S weights.
 """
 
-import math
 from collections.abc import Callable
 from typing import Any, no_type_check
 
@@ -122,34 +121,6 @@ def _dilate_parallel(s, w, h, out, rays, parts):
         _dilate(s, w, h, out, rays * part // parts, rays * (part + 1) // parts)
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _entropy(w, loss, gradient, start, stop):
-    S, real = w.shape[1], w.dtype.type
-    zero, one, floor = real(0), real(1), real(FLOOR)
-    for ray in range(start, stop):
-        left, entropy = one, zero
-        for i in range(S):
-            weight = w[ray, i]
-            log = real(math.log(weight + floor))
-            entropy -= weight * log
-            gradient[ray, i] = -log - weight / (weight + floor)
-            left -= weight
-        if left >= zero:
-            log = real(math.log(left + floor))
-            entropy -= left * log
-            for i in range(S):
-                gradient[ray, i] += log + left / (left + floor)
-        loss[ray] = entropy
-
-
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _entropy_parallel(w, loss, gradient, rays, parts):
-    for part in prange(parts):
-        _entropy(w, loss, gradient, rays * part // parts, rays * (part + 1) // parts)
-
-
 class _WithGradient(torch.autograd.Function):
     """A loss of rays, differentiable by weights, once, whose kernel writes the loss and its gradient."""
 
@@ -196,15 +167,3 @@ def dilate(s: Float[Tensor, "r E"], w: Float[Tensor, "r S"], half_width: float) 
         rays=len(s), samples=w.numel(), ns=20.0,
     )  # fmt: skip
     return out
-
-
-def ray_entropy(w: Float[Tensor, "r S"]) -> Float[Tensor, " r"]:
-    """Twin of `histograms.ray_entropy`: differentiable by w, once."""
-
-    def kernel(loss: Tensor, gradient: Tensor) -> None:
-        launch(
-            _entropy, _entropy_parallel, *arrays(w, loss, gradient), rays=len(w), samples=w.numel(), ns=8.0
-        )
-
-    result: Tensor = _WithGradient.apply(w, kernel)
-    return result

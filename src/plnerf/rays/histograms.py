@@ -1,4 +1,4 @@
-"""Histograms along rays that shall not lose what is thinner than their intervals: blur, dilation, entropy.
+"""Histograms along rays that shall not lose what is thinner than their intervals: blur and dilation.
 
 Zip-NeRF (Barron et al. 2023), section 3; Mip-NeRF 360, supplement A; InfoNeRF (Kim et al. 2022), section 3.
 
@@ -99,14 +99,3 @@ def _largest(
     table = torch.cat(runs, -1)
     left, right = level * size + first, level * size + last + 1 - powers[level]
     return torch.maximum(table.gather(-1, left), table.gather(-1, right))
-
-
-def ray_entropy(w: Float[Tensor, "r S"]) -> Float[Tensor, " r"]:
-    """How undecided it is where a ray ends: in one of the intervals, or behind all of them.
-
-    -sum_i w_i log(w_i + FLOOR), over the intervals and what is left, 1 - sum_i w_i.  InfoNeRF's ray entropy
-    (eq. 4) divides by the sum of the weights and leaves out empty rays; with the outcome "behind" this is not
-    needed, and about 0 says: all in one place or nothing at all.
-    """
-    ends = torch.cat([w, (1 - w.sum(-1, keepdim=True)).clamp_min(0)], -1)
-    return -(ends * (ends + FLOOR).log()).sum(-1)

@@ -16,7 +16,7 @@ from plnerf.field.encodings import integrated_positional_encoding
 from plnerf.ops.dispatch import Backend
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
 from plnerf.rays.frustums import ray_frustums
-from plnerf.rays.histograms import blurred_interlevel_loss, dilate, ray_entropy
+from plnerf.rays.histograms import blurred_interlevel_loss, dilate
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss, resample_edges
 from plnerf.rays.warp import to_distance
@@ -53,7 +53,6 @@ class RayOps(NamedTuple):
     distortion_loss: Callable[[Tensor, Tensor], Tensor]
     blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor]
     dilate: Callable[[Tensor, Tensor, float], Tensor]
-    ray_entropy: Callable[[Tensor], Tensor]
 
 
 def frustum_features(
@@ -91,7 +90,6 @@ TORCH = RayOps(
     distortion_loss,
     blurred_interlevel_loss,
     dilate,
-    ray_entropy,
 )
 
 
@@ -122,5 +120,4 @@ def ray_ops(backend: Backend) -> RayOps:
         cpu_stepfun.distortion_loss,
         cpu_histograms.blurred_interlevel_loss,
         cpu_histograms.dilate,
-        cpu_histograms.ray_entropy,
     )

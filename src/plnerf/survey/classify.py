@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter, uniform_filter
 
-from plnerf.line.catenary import Catenary
+from plnerf.line.old_catenary import Catenary
 from plnerf.survey.field_surface import Surface
 from plnerf.survey.ground import CELL_M, Ground, find_ground, vegetation
 from plnerf.survey.model import (

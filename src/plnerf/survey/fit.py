@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
 from plnerf.errors import SurveyError
-from plnerf.line.catenary import Catenary
+from plnerf.line.old_catenary import Catenary
 
 LEAST_POINTS = 6
 LEAST_BEND_M = 1e-6

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from plnerf.line.catenary import Catenary
+from plnerf.line.old_catenary import Catenary
 from plnerf.survey.obstacles import beside
 
 SIDE_M = 10.0

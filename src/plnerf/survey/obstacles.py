@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.line.catenary import Catenary
+from plnerf.line.old_catenary import Catenary
 from plnerf.line.polylines import onto_segments
 from plnerf.survey.model import (
     BUILDING,

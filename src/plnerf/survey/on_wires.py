@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.line.catenary import Catenary
+from plnerf.line.old_catenary import Catenary
 from plnerf.survey.field_surface import Surface
 from plnerf.survey.obstacles import sampled
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plnerf.line.catenary import Point, hang
+from plnerf.line.old_catenary import Point, hang
 from plnerf.synth.check import check_wires
 from plnerf.synth.config import SpanConfig, WireConfig
 from plnerf.synth.houses import place_houses

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.line.catenary import Catenary
+from plnerf.line.old_catenary import Catenary
 from plnerf.synth.capture import View
 from plnerf.synth.config import CaptureConfig
 

@@ -7,7 +7,7 @@ Every length carries _m, every angle _deg.
 from dataclasses import dataclass, field
 from typing import Literal
 
-from plnerf.line.catenary import Catenary, Point
+from plnerf.line.old_catenary import Catenary, Point
 from plnerf.synth.config import SpanConfig
 from plnerf.synth.terrain import Ground
 

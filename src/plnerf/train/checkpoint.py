@@ -78,7 +78,7 @@ def _check_finite(tensors: dict[str, Tensor], folder: Path, step: int) -> None:
         if not value.isfinite().all():
             raise TrainingError(
                 f"After step {step} the tensor {name!r} is no longer finite, so no checkpoint was written. "
-                f"{kept_checkpoint(folder)}. Lower train.table_rate or train.network_rate in the run's "
+                f"{kept_checkpoint(folder)}. Lower train.hash_lr or train.mlp_lr in the run's "
                 "config.json, then go on with --resume."
             )
 

@@ -23,13 +23,13 @@ class TrainConfig:
 
     rays: int = 512
     """Rays of a step."""
-    table_rate: float = 2e-2
+    hash_lr: float = 2e-2
     """Learning rate of the hash tables."""
-    network_rate: float = 2e-2
+    mlp_lr: float = 2e-2
     """Learning rate of the networks and appearance vectors."""
-    pose_rate: float = 5e-4
+    pose_lr: float = 5e-4
     """Learning rate of the pose corrections (radians, scene units)."""
-    final_rate: float = 0.05
+    lr_final_factor: float = 0.05
     """Share of the learning rates that is left at the end; they decay exponentially with progress."""
     warmup_steps: int = 50
     """Steps over which the learning rates rise from zero."""
@@ -76,12 +76,13 @@ class TrainConfig:
                 "Training needs warmup_steps and anneal_steps of 1 or more, but got "
                 f"warmup_steps={self.warmup_steps}, anneal_steps={self.anneal_steps}."
             )
-        rates = (self.table_rate, self.network_rate, self.pose_rate)
-        if min(rates) < 0 or not 0 < self.final_rate <= 1 or not 0 <= self.pose_from <= 1:
+        rates = (self.hash_lr, self.mlp_lr, self.pose_lr)
+        if min(rates) < 0 or not 0 < self.lr_final_factor <= 1 or not 0 <= self.pose_from <= 1:
             raise ConfigError(
-                "Training needs learning rates of 0 or more, 0 < final_rate <= 1 and 0 <= pose_from <= 1, "
-                f"but got table_rate={self.table_rate}, network_rate={self.network_rate}, "
-                f"pose_rate={self.pose_rate}, final_rate={self.final_rate}, pose_from={self.pose_from}."
+                "Training needs learning rates of 0 or more, 0 < lr_final_factor <= 1 and "
+                f"0 <= pose_from <= 1, but got hash_lr={self.hash_lr}, mlp_lr={self.mlp_lr}, "
+                f"pose_lr={self.pose_lr}, lr_final_factor={self.lr_final_factor}, "
+                f"pose_from={self.pose_from}."
             )
 
 

@@ -30,7 +30,6 @@ from plnerf.train.graph import GraphedStep
 from plnerf.train.guidance import favoured_pixels, guides_for, run_curves
 from plnerf.train.metrics import validation_psnr
 from plnerf.train.optimizer import build_optimizer
-from plnerf.train.pairs import draw_pairs
 from plnerf.train.pixels import PixelBatch, PixelSampler
 from plnerf.train.report import LOG_EVERY, Report
 from plnerf.train.run import build_model, open_scene, write_config
@@ -68,7 +67,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
 
     def draw(step: int) -> tuple[PixelBatch, Generator]:
         generator = step_generator(config.seed, step, CPU)
-        batch = (draw_pairs if cfg.loss.edges else PixelSampler.draw)(sampler, cfg.rays, generator)
+        batch = sampler.draw(cfg.rays, generator)
         return batch if device == CPU else pinned(batch), generator
 
     report.begin(config, scene, step)
@@ -142,8 +141,8 @@ def step_taker(
 def set_learning_rates(
     optimizer: torch.optim.Optimizer, cfg: TrainConfig, step: int, progress: float
 ) -> None:
-    """Linear warm-up over the first steps, exponential decay to `final_rate` over the whole budget."""
-    factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.final_rate**progress
+    """Linear warm-up over the first steps, exponential decay to `lr_final_factor` over the whole budget."""
+    factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.lr_final_factor**progress
     for group in optimizer.param_groups:
         if isinstance(group["lr"], Tensor):
             group["lr"].fill_(group["rate"] * factor)
@@ -191,6 +190,6 @@ def _not_finite(step: int, terms: Mapping[str, Tensor], checkpoints: Path) -> st
     bad = ", ".join(f"{name} = {value}" for name, value in values.items() if not math.isfinite(value))
     return (
         f"The loss is no longer finite at step {step}: {bad or 'only the sum of its terms'}. "
-        f"{kept_checkpoint(checkpoints)}. Lower the learning rates (train.table_rate, train.network_rate) or "
+        f"{kept_checkpoint(checkpoints)}. Lower the learning rates (train.hash_lr, train.mlp_lr) or "
         "the weight of that term (train.loss) in the run's config.json, then go on with --resume."
     )

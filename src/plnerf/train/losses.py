@@ -13,7 +13,6 @@ from plnerf.errors import ConfigError
 from plnerf.render.proposals import Histogram
 from plnerf.render.ray_ops import TORCH, RayOps
 from plnerf.render.system import NormalSamples, RenderedRays
-from plnerf.train.pairs import edge_loss
 
 
 @dataclass(frozen=True)
@@ -31,11 +30,6 @@ class LossWeights:
     have as much weight everywhere (zip-NeRF: 0.03 and 0.003).  Empty: the bound of Mip-NeRF 360."""
     distortion: float = 0.001
     """Weight of a ray gathers in one place (Mip-NeRF 360)."""
-    entropy: float = 0.0
-    """Every ray ends in one interval or in none (InfoNeRF)."""
-    edges: float = 0.0
-    """Mean squared error of the differences between neighbouring pixels, in which thin lines count for more
-    than flat colours; the rays are then drawn in pairs."""
     normals: float = 3e-4
     """Predicted normals follow the density's gradient (Ref-NeRF R_p, its value)."""
     orientation: float = 1e-3
@@ -47,8 +41,7 @@ class LossWeights:
 
     def __post_init__(self) -> None:
         values = (
-            self.colour, self.coarse, self.interlevel, self.distortion, self.entropy, self.edges,
-            self.normals, self.orientation,
+            self.colour, self.coarse, self.interlevel, self.distortion, self.normals, self.orientation,
         )  # fmt: skip
         if min(values) < 0 or min(self.interlevel_blur, default=0.0) < 0:
             raise ConfigError(f"The weights of losses and interlevel_blur must be 0 or more, but are {self}.")
@@ -61,7 +54,7 @@ def loss_terms(
     weights: LossWeights,
     ops: RayOps = TORCH,
 ) -> dict[str, Tensor]:
-    """Weighted terms by name; their sum is what is minimised.  `edges` needs rays from `draw_pairs`.
+    """Weighted terms by name; their sum is what is minimised.
 
     A ray's importance counts for all that shapes the field: weighing only the colour would leave the
     distortion loss five times too strong on wires, where rays are drawn five times as often.  The
@@ -78,10 +71,6 @@ def loss_terms(
         )
     if weights.distortion:
         terms["distortion"] = (importance * ops.distortion_loss(final.s, final.w)).mean()
-    if weights.entropy:
-        terms["entropy"] = (importance * ops.ray_entropy(final.w)).mean()
-    if weights.edges:
-        terms["edges"] = edge_loss(out.colour - colour, importance)
     if out.normal_samples is not None:
         samples = out.normal_samples
         if not weights.normals_shape_density:

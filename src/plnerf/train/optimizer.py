@@ -23,11 +23,11 @@ def build_optimizer(model: RadianceSystem, cfg: TrainConfig) -> "TableAdam":
     networks = [value for value in model.parameters() if id(value) not in others]
     for value in model.parameters():
         value.grad = torch.zeros_like(value)
-    groups = [{"params": networks, "rate": cfg.network_rate}]
+    groups = [{"params": networks, "rate": cfg.mlp_lr}]
     if tables:  # deep networks have none
-        groups.insert(0, {"params": tables, "rate": cfg.table_rate, "by_row": True})
+        groups.insert(0, {"params": tables, "rate": cfg.hash_lr, "by_row": True})
     if cfg.pose_refinement:
-        groups.append({"params": poses, "rate": cfg.pose_rate})
+        groups.append({"params": poses, "rate": cfg.pose_lr})
     if model.appearance.is_cuda:  # a CUDA graph reads what changes from tensors
         groups = [{**group, "lr": torch.zeros((), device=model.appearance.device)} for group in groups]
     return TableAdam(groups, model.backend)

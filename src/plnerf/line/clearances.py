@@ -1,0 +1,132 @@
+"""How near the wires come to the ground, to vegetation, to buildings and to all else: values.
+
+Letters: k stations along a wire; s along the wire's base from its first end; LineFrame, metres.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.line.wire import Kind
+
+Group = Literal["ground", "vegetation", "structures", "other"]
+"""What a wire may come near to."""
+GROUPS: tuple[Group, ...] = get_args(Group)
+Verdict = Literal["closer than required", "within its uncertainty", "clear"]
+SIGMAS = 2.0
+"""A distance differs from the required one if they are so many standard deviations apart."""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A distance to be kept, and who says so."""
+
+    distance_m: float
+    applies_to: tuple[Group, ...]
+    name: str
+    source: str
+    date: str | None = None
+    caveats: tuple[str, ...] = ()
+
+    def verdict(self, distance_m: float, sigma_m: float) -> Verdict:
+        """On a distance and its standard deviation."""
+        spare = distance_m - self.distance_m
+        if abs(spare) <= SIGMAS * sigma_m:
+            return "within its uncertainty"
+        return "closer than required" if spare < 0 else "clear"
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a wire comes near to something."""
+
+    wire: int
+    """Its id."""
+    span: int
+    kind: Kind
+    to: Group
+    class_code: int
+    """Of the obstacle."""
+    measure: Literal["distance", "vertical"]
+    """In space, or straight down to the ground's surface."""
+    distance_m: float
+    sigma_m: float
+    s_m: float
+    on_wire: Float[np.ndarray, "3"]
+    on_obstacle: Float[np.ndarray, "3"]
+
+    @property
+    def vertical_m(self) -> float:
+        """How much higher the wire is than the obstacle."""
+        return float(self.on_wire[2] - self.on_obstacle[2])
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A wire and what is below and beside it, for k stations; NaN where nothing is known."""
+
+    wire: int
+    """Its id."""
+    s_m: Float[np.ndarray, " k"]
+    points: Float[np.ndarray, "k 3"]
+    """Of the wire."""
+    sigma_z_m: Float[np.ndarray, " k"]
+    """Of the wire's height."""
+    ground_z: Float[np.ndarray, " k"]
+    vegetation_z: Float[np.ndarray, " k"]
+    """The highest within the corridor."""
+    distance_m: dict[Group, Float[np.ndarray, " k"]]
+    """From the wire to the nearest obstacle beside the station."""
+
+
+@dataclass(frozen=True, eq=False)
+class WireClearance:
+    """All of one wire."""
+
+    wire: int
+    """Its id."""
+    span: int
+    kind: Kind
+    places: dict[Group, tuple[Place, ...]]
+    """Distinct places, the nearest first; empty where the group has no points near."""
+    vertical: Place | None
+    """The least height above the ground; None: no ground is known below."""
+    profile: Profile
+
+    def least(self, group: Group) -> Place | None:
+        """The least distance."""
+        return self.places[group][0] if self.places[group] else None
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """Of all wires, as surveyed: neither at their greatest temperature, nor loaded, nor swung further."""
+
+    wires: tuple[WireClearance, ...]
+    requirement: Requirement | None = None
+    state: str = "as surveyed"
+
+    def verdict(self, place: Place) -> Verdict | None:
+        """None where nothing is required: of shield wires, and of what the requirement does not apply to."""
+        if self.requirement is None or place.kind != "phase" or place.to not in self.requirement.applies_to:
+            return None
+        return self.requirement.verdict(place.distance_m, place.sigma_m)
+
+    def all_places(self) -> tuple[Place, ...]:
+        """Of every wire, by group and then by distance; last the height above the ground."""
+        found: list[Place] = []
+        for one in self.wires:
+            for group in GROUPS:
+                found += one.places[group]
+            found += [one.vertical] if one.vertical is not None else []
+        return tuple(found)
+
+    def least_places(self) -> tuple[Place, ...]:
+        """The nearest of every wire to each group, and its least height above the ground."""
+        found: list[Place] = []
+        for one in self.wires:
+            found += [places[0] for places in one.places.values() if places]
+            found += [one.vertical] if one.vertical is not None else []
+        return tuple(found)

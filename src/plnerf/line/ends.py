@@ -1,0 +1,68 @@
+"""What holds a wire at its ends, what it was seen by, and a length with its uncertainty."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+TWO_SIDED_95 = 1.959964
+"""Standard deviations that 95 % of normal errors lie within."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A length and its standard deviation, in metres (or units of an unscaled survey)."""
+
+    value: float
+    sigma: float
+
+    @property
+    def half_95(self) -> float:
+        """Half the width of its 95 % interval."""
+        return TWO_SIDED_95 * self.sigma
+
+
+@dataclass(frozen=True, eq=False)
+class Attached:
+    """An end that a structure holds."""
+
+    structure: int
+    """Id of the structure."""
+    point: Float[np.ndarray, "3"]
+    """The attachment, LineFrame."""
+    sigma_m: float
+    """Standard deviation of its place along the wire."""
+
+
+@dataclass(frozen=True)
+class Open:
+    """An end of what is known of a wire, not of the wire."""
+
+    reason: str
+    """Such as "not filmed", "hidden", "the cloud ends"; reads on after "its first end is open"."""
+
+
+End = Attached | Open
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a wire rests on."""
+
+    source: str
+    """In words: "1,204 points", "83 images"."""
+    count: int
+    """Points, or images that show it."""
+    coverage: float = 1.0
+    """Share of its length with evidence."""
+    longest_gap_m: float = 0.0
+    """Longest stretch without."""
+    residual_across_m: float = 0.0
+    """Root mean square of the points' horizontal distances from it."""
+    residual_up_m: float = 0.0
+    certain: bool = True
+    """Whether what was seen fixes its place."""
+    reach_m: float | None = None
+    """Within what distance of the curve the wire lies: its own uncertainty, and pixels; None: of points."""
+    seen_m: tuple[tuple[float, float], ...] | None = None
+    """Stretches of s where it was seen; None: all of it."""
