@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-import numpy_reference
 import pytest
 import torch
+from tests.support import numpy_reference
 from torch import Tensor
 
 from plnerf.render.volume import (
