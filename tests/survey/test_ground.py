@@ -1,11 +1,15 @@
 """The ground is found under what stands on it, through holes and errors; heights above it are exact."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from plnerf.survey.ground import Ground, find_ground, is_ground, vegetation
+from plnerf.errors import ConfigError
+from plnerf.survey.ground import Ground, GroundConfig, find_ground, is_ground, vegetation
 
 EXTENT = 120.0
+CONFIG = GroundConfig()
 
 
 def terrain(xy: np.ndarray) -> np.ndarray:
@@ -33,11 +37,11 @@ def cloud() -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(parts), np.concatenate(ground)
 
 
-def test_the_ground_is_told_from_what_stands_on_it(cloud: tuple[np.ndarray, np.ndarray]) -> None:
+def test_the_ground_is_distinguished_from_what_stands_on_it(cloud: tuple[np.ndarray, np.ndarray]) -> None:
     points, truth = cloud
-    ground = find_ground(points)
+    ground = find_ground(points, CONFIG)
     assert ground is not None
-    mine = is_ground(points, ground)
+    mine = is_ground(points, ground, CONFIG)
     assert mine[truth].mean() > 0.97 and (~mine[~truth]).mean() > 0.99
     xy = np.random.default_rng(1).uniform(2, EXTENT - 2, (3000, 2))
     off = np.abs(ground.below(xy) - terrain(xy))
@@ -49,7 +53,7 @@ def test_a_plane_is_a_plane_between_cells_and_across_holes() -> None:
     x, y = np.meshgrid(np.arange(0.5, 60), np.arange(0.5, 40))
     points = np.column_stack([x.ravel(), y.ravel(), (0.3 * x - 0.2 * y + 7).ravel()])
     hole = (np.abs(points[:, :2] - [30, 20]) < 8).all(1)
-    ground = find_ground(points[~hole])
+    ground = find_ground(points[~hole], CONFIG)
     assert ground is not None
     inside = np.random.default_rng(2).uniform([1, 1], [59, 39], (500, 2))
     off = ground.below(inside) - (0.3 * inside[:, 0] - 0.2 * inside[:, 1] + 7)
@@ -61,7 +65,7 @@ def test_a_plane_is_a_plane_between_cells_and_across_holes() -> None:
 def test_moving_the_cloud_moves_the_ground(cloud: tuple[np.ndarray, np.ndarray]) -> None:
     points, _ = cloud
     shift = np.array([250_000.0, 5_800_000.0, 30.0])
-    one, other = find_ground(points), find_ground(points + shift)
+    one, other = find_ground(points, CONFIG), find_ground(points + shift, CONFIG)
     assert one is not None and other is not None
     assert other.above(points + shift) == pytest.approx(one.above(points), abs=0.05)
 
@@ -76,18 +80,35 @@ def test_lines_alone_are_no_ground() -> None:
     s = np.linspace(0, 200, 3000)
     hang = 20 + (s - 100) ** 2 / 3000
     wires = [np.column_stack([s, np.full_like(s, y), hang]) for y in (-5.0, 0.0, 0.4, 5.0)]
-    assert find_ground(np.concatenate(wires)) is None
-    assert find_ground(np.zeros((1, 3))) is None
+    assert find_ground(np.concatenate(wires), CONFIG) is None
+    assert find_ground(np.zeros((1, 3)), CONFIG) is None
 
 
-def test_memory_is_bounded_by_cells_that_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_is_bounded_by_cells_that_grow() -> None:
     random = np.random.default_rng(3)
     xy = random.uniform(0, 60_000, (100_000, 2))
     xy = np.concatenate([xy, random.uniform(0, 10_000, (100_000, 2))])
-    monkeypatch.setattr("plnerf.survey.ground.MOST_CELLS", 10_000)
-    ground = find_ground(np.column_stack([xy, np.zeros(len(xy))]))
+    ground = find_ground(np.column_stack([xy, np.zeros(len(xy))]), GroundConfig(max_cells=10_000))
     assert ground is not None and ground.z.size < 1.1e4 and np.abs(ground.z).max() < 1e-9
 
 
 def test_vegetation_is_banded_by_height() -> None:
-    assert vegetation(np.array([0.31, 0.49, 0.5, 1.99, 2.0, 30.0])).tolist() == [3, 3, 4, 4, 5, 5]
+    above = np.array([0.31, 0.49, 0.5, 1.99, 2.0, 30.0])
+    assert vegetation(above, CONFIG).tolist() == [3, 3, 4, 4, 5, 5]
+    tall = GroundConfig(low_vegetation_m=1.0, high_vegetation_m=20.0)
+    assert vegetation(above, tall).tolist() == [3, 3, 3, 4, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"cell_m": 0.0}, "needs cell_m > 0"),
+        ({"max_cells": 0}, "max_cells >= 1"),
+        ({"pit_rank": 49}, "pit_rank must be from 0 to 48"),
+        ({"windows": (5, 3)}, "windows must be positive and rise"),
+        ({"low_vegetation_m": 3.0}, "low_vegetation_m <= high_vegetation_m"),
+    ],
+)
+def test_settings_that_make_no_ground_are_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        GroundConfig(**wrong)
