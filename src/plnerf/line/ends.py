@@ -1,6 +1,6 @@
 """What holds a wire at its ends, what it was seen by, and a length with its uncertainty."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -66,3 +66,10 @@ class Evidence:
     """Within what distance of the curve the wire lies: its own uncertainty, and pixels; None: of points."""
     seen_m: tuple[tuple[float, float], ...] | None = None
     """Stretches of s where it was seen; None: all of it."""
+
+    def moved(self, by_m: float, length_m: float) -> "Evidence":
+        """The same counted from another base, on which what was seen lies further on by so much."""
+        if self.seen_m is None:
+            return self
+        cut = [(max(low + by_m, 0.0), min(high + by_m, length_m)) for low, high in self.seen_m]
+        return replace(self, seen_m=tuple((low, high) for low, high in cut if high > low))

@@ -17,6 +17,8 @@ from plnerf.scene.transforms import Frames
 
 NOMINAL_HALF_M = 20.0
 """Half of an unscaled scene's box is so many units, so that tolerances in metres have the right order."""
+MOST_LEAN = 1e-6
+"""1 - cosine of the angle by which the world's z may lean from up and still be a height: 0.08 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,11 @@ class LineFrame:
         """The inverse of `from_world`."""
         moved: Float[np.ndarray, "*b 3"] = x @ self.R_line_world / self.scale + self.origin_world
         return moved
+
+    @property
+    def upright(self) -> bool:
+        """Whether the world's z is up as well, so that it is a height."""
+        return bool(1 - self.R_line_world[2, 2] < MOST_LEAN)
 
     def from_scene(self, x: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
         """Points or lengths of the scene frame in this one: the axes and the origin are the same."""

@@ -61,10 +61,7 @@ class Wire:
 
     def polyline(self, step_m: float = STRAIGHT_M) -> Float[np.ndarray, "m 3"]:
         """Points from end to end, even in s, at most `step_m` of arc apart."""
-        D, h, p = self.plane
-        x0 = catenary.lowest(D, h, p)[0]
-        steepest = math.cosh(max(abs(x0), abs(D - x0)) / p)
-        count = max(1, math.ceil(D * steepest / step_m))
+        count = max(1, math.ceil(self.base.length_m * self.stretch / step_m))
         return self.points(np.linspace(0.0, self.base.length_m, count + 1))
 
     def sigma_at(self, s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
@@ -86,6 +83,13 @@ class Wire:
     def plane(self) -> tuple[float, float, float]:
         """D, h and p of the curve in its own plane, as `catenary.py` has them."""
         return plane_of(self.theta, self.base.length_m)
+
+    @property
+    def stretch(self) -> float:
+        """Length of wire per length of base where that is greatest: at its steeper end."""
+        D, h, p = self.plane
+        x0 = catenary.lowest(D, h, p)[0]
+        return D / self.base.length_m * math.cosh(max(abs(x0), abs(D - x0)) / p)
 
     @property
     def length_m(self) -> float:
@@ -123,6 +127,16 @@ class Wire:
         return Quantity(length, float(np.sqrt(J @ self.covariance @ J + self._end_sigma_m**2)))
 
     @property
+    def arc_m(self) -> Quantity | None:
+        """Length of the wire itself between the attachments; None where `open` says why."""
+        if self.open:
+            return None
+        value, length = self.length_m, self.base.length_m
+        J = jacobian(lambda theta: np.array([catenary.arc_length(*plane_of(theta, length))]), self.theta)[0]
+        by_ends = value / length * self._end_sigma_m
+        return Quantity(value, float(np.sqrt(J @ self.covariance @ J + by_ends**2)))
+
+    @property
     def p_m(self) -> Quantity | None:
         """H/w between the attachments; None where `open` says why."""
         if self.open:
@@ -156,7 +170,8 @@ class Wire:
         """The same curve counted from another base along the same line, with its covariance."""
         theta = transport(self.theta, self.base, base)
         J = jacobian(lambda old: transport(old, self.base, base), self.theta)
-        return replace(self, base=base, theta=theta, covariance=J @ self.covariance @ J.T)
+        seen = self.evidence.moved(float((self.base.a - base.a) @ base.u), base.length_m)
+        return replace(self, base=base, theta=theta, covariance=J @ self.covariance @ J.T, evidence=seen)
 
     def between(self, low: float, high: float) -> "Wire":
         """The wire between s = low and s = high of its base; its curve goes on beyond its ends as it is."""

@@ -1,128 +1,189 @@
-"""The survey of a run: what its field shows as a classified cloud, its conductors, and the report."""
+"""Surveys: of a trained run, of a scene without training, of a point cloud.  Values in, a `Survey` out.
 
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+    images    wires -> surfaces (field, stereo) -> structures -> refit -> evidence -> ground, classes
+    cloud     ground -> lines -> structures -> wires -> classes
+    both      -> clearances
+
+Nothing is printed and no file is written here: `plnerf.write_survey` does that.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
-import torch
-from jaxtyping import Float
 
-from plnerf.detect.curves import read_curves
-from plnerf.report.colours import KINDS
-from plnerf.report.data import Picture
-from plnerf.report.deliver import SurveyOptions, deliver
-from plnerf.report.overlay import overlay
-from plnerf.scene.cameras import project
-from plnerf.scene.ply import read_ply
+from plnerf.detect.detect import detect_wires
+from plnerf.findings import Finding, harms, note
+from plnerf.line.frame import LineFrame
+from plnerf.line.survey import Survey, WirePoints
+from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
+from plnerf.survey.attach import hung_between, line_of
 from plnerf.survey.classify import classified, ground_of, standing_on
-from plnerf.survey.curve_wires import conductors_of_curves, is_upright, metre_of, require_upright
-from plnerf.survey.field_surface import surface_points
-from plnerf.survey.model import (
-    NO_WIRE,
-    UNCLASSIFIED,
-    Cloud,
-    Conductor,
-    Survey,
-)
-from plnerf.survey.obstacles import sampled
-from plnerf.survey.refine.curves import refit_curves
-from plnerf.survey.stereo.cloud import loosened, with_stereo
-from plnerf.survey.supports import between_supports
-from plnerf.survey.wire_files import POINTS, survey_wires
-from plnerf.train.guidance import CURVES
+from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config import SurveyConfig
+from plnerf.survey.evidence import by_images, by_points, points_on
+from plnerf.survey.field_surface import field_surface
+from plnerf.survey.kinds import kinds
+from plnerf.survey.lidar.find import find_lines
+from plnerf.survey.lidar.las import PointCloud
+from plnerf.survey.photos import Photos, photos_of
+from plnerf.survey.pictures import pictures_of
+from plnerf.survey.refine.refine import refine_wires
+from plnerf.survey.stereo.cloud import inflate_sigma, stereo_surface
+from plnerf.survey.supports import find_supports, trimmed
+from plnerf.survey.surface import Surface
+from plnerf.survey.wire_points import wire_points
 from plnerf.train.run import TrainedRun
+from plnerf.train.settings import to_json
 
-LOOSE_POSES_PX = 0.5
-PICTURES = 4
+Progress = Callable[[int, int], None]
 
 
 def survey_run(
-    run: TrainedRun, out: Path, options: SurveyOptions, progress: Callable[[int, int], None] | None = None
-) -> Path:
-    """Writes wires.ply, the cloud, conductors, clearances and the report into `out`; returns its path."""
-    told = progress or (lambda done, of: None)
-    survey_wires(run, out, lambda done, of: told(done, 4 * of))
-    vertex = read_ply(out / POINTS)["vertex"]
-    points = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
-    frames, path = run.scene.frames, run.folder / CURVES
-    curves = [curve for curve in read_curves(path) if curve.certain] if path.exists() else []
-    notes = [] if path.exists() else [
-        f"The preset {run.config.preset} looks for no conductors in the images: train with pl-nerf-wire."
-    ]  # fmt: skip
-    field = surface_points(run, progress=lambda done, of: told(of + done, 4 * of))
-    surface, doubts = with_stereo(
-        run.scene, field, curves, progress=lambda done, of: told(2 * of + done, 4 * of)
-    )
-    notes += doubts
-    curves, supports = between_supports(surface, field, curves, frames)
-    if curves:
-        require_upright(frames)
-    refits, motion_px = refit_curves(
-        run.scene, curves, metre_of(frames), supports.held, lambda done, of: told(3 * of + done, 4 * of)
-    )
-    conductors = conductors_of_curves(refits, frames, points)
-    if motion_px > LOOSE_POSES_PX:
-        notes.append(
-            f"The images lie about {motion_px:.1f} px off their poses, as the wires in them show: better "
-            "poses make better conductors."
-        )
-        surface = loosened(surface, motion_px)
-    if conductors and len(supports.towers) < 2:
-        notes.append(
-            f"{len(supports.towers)} of 2 supports are seen: where none is, wires end with what the images "
-            "show, and their sag is that of this piece."
-        )
-    towers = supports.towers
-    if is_upright(frames):
-        metre = metre_of(frames)
-        ground = ground_of(surface, [one.fit.curve for one in conductors], supports.points, metre)
-        towers = standing_on(ground, towers, metre)
-        cloud, more = classified(surface, ground, conductors, supports.points, metre)
-    else:
-        n = len(surface.xyz)
-        cloud = Cloud(
-            surface.xyz, np.full(n, UNCLASSIFIED, np.uint8), np.full(n, NO_WIRE), surface.rgb, surface.sigma
-        )
-        more = ["The world's z is not up, so that nothing is classified: turn the poses of the scene."]
+    run: TrainedRun, config: SurveyConfig | None = None, progress: Progress | None = None
+) -> Survey:
+    """A survey of a trained run: its field shows points on wires, and supports hidden from stereo."""
+    config = config or SurveyConfig()
+    parts = _parts(progress, 4)
+    photos = photos_of(run.scene)
+    points = wire_points(run, photos.frame, config.points, parts[0])
+    field = field_surface(run, photos.frame, config.surface, parts[1])
+    found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
+    made = {"input": _images_in(run.scene), "preset": f"{run.config.preset}, step {run.step:,}"}
+    return _of_images(photos, found, (field, points), config, parts[2:], str(run.folder), made)
+
+
+def survey_scene(
+    scene: Scene, config: SurveyConfig | None = None, progress: Progress | None = None
+) -> Survey:
+    """A survey from images and poses alone: no training is needed."""
+    config = config or SurveyConfig()
+    parts = _parts(progress, 3)
+    found = detect_wires(scene, config.detect, parts[0])
+    made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
+    return _of_images(photos_of(scene), found, None, config, parts[1:], str(scene.root), made)
+
+
+def survey_cloud(
+    cloud: PointCloud, config: SurveyConfig | None = None, progress: Progress | None = None
+) -> Survey:
+    """A survey of a point cloud in metres with z up; classes that it has are not used."""
+    config = config or SurveyConfig()
+    frame = LineFrame.of_cloud(cloud.xyz, cloud.crs)
+    found = find_lines(frame.from_world(cloud.xyz), config.lidar, progress)
+    made = {"input": f"{cloud.path.name}, {len(cloud.xyz):,} points; its classes were not used"}
     survey = Survey(
-        tuple(conductors), towers, cloud, frames.unit, frames.crs, frames.origin, str(run.folder),
-        (*notes, *more),
+        frame, found.lines, found.cloud, str(cloud.path), made,
+        findings=(*cloud.findings, *found.findings),
     )  # fmt: skip
-    made = {
-        "input": f"{run.scene.root.name}: {len(run.scene.names)} images",
-        "preset": f"{run.config.preset}, step {run.step:,}",
-        "program": f"plnerf {version('plnerf')}",
-        "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
-    }
-    pictures = drawn_over(run.scene, conductors)
-    return deliver(survey, out, options, pictures=pictures, made=made, synthetic=True)
+    return _finished(survey, config)
 
 
-def drawn_over(scene: Scene, conductors: Sequence[Conductor]) -> tuple[Picture, ...]:
-    """The conductors over some of the images, evenly chosen."""
-    if not conductors:
-        return ()
-    chosen = np.unique(np.linspace(0, len(scene.names) - 1, PICTURES + 2).round().astype(int))[1:-1]
-    pictures = []
-    for i in chosen.tolist():
-        lines = [_seen(scene, i, sampled(one.fit.curve)) for one in conductors]
-        colours = [_rgb(KINDS[one.kind]) for one in conductors]
-        pictures.append(Picture(scene.names[i], overlay(scene.images.image(i), lines, colours)))
-    return tuple(pictures)
+def _of_images(
+    photos: Photos,
+    found: Sequence[Wire],
+    rendered: tuple[Surface, WirePoints] | None,
+    config: SurveyConfig,
+    parts: Sequence[Progress],
+    source: str,
+    made: Mapping[str, str],
+) -> Survey:
+    """What runs and scenes have in common.  rendered: what the field of a run shows."""
+    field, points = rendered or (None, None)
+    wires = [wire for wire in found if wire.evidence.certain]
+    surface, findings = stereo_surface(photos, wires, field, config.stereo, parts[0])
+    supports = find_supports(surface, field, wires, config.supports)
+    extents = [trimmed(wire, supports) for wire in wires]
+    refined = refine_wires(photos, extents, config.refine, parts[1])
+    hung = [hung_between(*pair, supports) for pair in zip(refined.wires, extents, strict=True)]
+    if points is None:
+        hung = [by_images(wire) for wire in hung]
+    else:
+        hung = [by_points(wire, points.xyz, config.evidence) for wire in hung]
+    before = [hung_between(*pair, supports) for pair in zip(wires, extents, strict=True)]
+    hung, before = _named(hung, before, points, config)
+    if refined.pose_residual_px > config.refine.loose_poses_px:
+        surface = inflate_sigma(surface, refined.pose_residual_px, config.stereo)
+        findings = (*findings, _loose(refined.pose_residual_px))
+    ground = ground_of(surface, hung, supports.points, config.ground, config.classify)
+    structures = [None if one is None else standing_on(ground, [one])[0] for one in supports.structures]
+    cloud, more = classified(surface, ground, hung, supports.points, config.ground, config.classify)
+    survey = Survey(
+        photos.frame, (line_of(hung, structures),) if hung else (), cloud, source, made,
+        findings=(*_about(found, wires, len(supports.seen)), *findings, *more),
+        detected=tuple(before), wire_points=points, pictures=pictures_of(photos, hung, config.pictures),
+        from_images=True,
+    )  # fmt: skip
+    return _finished(survey, config)
 
 
-def _seen(scene: Scene, i: int, world: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 2"]:
-    """Pixels of points of the world in an image, NaN behind the camera."""
-    at = torch.from_numpy(scene.frames.to_scene(world)).float()
-    pixels, depths = project(scene.cameras[[i]], at)
-    shown: Float[np.ndarray, "v 2"] = pixels[0].double().numpy()
-    shown[depths[0].numpy() <= 1e-3] = np.nan
-    return shown
+def _finished(survey: Survey, config: SurveyConfig) -> Survey:
+    """With clearances where lengths are metres, and with how it was made."""
+    survey = replace(
+        survey,
+        temperature_c=config.temperature_c,
+        settings=to_json(config),
+        made={**survey.made, "program": f"plnerf {version('plnerf')}"},
+    )
+    if survey.frame.unit != "m" or not survey.wires:
+        return survey
+    clearances, findings = measure_clearances(survey, config.clearance)
+    return replace(survey, clearances=clearances, findings=(*survey.findings, *findings))
 
 
-def _rgb(colour: str) -> tuple[int, int, int]:
-    """Of #rrggbb."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+def _named(
+    wires: Sequence[Wire], before: Sequence[Wire], points: WirePoints | None, config: SurveyConfig
+) -> tuple[list[Wire], list[Wire]]:
+    """Numbered from 1, the highest first, each with its kind; and the same of the wires before the refit."""
+    middles = [wire.points(np.array([wire.base.length_m / 2]))[0, 2] for wire in wires]
+    order = np.argsort(middles)[::-1].tolist()
+    counts = [_count(wires[k], points, config) for k in order]
+    names = kinds([wires[k] for k in order], counts, config.kinds)
+    numbered = [replace(wires[k], id=n + 1, kind=names[n]) for n, k in enumerate(order)]
+    return numbered, [replace(before[k], id=n + 1, kind=names[n]) for n, k in enumerate(order)]
+
+
+def _count(wire: Wire, points: WirePoints | None, config: SurveyConfig) -> int:
+    """How well a wire is seen: points on it, or images that show it."""
+    if points is None:
+        return wire.evidence.count
+    return int(points_on(wire, points.xyz, config.evidence.near_m).sum())
+
+
+def _about(found: Sequence[Wire], wires: Sequence[Wire], structures: int) -> list[Finding]:
+    """What a reader must know of the wires that were detected."""
+    findings = []
+    if not wires:
+        findings.append(harms("wires", "The images show no wire whose place the views fix."))
+    if len(found) > len(wires):
+        left = len(found) - len(wires)
+        findings.append(note("wires", f"{left} further wires may be there, but the views do not fix them."))
+    if wires and structures < 2:
+        findings.append(
+            harms(
+                "structures",
+                f"{structures} of 2 structures are seen: where none is, wires end with what the images show, "
+                "and no sag is stated.",
+            )
+        )
+    return findings
+
+
+def _loose(residual_px: float) -> Finding:
+    return harms(
+        "poses",
+        f"The images lie about {residual_px:.1f} px off their poses, as the wires in them show.",
+        "Better poses make better wires.",
+    )
+
+
+def _images_in(scene: Scene) -> str:
+    return f"{scene.root.name}: {len(scene.names)} images"
+
+
+def _parts(progress: Progress | None, count: int) -> list[Progress]:
+    """A callback for each of some stages, which together report one progress."""
+    report = progress or (lambda done, of: None)
+    return [lambda done, of, k=k: report(k * of + done, count * of) for k in range(count)]  # type: ignore[misc]

@@ -1,89 +1,123 @@
-"""The supports of a run's wires: where they stand along the line, and which points are theirs."""
+"""The structures at the ends of wires that images show: where they stand along the line, and which points
+are theirs.
+
+LineFrame; x runs along the wires.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.detect.curves import Curve
-from plnerf.scene.transforms import Frames
-from plnerf.survey.attachments import held_at
-from plnerf.survey.bodies import Column, column_at, find_columns
-from plnerf.survey.curve_wires import metre_of
-from plnerf.survey.field_surface import Surface
-from plnerf.survey.model import Tower
-from plnerf.survey.refine.curves import Held
+from plnerf.line.line import Structure
+from plnerf.line.wire import Wire
+from plnerf.survey.attachments import AttachmentConfig, held_at
+from plnerf.survey.bodies import Body, BodyConfig, body_at, find_bodies
+from plnerf.survey.surface import Surface
 
-BY_STEREO_M, BY_FIELD_M, BY_BODY_M = 0.05, 0.15, 0.3
-"""Standard deviation along the line of a support's place, by what is about the wires there in stereo, by the
-same in the field, and by the support's body in the field; as measured on rendered supports."""
-AROUND_M = 2.5
-"""What holds the wires is looked for so far from a support's body."""
-ABOUT_END_M = 6.0
-"""And without a body so far from where the images stop showing the wires: they may show the next span's, or
-the support but not the wires before it."""
+
+@dataclass(frozen=True)
+class SupportConfig:
+    """How the structures that hold wires are found.  The deviations are those measured on rendered ones."""
+
+    body: BodyConfig = field(default_factory=BodyConfig)
+    attachment: AttachmentConfig = field(default_factory=AttachmentConfig)
+    by_stereo_m: float = 0.05
+    """Standard deviation along the line of an attachment that stereo shows."""
+    by_field_m: float = 0.15
+    """The same of one that the field shows."""
+    by_body_m: float = 0.3
+    """The same where only the structure's body is seen."""
+    around_m: float = 2.5
+    """What holds the wires is looked for so far from a structure's body."""
+    about_end_m: float = 6.0
+    """And without a body so far from where the images stop showing the wires: they may show the next span's,
+    or the structure but not the wires before it."""
+    polyline_places: int = 120
+    """Places at which wires are compared with points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Supports:
-    """At either end of the wires."""
+    """At either end of the wires; None where no structure is seen."""
 
-    towers: tuple[Tower, ...]
+    structures: tuple[Structure | None, Structure | None]
+    x_m: tuple[float | None, float | None]
+    """Where the first and the last hold the wires."""
     points: Bool[np.ndarray, " n"]
     """Those of the surface that are theirs."""
-    held: tuple[Held | None, Held | None]
-    """Where the first and the last hold the wires; None: it is not seen."""
+
+    @property
+    def seen(self) -> tuple[Structure, ...]:
+        """The structures that are seen."""
+        return tuple(one for one in self.structures if one is not None)
 
 
-def between_supports(
-    surface: Surface, field: Surface, curves: Sequence[Curve], frames: Frames
-) -> tuple[list[Curve], Supports]:
-    """The curves as far as they lie between the supports, and these.
+def find_supports(
+    surface: Surface, field: Surface | None, wires: Sequence[Wire], config: SupportConfig
+) -> Supports:
+    """The structures at both ends of wires that run along x side by side.
 
-    Bodies are looked for in the field, which shows a lattice from all sides: stereo sees its near side alone.
+    Bodies are looked for in the field where there is one, which shows a lattice from all sides: stereo sees
+    its near side alone.
     """
-    if not curves:
-        return [], Supports((), np.zeros(len(surface.xyz), np.bool_), (None, None))
-    metre = frames.scale * metre_of(frames)
-    of_field, of_stereo = (frames.to_scene(one.xyz) / metre for one in (field, surface))
-    lines = [curve.points(np.linspace(*curve.ends, 60)) / metre for curve in curves]
-    bodies = find_columns(of_field, lines)
+    of_stereo, of_field = surface.xyz, (surface if field is None else field).xyz
+    mine = np.zeros(len(of_stereo), np.bool_)
+    if not wires:
+        return Supports((None, None), (None, None), mine)
+    half = config.polyline_places // 2
+    lines = [wire.points(np.linspace(0.0, wire.base.length_m, half)) for wire in wires]
+    bodies = find_bodies(of_field, lines, config.body)
     first, last = min(float(line[0, 0]) for line in lines), max(float(line[-1, 0]) for line in lines)
-    x = np.linspace(first - ABOUT_END_M, last + ABOUT_END_M, 120) * metre
-    wires = [curve.points(x) / metre for curve in curves]
-    towers, of_tower = [], np.zeros(len(surface.xyz), np.bool_)
-    held: list[Held | None] = []
+    x = np.linspace(first - config.about_end_m, last + config.about_end_m, config.polyline_places)
+    curves = [wire.points(x - wire.base.a[0]) for wire in wires]
+    shown = [(of_stereo, config.by_stereo_m, "stereo")]
+    shown += [(of_field, config.by_field_m, "the field")] if field is not None else []
+    structures: list[Structure | None] = []
     for body, end in zip(bodies, (first, last), strict=True):
-        column, sigma = _support(body, end, of_stereo, of_field, wires)
-        held.append(None if column is None else Held(column.x_m * metre, sigma))
-        if column is not None:
-            of_tower |= column.holds(of_stereo, wires)
-            foot = frames.to_world(metre * np.array([[column.x_m, column.y_m, column.foot_m]]))[0]
-            towers.append(Tower(foot, (column.top_m - column.foot_m) * metre_of(frames)))
-    low, high = (
-        beyond if at is None else at.x for beyond, at in zip((-np.inf, np.inf), held, strict=True)
+        found = _support(body, end, shown, of_field, curves, config)
+        if found is None:
+            structures.append(None)
+            continue
+        at, sigma, evidence = found
+        mine |= at.holds(of_stereo, curves, config.body)
+        number = 1 + sum(one is not None for one in structures)
+        structures.append(
+            Structure(
+                number, np.array([at.x_m, at.y_m, at.foot_m]), at.top_m - at.foot_m, sigma, evidence
+            )
+        )
+    at_x = [None if one is None else float(one.foot[0]) for one in structures]
+    return Supports((structures[0], structures[1]), (at_x[0], at_x[1]), mine)
+
+
+def trimmed(wire: Wire, supports: Supports) -> Wire:
+    """The wire as far as it lies between the structures, without what was detected beyond them."""
+    low, high = wire.base.a[0], wire.base.b[0]
+    first, last = (
+        bound if at is None else at
+        for bound, at in zip((-np.inf, np.inf), supports.x_m, strict=True)
     )
-    between = [
-        replace(curve, ends=(max(curve.ends[0], low), min(curve.ends[1], high))) for curve in curves
-    ]
-    return between, Supports(tuple(towers), of_tower, (held[0], held[1]))
+    return wire.between(max(low, first) - low, min(high, last) - low)
 
 
 def _support(
-    body: Column | None,
+    body: Body | None,
     end: float,
-    of_stereo: Float[np.ndarray, "n 3"],
+    shown: Sequence[tuple[Float[np.ndarray, "_ 3"], float, str]],
     of_field: Float[np.ndarray, "m 3"],
     wires: Sequence[Float[np.ndarray, "_ 3"]],
-) -> tuple[Column | None, float]:
+    config: SupportConfig,
+) -> tuple[Body, float, str] | None:
     """Where the wires are held about a body, or their end, by the best that shows it, and how exactly."""
-    middle, reach = (end, ABOUT_END_M) if body is None else (body.x_m, AROUND_M)
-    for points, sigma in ((of_stereo, BY_STEREO_M), (of_field, BY_FIELD_M)):
-        at = held_at(points, wires, middle - reach, middle + reach)
+    middle, reach = (end, config.about_end_m) if body is None else (body.x_m, config.around_m)
+    for points, sigma, source in shown:
+        at = held_at(points, wires, middle - reach, middle + reach, config.attachment)
         if at is not None:
-            found = body or column_at(at, of_field, wires)
-            # A support is as high as its highest wire.
+            found = body or body_at(at, of_field, wires, config.body)
+            # A structure is as high as its highest wire.
             highest = max(float(np.interp(at, wire[:, 0], wire[:, 2])) for wire in wires)
-            return replace(found, x_m=at, top_m=max(highest, found.top_m)), sigma
-    return body, BY_BODY_M
+            what = f"what holds the wires, seen by {source}"
+            return replace(found, x_m=at, top_m=max(highest, found.top_m)), sigma, what
+    return None if body is None else (body, config.by_body_m, "its body alone")

@@ -18,27 +18,18 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from plnerf.survey.refine.projection import Track, crossings
-
-STEP_PX = 0.5
-WINDOW_PX = 6.0
-"""To either side of the curve."""
-LEAST_SAMPLES = 5
-MOST_OTHERS = 3
-APART = 2.5
-"""Wires nearer to each other than so many widths of K are not told apart: nothing is said there."""
-QUANTUM = 0.5
-"""Least variance of a grey value: of its rounding, and of what noise an image has at least."""
+from plnerf.survey.refine.config import ProfileConfig
+from plnerf.survey.refine.projection import Projection, crossings
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class ProfileMeasurements:
     """Of one wire in one image, at k places along it."""
 
     s: Float[np.ndarray, " k"]
-    g: Float[np.ndarray, "k 2"]
-    motion: Float[np.ndarray, "k 3"]
-    """As `Track` has them."""
+    by_yz: Float[np.ndarray, "k 2"]
+    by_pose: Float[np.ndarray, "k 3"]
+    """As `Projection` has them."""
     A: Float[np.ndarray, " k"]
     B: Float[np.ndarray, " k"]
     variance_A: Float[np.ndarray, " k"]
@@ -49,37 +40,41 @@ class Sightings:
         return len(self.s)
 
 
-def sightings(
+def measure_profiles(
     grey: Float32[np.ndarray, "h w"],
     valid: Bool[np.ndarray, "h w"] | None,
-    seen: Track,
-    others: list[Track],
+    seen: Projection,
+    others: list[Projection],
     blur_px: float,
-    diameter: float,
-) -> Sightings:
+    diameter_m: float,
+    config: ProfileConfig,
+) -> ProfileMeasurements:
     """A and B along a projected wire.
 
     valid: false where a mask says "ignore".  others: further wires in the same image.  blur_px: standard
-    deviation of what blurs a wire in the image.  diameter: of the wire, in the unit of `Track.g`.
+    deviation of what blurs a wire in the image.
     """
     # A bar of width w has the variance w^2 / 12.
-    width = diameter * np.linalg.norm(seen.g, axis=1)
+    width = diameter_m * np.linalg.norm(seen.by_yz, axis=1)
     tau = np.sqrt(blur_px**2 + width**2 / 12)
-    near = crossings(seen, others, WINDOW_PX + 3 * blur_px, MOST_OTHERS)
-    good = seen.good & ~(np.nan_to_num(np.abs(near[:, 0]), nan=np.inf) < APART * tau)
+    within = config.window_px + 3 * blur_px
+    near = crossings(seen, others, within, config.most_others, config.least_crossing)
+    good = seen.good & ~(np.nan_to_num(np.abs(near[:, 0]), nan=np.inf) < config.apart * tau)
     if valid is not None:
         column, row = np.clip(seen.pixel, 0, np.array(grey.shape[::-1]) - 1).astype(int).T
         good &= valid[row, column]
-    if good.sum() < LEAST_SAMPLES:
+    if good.sum() < config.least_samples:
         none = np.zeros(0)
-        return Sightings(none, np.zeros((0, 2)), np.zeros((0, 3)), none, none, none, none)
-    d = np.arange(-WINDOW_PX, WINDOW_PX + STEP_PX / 2, STEP_PX)
+        return ProfileMeasurements(none, np.zeros((0, 2)), np.zeros((0, 3)), none, none, none, none)
+    d = np.arange(-config.window_px, config.window_px + config.step_px / 2, config.step_px)
     x, y = (seen.pixel[good, None] + d[:, None] * seen.normal[good, None] - 0.5).astype(np.float32).T
     profile = cv2.remap(grey, x.T, y.T, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    fit, variance = _least_squares(profile.astype(np.float64), _columns(d, tau[good], near[good]))
-    return Sightings(
-        seen.s[good], seen.g[good], seen.motion[good], fit[:, 0], fit[:, 1], variance[:, 0], variance[:, 1]
-    )
+    columns = _columns(d, tau[good], near[good])
+    fit, variance = _least_squares(profile.astype(np.float64), columns, config.step_px, config.quantum)
+    return ProfileMeasurements(
+        seen.s[good], seen.by_yz[good], seen.by_pose[good],
+        fit[:, 0], fit[:, 1], variance[:, 0], variance[:, 1],
+    )  # fmt: skip
 
 
 def _columns(
@@ -87,7 +82,7 @@ def _columns(
 ) -> Float[np.ndarray, "k n c"]:
     """K and K' of the wire, a background that is a straight line, K and K' of the others."""
     flat = np.ones((len(tau), len(d)))
-    columns = [*_kernel(d - np.zeros((len(tau), 1)), tau), flat, flat * d / WINDOW_PX]
+    columns = [*_kernel(d - np.zeros((len(tau), 1)), tau), flat, flat * d / d[-1]]
     for off in near.T[np.isfinite(near).any(0)]:
         # What is not there is put where it gives nothing.
         columns += _kernel(d - np.nan_to_num(off, nan=1e3)[:, None], tau)
@@ -102,7 +97,10 @@ def _kernel(x: Float[np.ndarray, "k n"], tau: Float[np.ndarray, " k"]) -> list[F
 
 
 def _least_squares(
-    profile: Float[np.ndarray, "k n"], columns: Float[np.ndarray, "k n c"]
+    profile: Float[np.ndarray, "k n"],
+    columns: Float[np.ndarray, "k n c"],
+    step_px: float,
+    quantum: float,
 ) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2"]]:
     """The first two coefficients of each profile, and their variances."""
     normal = np.einsum("knc,kne->kce", columns, columns, optimize=True)
@@ -111,6 +109,6 @@ def _least_squares(
     fit = np.einsum("kce,kne,kn->kc", inverse, columns, profile, optimize=True)
     left = profile - np.einsum("knc,kc->kn", columns, fit)
     # Neighbours half a pixel apart share their noise: a pixel's counts once.
-    freedom = profile.shape[1] * STEP_PX - 4
-    noise = ((left**2).sum(1) / freedom + QUANTUM) / STEP_PX
+    freedom = profile.shape[1] * step_px - 4
+    noise = ((left**2).sum(1) / freedom + quantum) / step_px
     return fit[:, :2], noise[:, None] * np.stack([inverse[:, 0, 0], inverse[:, 1, 1]], 1)

@@ -1,167 +1,174 @@
-"""Catenaries found in images, refitted to them: to a tenth of a pixel rather than one.
+"""Wires detected in images, refitted to them: to a tenth of a pixel rather than one.
 
 Each round projects the wires into every training image, reads what the grey values across them say
-(`profile.py`), and adjusts all wires, the images' motions and the light together (`adjust.py`).  How much the
-images move is learnt on the way: of exact poses nothing, of poses by structure from motion tenths of a pixel.
+(`profile.py`), and adjusts all wires, the images' pose residuals and the lighting together (`adjust.py`).
+How large the residuals are is learnt: none of exact poses, tenths of a pixel of poses by structure from
+motion.
 """
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.scene.cameras import Cameras
-from plnerf.scene.scene import Scene
-from plnerf.survey.fit import LEAST_BEND_M, Base
-from plnerf.survey.refine.adjust import VIEWS, Prior, State, Step, adjust
-from plnerf.survey.refine.profile import Sightings, sightings
-from plnerf.survey.refine.projection import Track, track
-
-SAMPLES = 240
-"""Along a wire."""
-FIRST_BLUR_PX, BLUR_PX = 1.2, 0.6
-"""Of the profile that is looked for, in the first round, for wires a pixel or two off, and in all others."""
-LEAST_ROUNDS, MOST_ROUNDS = 4, 16
-SETTLED_PX = 0.02
-"""Rounds end where no wire moves by more."""
-MOTION_PX, LEAST_MOTION_PX = 0.1, 0.05
-"""Standard deviation of the images' motions at first, and at least."""
-SYSTEMATIC_PX = 0.2
-"""What first order in the light leaves: a displacement the same all along a wire.  Measured on rendered wires
-under a sun, 0.1 to 0.3 px."""
-UNDESCRIBED = 0.3
-"""Of an image's motion, the share that one motion for near and far wires does not describe."""
-LEAST_VISIBLE = 0.03
-"""Share of its sightings at which a wire must stand out; of noise, a hundredth does."""
-LEAST_VIEWS = 3
-NEAR_PX = 1.0
-"""A wire is seen at a sighting that has it so near."""
-LEAST_NEAR = 0.5
-"""Share of the sightings that must have it so."""
-NO_NEWS = 0.7
-"""A wire's place is not fixed where its standard deviation stays above this share of what it was."""
-
-
-@dataclass(frozen=True, eq=False)
-class Refined:
-    """One wire after refinement; as it was before where `refused` says why."""
-
-    q: Float[np.ndarray, "5"]
-    covariance: Float[np.ndarray, "5 5"]
-    """In the scene's unit squared."""
-    views: int
-    """Images with sightings of it."""
-    refused: str | None
+from plnerf.line.base import Base
+from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
+from plnerf.line.wire import Wire
+from plnerf.survey.photos import Photos
+from plnerf.survey.refine.adjust import Prior, State, Step, adjust
+from plnerf.survey.refine.config import RefineConfig
+from plnerf.survey.refine.profile import ProfileMeasurements, measure_profiles
+from plnerf.survey.refine.projection import Projection, project_wire
 
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
     """Of all wires."""
 
-    wires: tuple[Refined, ...]
-    motion_px: float
+    wires: tuple[Wire, ...]
+    """Refitted, on one common base, in the order they came; one that was refused is as it came, with the
+    reason in its notes."""
+    pose_residual_px: float
     """Standard deviation of what the images' poses are off by, as their wires show it."""
 
 
-def refine(
-    scene: Scene,
-    base: Base,
-    wires: Sequence[Float[np.ndarray, "5"]],
-    trust: Sequence[float],
-    diameter: float,
-    tell: Callable[[int, int], object] = lambda done, of: None,
+def refine_wires(
+    photos: Photos,
+    wires: Sequence[Wire],
+    config: RefineConfig,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Refinement:
-    """Refits wires of the scene frame to its training images.
+    """Refits wires that run side by side to the training images.
 
-    base: along the wires, in the scene frame.  trust: standard deviation of where each wire is; one that
-    moves more than twice as far is refused.  diameter: of the wires, about; from a third of the
-    true one to half as much again, the result moves by 0.2 px at most.  Needs one wire or more.
+    What a wire may be off by before is its `evidence.reach_m`; one that moves more than `most_moved` times as
+    far is refused.
     """
-    views = list(scene.train)
-    cameras = [double(scene.cameras[[i]]) for i in views]
-    s = np.linspace(0, base.length_m, SAMPLES)
-    before = np.array(wires, np.float64)
-    N, W = len(views), len(wires)
-    state = State(before, np.zeros((N, 3)), np.zeros((W, VIEWS)), np.zeros((W, 2)), np.zeros(2))
-    prior = Prior(before, np.array(trust), diameter, MOTION_PX)
-    found: list[list[Sightings]] = []
-    for k in range(MOST_ROUNDS):
-        blur = BLUR_PX if k else FIRST_BLUR_PX
+    if not wires:
+        return Refinement((), 0.0)
+    base = common_base(wires)
+    started = [wire.on(base) for wire in wires]
+    before, s = np.array([wire.theta for wire in started]), np.linspace(0, base.length_m, config.samples)
+    views, N, W = list(photos.train), len(photos.train), len(wires)
+    cameras = [photos.cameras[[i]] for i in views]
+    v = config.adjust.views
+    state = State(before, np.zeros((N, 3)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
+    trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
+    prior = Prior(before, trust, config.diameter_m, config.pose_sd_px)
+    found: list[list[ProfileMeasurements]] = []
+    report = progress or (lambda done, of: None)
+    for k in range(config.most_rounds):
+        blur = config.blur_px if k else config.first_blur_px
 
-        def look(n: int, state: State = state, blur: float = blur) -> list[Sightings]:
-            tracks = [track(cameras[n], base, q, s, state.motion[n]) for q in state.q]
-            return _of_image(scene, views[n], tracks, blur, diameter)
+        def measure(n: int, state: State = state, blur: float = blur) -> list[ProfileMeasurements]:
+            end_on = config.profile.end_on
+            seen = [project_wire(cameras[n], base, one, s, state.pose[n], end_on) for one in state.theta]
+            return _of_image(photos, views[n], seen, blur, config)
 
         with ThreadPoolExecutor() as pool:
-            found = list(pool.map(look, range(N)))
-        step = adjust(base, state, prior, found)
-        last, state = state, replace(step.state, q=np.maximum(step.state.q, [*[-np.inf] * 4, LEAST_BEND_M]))
-        prior = replace(prior, motion_px=max(step.motion_px(), LEAST_MOTION_PX))
-        tell(k + 1, MOST_ROUNDS)
-        moved = max(_between(base, *both, s) for both in zip(last.q, state.q, strict=True))
-        if k + 1 >= LEAST_ROUNDS and moved * step.pixels_per_unit < SETTLED_PX:
+            found = list(pool.map(measure, range(N)))
+        step = adjust(base, state, prior, found, config.adjust)
+        last, state = state, _hanging(step.state)
+        prior = replace(prior, pose_sd_px=max(step.pose_residual_px(), config.least_pose_sd_px))
+        report(k + 1, config.most_rounds)
+        moved = max(_between(base, *both, s) for both in zip(last.theta, state.theta, strict=True))
+        if k + 1 >= config.least_rounds and moved * step.pixels_per_m < config.settled_px:
             break
-    tell(MOST_ROUNDS, MOST_ROUNDS)
-    wires_now = tuple(_judged(base, prior, step, w, found, s) for w in range(W))
-    return Refinement(wires_now, step.motion_px())
+    report(config.most_rounds, config.most_rounds)
+    step = replace(step, state=state)
+    judged = [_judged(wire, prior, step, w, found, s, config) for w, wire in enumerate(started)]
+    return Refinement(tuple(judged), step.pose_residual_px())
+
+
+def common_base(wires: Sequence[Wire]) -> Base:
+    """Along the first wire's base, over the extents of all."""
+    first = wires[0].base
+    ends = np.array([end for wire in wires for end in (wire.base.a, wire.base.b)])
+    s = (ends - first.a) @ first.u
+    return first.cut(float(s.min()), float(s.max()))
+
+
+def _hanging(state: State) -> State:
+    """With wires that sag, however little."""
+    theta = state.theta.copy()
+    theta[:, 4] = np.maximum(theta[:, 4], LEAST_BEND_M)
+    return replace(state, theta=theta)
 
 
 def _between(
-    base: Base, q: Float[np.ndarray, "5"], other: Float[np.ndarray, "5"], s: Float[np.ndarray, " k"]
+    base: Base, one: Float[np.ndarray, "6"], other: Float[np.ndarray, "6"], s: Float[np.ndarray, " k"]
 ) -> float:
-    """Greatest distance between two wires."""
-    return float(np.linalg.norm(base.at(q, s) - base.at(other, s), axis=1).max())
-
-
-def double(cameras: Cameras) -> Cameras:
-    """In float64."""
-    values = [getattr(cameras, one.name) for one in fields(cameras)]
-    return Cameras(*(value.double() if value.is_floating_point() else value for value in values))
+    """Greatest distance between two curves."""
+    apart = curve_at(one, base.length_m, s) - curve_at(other, base.length_m, s)
+    return float(np.linalg.norm(apart, axis=1).max())
 
 
 def _of_image(
-    scene: Scene, i: int, tracks: list[Track], blur_px: float, diameter: float
-) -> list[Sightings]:
-    """The sightings of each wire in one image."""
+    photos: Photos, i: int, seen: list[Projection], blur_px: float, config: RefineConfig
+) -> list[ProfileMeasurements]:
+    """The measurements of each wire in one image."""
     # Of bytes, interpolation gives bytes.
-    grey = cv2.cvtColor(scene.images.image(i), cv2.COLOR_RGB2GRAY).astype(np.float32)
-    valid = scene.images.valid(i) if scene.images.has_masks else None
+    grey = cv2.cvtColor(photos.images.image(i), cv2.COLOR_RGB2GRAY).astype(np.float32)
+    valid = photos.images.valid(i) if photos.images.has_masks else None
     return [
-        sightings(grey, valid, mine, tracks[:w] + tracks[w + 1 :], blur_px, diameter)
-        for w, mine in enumerate(tracks)
+        measure_profiles(
+            grey, valid, mine, seen[:w] + seen[w + 1 :], blur_px, config.diameter_m, config.profile
+        )
+        for w, mine in enumerate(seen)
     ]
 
 
 def _judged(
-    base: Base, prior: Prior, step: Step, w: int, found: Sequence[Sequence[Sightings]],
+    wire: Wire,
+    prior: Prior,
+    step: Step,
+    w: int,
+    found: Sequence[Sequence[ProfileMeasurements]],
     s: Float[np.ndarray, " k"],
-) -> Refined:  # fmt: skip
-    """Whether a wire's refinement is to be believed."""
+    config: RefineConfig,
+) -> Wire:
+    """The refitted wire if it is to be believed, else the wire as it was and why."""
     rows = [row[w] for row in found]
     views, count = sum(len(row) > 0 for row in rows), sum(len(row) for row in rows)
-    e, q = step.usable[w], step.state.q[w]
-    near = np.abs(e) <= NEAR_PX
-    moved = _between(base, prior.q[w], q, s)
-    J = base.by_q(q, s)
-    own = step.of_wire(w)
+    off, theta = step.off_px[w], step.state.theta[w]
+    trust, base = prior.trust_m[w], wire.base
+    moved, own = _between(base, prior.theta[w], theta, s), step.of_wire(w)
+    J = curve_by_theta(theta, base.length_m, s)
     sigma = float(np.sqrt(np.linalg.eigvalsh(J @ own @ J.transpose(0, 2, 1))[:, -1].min()))
+    near = float((np.abs(off) <= config.near_px).mean()) if len(off) else 0.0
     refused = None
-    if views < LEAST_VIEWS or not len(e):
+    if views < config.least_views or not len(off):
         refused = f"{views} images show it"
-    elif sigma > NO_NEWS * prior.trust[w]:
-        refused = "the views do not fix it better than it was"
-    elif len(e) < LEAST_VISIBLE * count:
-        refused = f"it stands out at {len(e) / count:.1%} of the places where it is looked for"
-    elif near.mean() < LEAST_NEAR:
-        refused = f"{near.mean():.0%} of what is seen there lies within a pixel of it"
-    elif moved > 2 * prior.trust[w]:
-        refused = f"it went {moved / prior.trust[w]:.1f} times as far as it may be off"
-    if not len(e):
-        return Refined(prior.q[w], own, views, refused)
-    same = np.kron(np.eye(2), np.ones((2, 2)))  # y0 with y1, z0 with z1
-    common = np.hypot(SYSTEMATIC_PX, UNDESCRIBED * step.motion_px()) / step.pixels_per_unit
-    own = own + np.pad(same * common**2, (0, 1))
-    return Refined(prior.q[w] if refused else q, own, views, refused)
+    elif sigma > config.no_news * trust:
+        refused = "the views do not fix it better than its detection did"
+    elif len(off) < config.least_visible * count:
+        refused = f"it stands out at {len(off) / count:.1%} of the places where it was measured"
+    elif near < config.least_near:
+        refused = f"{near:.0%} of its measurements lie within a pixel of it"
+    elif moved > config.most_moved * trust:
+        refused = f"it moved {moved / trust:.1f} times as far as its detection may be off"
+    seen = _seen(step, w, base.length_m, config)
+    evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
+    if refused is not None:
+        # A detection states its least certain point: that stands for all of them.
+        held = np.pad(np.eye(5) * wire.worst_sigma() ** 2, (0, 1))
+        notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
+        return replace(wire, covariance=held, evidence=evidence, notes=notes)
+    same = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
+    common = np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()) / step.pixels_per_m
+    covariance = own + np.pad(same * common**2, (0, 2))
+    return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
+
+
+def _seen(step: Step, w: int, length_m: float, config: RefineConfig) -> tuple[tuple[float, float], ...]:
+    """Stretches of a wire on which enough images show it near to its curve."""
+    count = max(1, round(length_m / config.piece_m))
+    near = np.abs(step.off_px[w]) <= config.near_px
+    piece = np.clip((step.s[w][near] / length_m * count).astype(int), 0, count - 1)
+    shown = np.zeros((count, len(step.state.pose)), np.bool_)
+    shown[piece, step.image[w][near]] = True
+    enough = shown.sum(1) >= config.least_views
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], enough.astype(np.int8), [0]]))) * length_m / count
+    return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))

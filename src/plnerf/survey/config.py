@@ -1,0 +1,55 @@
+"""Everything that decides a survey, as one value that is written into survey.json."""
+
+from dataclasses import dataclass, field
+
+from plnerf.detect.config import DetectConfig
+from plnerf.errors import ConfigError
+from plnerf.survey.classify import ClassifyConfig
+from plnerf.survey.clearance import ClearanceConfig
+from plnerf.survey.evidence import EvidenceConfig
+from plnerf.survey.field_surface import FieldConfig
+from plnerf.survey.ground import GroundConfig
+from plnerf.survey.kinds import KindsConfig
+from plnerf.survey.lidar.config import LidarConfig
+from plnerf.survey.refine.config import RefineConfig
+from plnerf.survey.stereo.config import StereoConfig
+from plnerf.survey.supports import SupportConfig
+from plnerf.survey.wire_points import WirePointsConfig
+
+
+@dataclass(frozen=True)
+class SurveyConfig:
+    """How a run, a scene or a cloud is surveyed."""
+
+    detect: DetectConfig = field(default_factory=DetectConfig)
+    """Wires of scenes, and of runs whose preset detected none."""
+    points: WirePointsConfig = field(default_factory=WirePointsConfig)
+    """Points on wires that a run's field shows."""
+    surface: FieldConfig = field(default_factory=FieldConfig)
+    """Points on surfaces that a run's field shows."""
+    stereo: StereoConfig = field(default_factory=StereoConfig)
+    """Points on surfaces that pairs of images show."""
+    supports: SupportConfig = field(default_factory=SupportConfig)
+    """Structures that hold the wires, of images."""
+    refine: RefineConfig = field(default_factory=RefineConfig)
+    """The refit of wires to the images."""
+    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    """What a wire rests on."""
+    kinds: KindsConfig = field(default_factory=KindsConfig)
+    """Which wires are shield wires."""
+    ground: GroundConfig = field(default_factory=GroundConfig)
+    """The ground in a cloud."""
+    classify: ClassifyConfig = field(default_factory=ClassifyConfig)
+    """Classes of the cloud's points, of images."""
+    clearance: ClearanceConfig = field(default_factory=ClearanceConfig)
+    """Clearances, and what is required of them."""
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+    """Wires and structures of a point cloud."""
+    temperature_c: float | None = None
+    """Of the conductors when they were surveyed, in degrees Celsius, if it is known."""
+    pictures: int = 4
+    """Photos that the report shows with the wires drawn over them."""
+
+    def __post_init__(self) -> None:
+        if self.pictures < 0:
+            raise ConfigError(f"A survey needs pictures of 0 or more, but got {self.pictures}.")

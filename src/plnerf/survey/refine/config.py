@@ -1,0 +1,118 @@
+"""What decides how wires are refitted to images."""
+
+from dataclasses import dataclass, field
+
+from plnerf.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class ProfileConfig:
+    """How grey values across a projected wire are read."""
+
+    step_px: float = 0.5
+    """Spacing of the samples across the wire."""
+    window_px: float = 6.0
+    """Half width of a profile, to either side of the wire."""
+    least_samples: int = 5
+    """Places along the wire that an image must show for it to be used."""
+    most_others: int = 3
+    """Wires that may cross a profile and are fitted along with it."""
+    apart: float = 2.5
+    """Wires nearer to each other than so many widths of the kernel cannot be separated: nothing is measured
+    there."""
+    quantum: float = 0.5
+    """Least variance of a grey value: of its rounding, and of the noise that every image has."""
+    end_on: float = 0.15
+    """Sine of the angle between wire and line of sight below which a view says nothing of a wire's place."""
+    least_crossing: float = 0.2
+    """Sine of the angle between a profile and another wire below which that wire runs along the profile."""
+
+
+@dataclass(frozen=True)
+class AdjustConfig:
+    """The weights and priors of the least-squares step."""
+
+    visible: float = 3.0
+    """A measurement counts where the wire stands out by so many standard deviations."""
+    robust: float = 2.5
+    """Standard deviations beyond which a measurement loses its weight (Cauchy): another thing is seen."""
+    shading_sd: float = 0.1
+    """Prior standard deviation of the lighting-induced shift, as a fraction of the wire's diameter."""
+    own_shading: float = 0.3
+    """The part of it that may differ between wires, as a fraction: wires of one scene stand in one light."""
+    bias_px: float = 0.15
+    """Prior standard deviation of what else shifts a wire, alike for all measurements of one stretch from one
+    direction: the light beyond first order, the background."""
+    directions: int = 9
+    """Directions of view around a wire, over 180 degrees."""
+    stretches: int = 4
+    """Stretches along a wire; each has a bias for each direction."""
+    prior_places: int = 10
+    """Places at which a wire is held to where it was detected."""
+
+    def __post_init__(self) -> None:
+        if min(self.directions, self.stretches, self.prior_places) < 1:
+            raise ConfigError(
+                "The refit needs directions, stretches and prior_places of 1 or more, but got "
+                f"{self.directions}, {self.stretches} and {self.prior_places}."
+            )
+
+    @property
+    def views(self) -> int:
+        """Biases of a wire."""
+        return self.directions * self.stretches
+
+
+@dataclass(frozen=True)
+class RefineConfig:
+    """How wires that were detected are refitted to the images."""
+
+    profile: ProfileConfig = field(default_factory=ProfileConfig)
+    adjust: AdjustConfig = field(default_factory=AdjustConfig)
+    diameter_m: float = 0.03
+    """Of conductors, 1 to 5 cm.  From a third of the true one to half as much again, the result moves by 0.2
+    px at most."""
+    samples: int = 240
+    """Places along a wire at which its images are measured."""
+    first_blur_px: float = 1.2
+    """Width of the kernel in the first round, for wires a pixel or two off."""
+    blur_px: float = 0.6
+    """Width of the kernel in all other rounds: what blurs a wire in an image, standard deviation."""
+    least_rounds: int = 4
+    """Rounds that are always done."""
+    most_rounds: int = 16
+    """Rounds at most."""
+    settled_px: float = 0.02
+    """Rounds end where no wire moves by more."""
+    pose_sd_px: float = 0.1
+    """Standard deviation of the images' pose residuals at first; learnt from the images afterwards."""
+    least_pose_sd_px: float = 0.05
+    """The least that is learnt."""
+    systematic_px: float = 0.2
+    """Displacement all along a wire that first order in the light leaves.  Measured on rendered wires under a
+    sun: 0.1 to 0.3 px."""
+    undescribed: float = 0.3
+    """Share of an image's pose residual that one motion for near and far wires does not describe."""
+    least_visible: float = 0.03
+    """Share of its measurements at which a wire must stand out; of noise, a hundredth does."""
+    least_views: int = 3
+    """Images that must show a wire."""
+    piece_m: float = 0.5
+    """Pieces of a wire of which each counts as seen or not."""
+    near_px: float = 1.0
+    """A measurement this near to the wire supports it."""
+    least_near: float = 0.5
+    """Share of the visible measurements that must support it."""
+    no_news: float = 0.7
+    """The views do not fix a wire whose standard deviation stays above this share of what it was."""
+    most_moved: float = 2.0
+    """A wire that moves by more than so many times its detection's reach went to something else."""
+    loose_poses_px: float = 0.5
+    """Pose residual beyond which the survey warns, and its stereo points are less certain."""
+
+    def __post_init__(self) -> None:
+        if self.diameter_m <= 0 or self.samples < 10 or self.most_rounds < 1:
+            raise ConfigError(
+                "The refit needs diameter_m > 0, samples >= 10 and most_rounds >= 1, but got "
+                f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
+            )
