@@ -1,0 +1,299 @@
+"""What decides which wires are detected in images.
+
+Letters and frames as in `sweep.py`: the scene frame, whose unit is about half of the span's length.  Log odds
+are in nats.
+"""
+
+from dataclasses import dataclass, field
+
+from plnerf.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class EvidenceConfig:
+    """How strongly a pixel responds to a line that runs along the span (`evidence.py`)."""
+
+    scales_px: tuple[float, ...] = (0.7, 1.4, 2.8)
+    """Standard deviations of the Gaussians: wires 1 to 8 px wide."""
+    gamma: float = 1.0
+    """Power of the scale by which a second derivative is multiplied.  With 2 (scale invariance) the widest
+    scale, which sees texture as lines, outvotes wires of a pixel or two; Lindeberg recommends 3/2 for
+    ridges."""
+    edge_weight: float = 0.75
+    """Weight of the first derivative across the line, which is subtracted: the middle of a line is even, an
+    edge is not."""
+    max_bend: float = 3.0
+    """Largest response of one pixel, in units of the neighbourhood's root mean square: no single pixel makes
+    a line."""
+    along_px: float = 20.0
+    """Half the length over which responses are averaged along the line: texture is not straight."""
+    steps_along: int = 15
+    """Samples of that average."""
+    sag_deg: tuple[float, ...] = (-7.0, -3.5, 0.0, 3.5, 7.0)
+    """Directions of a wire relative to that of the span's axis: sag, and supports at unequal heights."""
+    beside_px: int = 2
+    """A ridge is the strongest pixel within this distance to both sides of the line."""
+    echo_px: int = 5
+    """Within this distance no response of the other sign may be stronger, because a second derivative echoes
+    beside a line with the other sign.  Twin conductors have the same sign."""
+    contrast_px: float = 12.0
+    """Standard deviation of the neighbourhood that a pixel's response is compared with."""
+    min_bend: float = 0.004
+    """Least contrast of a neighbourhood, of the full brightness; noise and compression bend that much in a
+    clear sky."""
+
+    def __post_init__(self) -> None:
+        positive = (*self.scales_px, self.max_bend, self.along_px, self.contrast_px, self.min_bend)
+        _check(
+            bool(self.scales_px and self.sag_deg) and min(positive) > 0 and self.steps_along >= 1,
+            "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
+            self,
+        )
+        _check(0 <= self.beside_px <= self.echo_px, "detect.evidence needs 0 <= beside_px <= echo_px", self)
+
+
+@dataclass(frozen=True)
+class OddsConfig:
+    """Log odds of a wire from a ridge or its absence (`odds.py`)."""
+
+    min_response: float = 0.25
+    """Response below which a pixel is no ridge."""
+    shown: float = 0.4
+    """P: probability that a view shows the ridge of a wire."""
+    radii_px: tuple[float, ...] = (0.75, 1.5, 3.0, 6.0, 12.0)
+    """Radii for which the density of ridges is tabulated, increasing."""
+    sharp_px: float = 1.5
+    """Radius within which a ridge is a wire's, until the first wire has shown how accurate poses are."""
+    around_px: float = 12.0
+    """Standard deviation of the neighbourhood whose density of ridges counts, beyond the radius itself."""
+    min_density: float = 0.02
+    """Least density of ridges: however empty a sky, one ridge says no more than this."""
+    muffled_px: int = 4
+    """Within this distance of other wires' ridges a weaker one does not show: its absence says nothing."""
+
+    def __post_init__(self) -> None:
+        _check(
+            0 < self.shown < 1 and 0 < self.min_density <= 1 and 0 < self.min_response <= 1,
+            "detect.odds needs shown, min_density and min_response between 0 and 1",
+            self,
+        )
+        radii, positive = self.radii_px, (*self.radii_px, self.sharp_px, self.around_px)
+        _check(
+            bool(radii) and min(positive) > 0 and list(radii) == sorted(radii) and self.muffled_px >= 0,
+            "detect.odds needs positive radii, radii_px in increasing order, and muffled_px of 0 or more",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class SweepConfig:
+    """Planes across the span, and the vote of hanging curves (`sweep.py`)."""
+
+    planes: int = 48
+    """Planes of the sweep."""
+    cell: float = 0.004
+    """Width of a cell across the span, in scene units: 9 cm where the span's longest side is 44 m."""
+    min_views: int = 3
+    """Views that must see a place for it to count."""
+    halvings: int = 2
+    """The vote begins with cells 2^halvings as wide as `cell`."""
+    max_slope: float = 0.25
+    """Largest slope of a chord upwards: 14 degrees."""
+    max_askew: float = 0.05
+    """Largest slope of a chord across the axis: 3 degrees."""
+    max_sag: float = 0.06
+    """Largest sag, as a fraction of the length."""
+    beam: int = 20000
+    """Coarse curves that are refined."""
+    max_candidates: int = 600
+    """Curves that a sweep proposes."""
+    min_plane: float = -5.0
+    """Least log odds of one plane: a wire may be hidden in some, and begin or end anywhere."""
+    max_plane: float = 8.0
+    """Largest log odds of one plane: none outvotes the others."""
+
+    def __post_init__(self) -> None:
+        _check(self.cell > 0, "detect.sweep needs a cell wider than 0", self)
+        _check(
+            self.planes >= 2 and self.beam >= 16 and min(self.max_candidates, self.min_views) >= 1,
+            "detect.sweep needs 2 planes, a beam of 16, 1 candidate and 1 view or more",
+            self,
+        )
+        _check(
+            min(self.halvings, self.max_slope, self.max_askew, self.max_sag) >= 0,
+            "detect.sweep needs halvings, max_slope, max_askew and max_sag of 0 or more",
+            self,
+        )
+        _check(self.min_plane < 0 < self.max_plane, "detect.sweep needs min_plane < 0 < max_plane", self)
+
+
+@dataclass(frozen=True)
+class NarrowConfig:
+    """The vote again around single curves, in ever smaller cells (`narrow.py`)."""
+
+    cells: tuple[float, ...] = (0.5, 0.25, 0.125)
+    """Widths of the cells, one after another, in units of `sweep.cell`."""
+    reach: int = 2
+    """Cells to each side by which ends are moved."""
+    sags: int = 2
+    """Cells to each side by which the sag is moved."""
+    move_cost: float = 1e-3
+    """Nats for each cell moved: of equals the nearest to where the curve was."""
+
+    def __post_init__(self) -> None:
+        _check(
+            bool(self.cells) and min(self.cells) > 0 and min(self.reach, self.sags, self.move_cost) >= 0,
+            "detect.narrow needs cells wider than 0, and reach, sags and move_cost of 0 or more",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class RefitConfig:
+    """The least-squares fit of a curve to ridges (`refit.py`)."""
+
+    windows_px: tuple[int, ...] = (4, 3, 2, 2, 2)
+    """Distance to both sides of the curve within which a ridge is its own, iteration by iteration."""
+    end_on: float = 0.15
+    """Sine of the angle between curve and line of sight below which a view says nothing."""
+    sigma_px: float = 0.5
+    """Least standard deviation of a ridge's place."""
+    min_rows: int = 20
+    """Observations without which there is no fit."""
+    prior: float = 0.05
+    """Standard deviation of a curve's numbers before any view, in scene units: where views fix nothing, as
+    from a track that runs along the wire, the fit stays where it began and its covariance says so."""
+    planes_alike: float = 4.0
+    """Observations of one view in neighbouring planes share their error: so many count as one."""
+
+    def __post_init__(self) -> None:
+        _check(
+            bool(self.windows_px) and min(self.windows_px) >= 1,
+            "detect.refit needs windows_px of 1 or more",
+            self,
+        )
+        _check(
+            min(self.sigma_px, self.prior, self.planes_alike, self.min_rows) > 0,
+            "detect.refit needs sigma_px, prior, planes_alike and min_rows above 0",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """One line after the other, each from the ridges that the others leave (`search.py`, `detect.py`)."""
+
+    planes: int = 96
+    """Planes of the fit."""
+    batch: int = 8
+    """Curves that are narrowed down at a time: those with the highest score."""
+    mask_px: int = 2
+    """Ridges within this distance of a line are its own."""
+    mask_rms: float = 4.5
+    """The same in units of the root mean square distance of the first line's ridges, because poses that are
+    wrong scatter them."""
+    sharpness_px: tuple[float, ...] = (0.75, 1.5, 3.0)
+    """Radii within which a ridge may be a wire's; the one that suits the first line best is used from then
+    on."""
+    min_mean: float = 0.14
+    """Nats for each time that a view sees the line in a plane.  Beside other wires' ridges hardly a view
+    speaks against a curve, and chance ridges add up there."""
+    faint: float = 5.0
+    """Nats against a line beyond an end that do not end it."""
+    fruitless: int = 4
+    """Batches without a line after which a sweep is exhausted."""
+    max_sweeps: int = 5
+    """Sweeps at most."""
+    refits: int = 2
+    """How often all lines are fitted again once the others are known."""
+    max_lines: int = 40
+    """Lines at most, edges of roads included."""
+
+    def __post_init__(self) -> None:
+        _check(
+            self.planes >= 2 and min(self.batch, self.fruitless, self.max_lines) >= 1,
+            "detect.search needs 2 planes or more, and batch, fruitless and max_lines of 1 or more",
+            self,
+        )
+        _check(
+            bool(self.sharpness_px) and min(*self.sharpness_px, self.mask_rms) > 0,
+            "detect.search needs positive sharpness_px and mask_rms",
+            self,
+        )
+        _check(
+            min(self.mask_px, self.max_sweeps, self.refits, self.faint) >= 0,
+            "detect.search needs mask_px, max_sweeps, refits and faint of 0 or more",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class SelectConfig:
+    """Which of the lines are wires (`candidate.py`): those that hang."""
+
+    min_odds: float = 250.0
+    """Nats.  Neighbouring planes and views share their evidence: this is less than it looks."""
+    min_odds_similar: float = 200.0
+    """The same for one that hangs like the best."""
+    min_share: float = 0.7
+    """Fraction of the planes that must show a wire which hangs unlike the best."""
+    min_share_similar: float = 0.4
+    """The same for one that hangs like the best but has less than `min_odds`."""
+    min_sag: float = 0.001
+    """Least sag as a fraction of the length.  A wire hangs; edges of roads do not."""
+    sag_sigmas: float = 3.0
+    """Standard deviations by which the sag must differ from 0."""
+    max_slope_difference: float = 0.03
+    """Two wires hang alike whose chords' slopes differ by no more, across and upwards,"""
+    max_sag_ratio: float = 1.6
+    """and whose sags differ by no more than this factor."""
+
+    def __post_init__(self) -> None:
+        _check(
+            self.max_sag_ratio >= 1 and min(self.min_sag, self.sag_sigmas, self.max_slope_difference) >= 0,
+            "detect.select needs max_sag_ratio of 1 or more, and min_sag, sag_sigmas and "
+            "max_slope_difference of 0 or more",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class CertaintyConfig:
+    """When the place of a wire is certain, and how far from its curve it may lie (`candidate.py`)."""
+
+    certain_px: float = 3.0
+    """A wire is certain if its standard deviation across is no more pixels than this.  Others are what views
+    do not fix, or no wires at all."""
+    reach_sigmas: float = 4.0
+    """A wire lies within so many standard deviations of its curve,"""
+    reach_px: float = 3.0
+    """or within so many pixels, whichever is more."""
+    nearest_views: float = 0.25
+    """A pixel is as wide as in this fraction of the views, those that are nearest: they resolve the wire."""
+
+    def __post_init__(self) -> None:
+        _check(
+            0 < self.nearest_views <= 1 and min(self.certain_px, self.reach_sigmas, self.reach_px) > 0,
+            "detect.certainty needs certain_px, reach_sigmas and reach_px above 0, and nearest_views above 0 "
+            "and at most 1",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class DetectConfig:
+    """All settings of the detection of wires in images."""
+
+    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    odds: OddsConfig = field(default_factory=OddsConfig)
+    sweep: SweepConfig = field(default_factory=SweepConfig)
+    narrow: NarrowConfig = field(default_factory=NarrowConfig)
+    refit: RefitConfig = field(default_factory=RefitConfig)
+    search: SearchConfig = field(default_factory=SearchConfig)
+    select: SelectConfig = field(default_factory=SelectConfig)
+    certainty: CertaintyConfig = field(default_factory=CertaintyConfig)
+
+
+def _check(holds: bool, rule: str, config: object) -> None:
+    if not holds:
+        raise ConfigError(f"{rule}, but got {config}.")
