@@ -1,29 +1,30 @@
 """Supports are where the wires are held, and are not invented."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from plnerf.detect.curves import Curve
-from plnerf.scene.transforms import Frames
-from plnerf.survey.attachments import held_at
-from plnerf.survey.bodies import find_columns
-from plnerf.survey.field_surface import Surface
-from plnerf.survey.supports import BY_BODY_M, BY_FIELD_M, BY_STEREO_M, between_supports
+from plnerf.line.base import Base
+from plnerf.line.ends import Attached, Evidence, Open
+from plnerf.line.wire import Wire
+from plnerf.survey.attach import hung_between, line_of
+from plnerf.survey.attachments import AttachmentConfig, held_at
+from plnerf.survey.bodies import BodyConfig, find_bodies
+from plnerf.survey.supports import SupportConfig, find_supports, trimmed
+from plnerf.survey.surface import Surface
 
-METRE = 0.05
-"""Of the scene's unit; the world is in metres."""
-FRAMES = Frames(np.eye(3), METRE, np.array([100.0, 200.0, 10.0]), "m", None, "file")
-CURVES = [
-    Curve((across * METRE, 0.0), (0.0, 0.0, 0.001 / METRE), (-0.9, 0.9), 0.01, 0.05, True)
-    for across in (-2.0, 0.0, 2.0)
-]
+CONFIG = SupportConfig()
+WIRES = [
+    Wire(
+        0, Base(np.array([-18.0, 0.0]), np.array([18.0, 0.0])), np.array([y, y, 0.324, 0.324, 0.324, 0.0]),
+        np.eye(6) * 1e-4, (Open("not searched"), Open("not searched")), Evidence("a test", 1, reach_m=1.0),
+    )
+    for y in (-2.0, 0.0, 2.0)
+]  # fmt: skip
 
 
 def wire_lines() -> list[np.ndarray]:
-    """Of the curves, in metres."""
-    return [curve.points(np.linspace(-1, 1, 80)) / METRE for curve in CURVES]
+    """Of the wires, beyond their ends too."""
+    return [wire.points(np.linspace(-2.0, 38.0, 80)) for wire in WIRES]
 
 
 def ground(random: np.random.Generator) -> np.ndarray:
@@ -49,8 +50,8 @@ def body(random: np.random.Generator, x: float, n: int = 900) -> np.ndarray:
 
 
 def surface(*parts: np.ndarray) -> Surface:
-    """Of the world, of parts in the scene's metres."""
-    xyz = FRAMES.to_world(METRE * np.concatenate(parts))
+    """Of parts."""
+    xyz = np.concatenate(parts)
     n = len(xyz)
     return Surface(xyz, np.zeros((n, 3), np.uint8), np.full(n, 0.05), np.tile([0.0, 1.0, 0.0], (n, 1)))
 
@@ -58,62 +59,101 @@ def surface(*parts: np.ndarray) -> Surface:
 def test_wires_are_held_where_their_strings_are() -> None:
     random = np.random.default_rng(0)
     points = np.concatenate([ground(random), body(random, 15.3), arm(random, 15.0)])
-    at = held_at(points, wire_lines(), 12.5, 17.5)
+    at = held_at(points, wire_lines(), 12.5, 17.5, AttachmentConfig())
     assert at == pytest.approx(15.0, abs=0.05)
-    beyond = held_at(points, wire_lines()[:1], 9.0, 21.0)  # by one wire, and from far
+    beyond = held_at(points, wire_lines()[:1], 9.0, 21.0, AttachmentConfig())  # by one wire, and from far
     assert beyond == pytest.approx(15.0, abs=0.05)
 
 
 def test_crowns_specks_and_the_wires_themselves_hold_nothing() -> None:
     random = np.random.default_rng(1)
     wires = wire_lines()
-    assert held_at(np.zeros((0, 3)), wires, 10.0, 18.0) is None
-    assert held_at(ground(random), wires, 10.0, 18.0) is None
+    assert held_at(np.zeros((0, 3)), wires, 10.0, 18.0, AttachmentConfig()) is None
+    assert held_at(ground(random), wires, 10.0, 18.0, AttachmentConfig()) is None
     crown = random.normal(size=(900, 3)) * [1.5, 1.5, 0.8] + [14, 0, 0.8]
-    assert held_at(crown, wires, 10.0, 18.0) is None
+    assert held_at(crown, wires, 10.0, 18.0, AttachmentConfig()) is None
     on = np.concatenate([line + random.normal(size=line.shape) * 0.05 for line in wires * 20])
-    assert held_at(on, wires, 10.0, 18.0) is None
+    assert held_at(on, wires, 10.0, 18.0, AttachmentConfig()) is None
     z = np.interp(15.0, *wires[0][:, [0, 2]].T)
     below = arm(random, 15.0) * [1, 1, -1] + [0, 0, 2 * z]  # the tip of a plant
-    assert held_at(below, wires, 10.0, 18.0) is None
-    assert held_at(arm(random, 15.0, n=4), wires, 10.0, 18.0) is None
+    assert held_at(below, wires, 10.0, 18.0, AttachmentConfig()) is None
+    assert held_at(arm(random, 15.0, n=4), wires, 10.0, 18.0, AttachmentConfig()) is None
 
 
 def test_a_body_is_found_by_what_fills_the_corridor() -> None:
     random = np.random.default_rng(2)
     ends = [line[(line[:, 0] > -18) & (line[:, 0] < 18)] for line in wire_lines()]
-    first, last = find_columns(np.concatenate([ground(random), body(random, 15.0)]), ends)
+    first, last = find_bodies(np.concatenate([ground(random), body(random, 15.0)]), ends, BodyConfig())
     assert first is None and last is not None
     assert last.x_m == pytest.approx(15, abs=0.2) and last.foot_m == pytest.approx(-10, abs=0.3)
     bush = np.column_stack([random.normal(-15, 1, 900), np.zeros(900), random.uniform(-10, -4, 900)])
-    assert find_columns(np.concatenate([ground(random), bush]), ends)[0] is None
+    assert find_bodies(np.concatenate([ground(random), bush]), ends, BodyConfig())[0] is None
 
 
-def test_curves_end_at_supports_by_the_best_that_shows_them() -> None:
+def ends_of(wire: Wire) -> list[float]:
+    return [float(wire.base.a[0]), float(wire.base.b[0])]
+
+
+def test_wires_end_at_structures_by_the_best_that_shows_them() -> None:
     random = np.random.default_rng(3)
     floor = ground(random)
     shown = surface(floor, body(random, 15.3), arm(random, 15.0))
     field = surface(floor, body(random, 15.3), arm(random, -14.8))
-    cut, supports = between_supports(shown, field, CURVES, FRAMES)
-    assert [at and at.sigma_m for at in supports.held] == [BY_FIELD_M, BY_STEREO_M]
-    for curve in cut:
-        assert np.array(curve.ends) / METRE == pytest.approx([-14.8, 15.0], abs=0.1)
-    shorter = [replace(curve, ends=(-0.7, 0.9)) for curve in CURVES]
-    cut, again = between_supports(shown, field, shorter, FRAMES)
-    assert again.held == supports.held and all(curve.ends[0] == -0.7 for curve in cut)
+    supports = find_supports(shown, field, WIRES, CONFIG)
+    assert [one and one.sigma_m for one in supports.structures] == [CONFIG.by_field_m, CONFIG.by_stereo_m]
+    for wire in WIRES:
+        assert ends_of(trimmed(wire, supports)) == pytest.approx([-14.8, 15.0], abs=0.1)
+    shorter = [wire.between(4.0, 36.0) for wire in WIRES]
+    again = find_supports(shown, field, shorter, CONFIG)
+    assert again.x_m == supports.x_m
+    assert all(ends_of(trimmed(wire, again))[0] == pytest.approx(-14.0) for wire in shorter)
     # The second has a body, the first has none: it stands on the ground below what holds the wires.
-    first, last = supports.towers
-    assert first.foot == pytest.approx([100 - 14.8, 200.0, 0.0], abs=0.4) and first.height_m > 10
-    assert last.foot == pytest.approx([115.0, 200.0, 0.0], abs=0.9)
+    first, last = supports.seen
+    assert first.foot == pytest.approx([-14.8, 0.0, -10.0], abs=0.4) and first.height_m > 10
+    assert last.foot == pytest.approx([15.0, 0.0, -10.0], abs=0.9)
+    assert (first.id, last.id) == (1, 2)
     assert supports.points[4000:4900].mean() > 0.6 and supports.points[:4000].sum() == 0
 
 
-def test_a_body_alone_is_less_exact_and_no_support_leaves_the_curves() -> None:
+def test_a_body_alone_is_less_exact_and_no_structure_leaves_the_wires() -> None:
     random = np.random.default_rng(4)
     floor = ground(random)
-    cut, supports = between_supports(surface(floor), surface(floor, body(random, 15.0)), CURVES, FRAMES)
-    assert supports.held[0] is None and supports.held[1] and supports.held[1].sigma_m == BY_BODY_M
-    assert all(curve.ends[0] == -0.9 and curve.ends[1] / METRE == pytest.approx(15, abs=0.2) for curve in cut)
-    cut, supports = between_supports(surface(floor), surface(floor), CURVES, FRAMES)
-    assert [one.ends for one in cut] == [one.ends for one in CURVES] and supports.towers == ()
-    assert between_supports(surface(floor), surface(floor), [], FRAMES)[0] == []
+    supports = find_supports(surface(floor), surface(floor, body(random, 15.0)), WIRES, CONFIG)
+    first, last = supports.structures
+    assert first is None and last is not None and last.sigma_m == CONFIG.by_body_m and last.id == 1
+    for wire in WIRES:
+        low, high = ends_of(trimmed(wire, supports))
+        assert low == pytest.approx(-18.0) and high == pytest.approx(15, abs=0.2)
+    nothing = find_supports(surface(floor), surface(floor), WIRES, CONFIG)
+    assert [ends_of(trimmed(wire, nothing)) for wire in WIRES] == [ends_of(wire) for wire in WIRES]
+    assert nothing.seen == () and find_supports(surface(floor), None, [], CONFIG).seen == ()
+
+
+def test_a_wire_has_a_sag_between_two_structures_only() -> None:
+    random = np.random.default_rng(5)
+    floor = ground(random)
+    one = find_supports(surface(floor, body(random, 15.3), arm(random, 15.0)), None, WIRES, CONFIG)
+    wire = hung_between(WIRES[1], trimmed(WIRES[1], one), one)
+    assert isinstance(wire.ends[0], Open) and isinstance(wire.ends[1], Attached)
+    assert wire.sag is None and wire.p_m is None and wire.span_m is None
+    assert wire.open is not None and "first end is open" in wire.open
+    arms = surface(floor, body(random, 15.3), arm(random, 15.0), arm(random, -15.0))
+    two = find_supports(arms, None, WIRES, CONFIG)
+    held = hung_between(WIRES[1], trimmed(WIRES[1], two), two)
+    assert held.sag is not None and held.sag.value == pytest.approx(0.001 * 15**2, abs=3e-3)
+    # A twentieth of a metre at either end of 30 m, of a sag of 0.225 m, adds to what the wire's own says.
+    exact = held.sag.sigma**2 - (2 * held.sag.value / 30) ** 2 * 2 * CONFIG.by_stereo_m**2
+    assert exact > 0
+    assert held.ends[1].point == pytest.approx(held.points(np.array([held.base.length_m]))[0])
+    line = line_of([held], two.structures)
+    assert line.spans[0].structures == (1, 2) and len(line.structures) == 2
+
+
+def test_a_wire_ends_at_a_structure_beyond_where_images_show_it() -> None:
+    random = np.random.default_rng(6)
+    shown = surface(ground(random), body(random, 15.3), arm(random, 15.0))
+    short = [wire.between(0.0, 31.0) for wire in WIRES]  # to x = 13
+    supports = find_supports(shown, None, short, CONFIG)
+    hung = hung_between(short[0], trimmed(short[0], supports), supports)
+    assert ends_of(trimmed(short[0], supports))[1] == pytest.approx(13.0)
+    assert ends_of(hung)[1] == pytest.approx(15.0, abs=0.1)

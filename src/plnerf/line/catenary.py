@@ -21,17 +21,17 @@ def lowest(D: float, h: float, p: float) -> tuple[float, float]:
     return x0, -2 * p * math.sinh(x0 / (2 * p)) ** 2
 
 
-def heights(x: Float[np.ndarray, "*n"], D: float, h: float, p: float) -> Float[np.ndarray, "*n"]:
+def heights(x: Float[np.ndarray, " n"], D: float, h: float, p: float) -> Float[np.ndarray, " n"]:
     """Heights at x; cosh(u) - 1 as 2 sinh(u/2)^2 loses no digits for flat wires."""
     x0, h0 = lowest(D, h, p)
-    height: Float[np.ndarray, "*n"] = h0 + 2 * p * np.sinh((x - x0) / (2 * p)) ** 2
+    height: Float[np.ndarray, " n"] = h0 + 2 * p * np.sinh((x - x0) / (2 * p)) ** 2
     return height
 
 
 def sag(D: float, h: float, p: float) -> float:
     """The greatest drop along the load below the chord, reached where the curve's slope is the chord's."""
     x = lowest(D, h, p)[0] + p * math.asinh(h / D)
-    return h / D * x - float(heights(np.array(x), D, h, p))
+    return h / D * x - float(heights(np.array([x]), D, h, p)[0])
 
 
 def sag_at(D: float, h: float, p: float) -> float:

@@ -51,12 +51,12 @@ def normals_picture(view: RenderedView) -> UInt8[np.ndarray, "h w 3"]:
 
 def world_depth(view: RenderedView, frames: Frames) -> Float[np.ndarray, "h w"]:
     """Depth along the camera's z axis in world units, float32, 0 where there is no surface."""
-    return np.where(view.has_surface, view.z_depth / frames.scale, 0.0).astype(np.float32)
+    return np.where(view.has_surface, frames.depth_to_world(view.z_depth), 0.0).astype(np.float32)
 
 
 def steps_per_world_unit(frames: Frames) -> float:
     """What a 16-bit depth picture counts per world unit: 1000 a metre; unscaled, 1000 a scene unit."""
-    return 1000.0 if frames.unit == "m" else 1000.0 * frames.scale
+    return 1000.0 if frames.unit == "m" else 1000.0 * frames.length_to_scene(1.0)
 
 
 def depth_16bit(depth: Float[np.ndarray, "h w"], frames: Frames) -> UInt16[np.ndarray, "h w"]:

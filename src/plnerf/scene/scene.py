@@ -100,9 +100,10 @@ def scene_cameras(listing: Listing, frames: Frames, downscale: int) -> Cameras:
     ratio = sizes / np.array([[lens.width, lens.height] for lens in lenses])
     focal = np.array([[lens.fl_x, lens.fl_y] for lens in lenses]) * ratio
     principal = np.array([[lens.cx, lens.cy] for lens in lenses]) * ratio
+    R_scene_camera, centre = frames.pose_to_scene(T_world_camera)
     return Cameras(
-        R_scene_camera=torch.from_numpy(frames.R_scene_world @ T_world_camera[:, :3, :3]).float(),
-        centre=torch.from_numpy(frames.to_scene(T_world_camera[:, :3, 3])).float(),
+        R_scene_camera=torch.from_numpy(R_scene_camera).float(),
+        centre=torch.from_numpy(centre).float(),
         focal_px=torch.from_numpy(focal).float(),
         principal_px=torch.from_numpy(principal).float(),
         distortion=torch.tensor([lens.distortion for lens in lenses], dtype=torch.float32),

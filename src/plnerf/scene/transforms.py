@@ -54,6 +54,39 @@ class Frames:
         shifted: Float[np.ndarray, "*b 3"] = turned / self.scale + self.shift_world
         return shifted
 
+    def length_to_scene(self, length: float) -> float:
+        """A length of the world in scene units."""
+        return length * self.scale
+
+    def length_to_world(self, length: float) -> float:
+        """A length of the scene frame in world units."""
+        return length / self.scale
+
+    def depth_to_world(self, depth: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
+        """Depths of the scene frame in world units."""
+        scaled: Float[np.ndarray, "*b"] = depth / self.scale
+        return scaled
+
+    def pose_to_scene(
+        self, T_world_camera: Float[np.ndarray, "*b 4 4"]
+    ) -> tuple[Float[np.ndarray, "*b 3 3"], Float[np.ndarray, "*b 3"]]:
+        """Rotation R_scene_camera and centre in the scene frame of a camera in the world."""
+        return self.R_scene_world @ T_world_camera[..., :3, :3], self.to_scene(T_world_camera[..., :3, 3])
+
+    def pose_to_world(
+        self, R_scene_camera: Float[np.ndarray, "3 3"], centre: Float[np.ndarray, "3"]
+    ) -> Float[np.ndarray, "4 4"]:
+        """T_world_camera of a camera in the scene frame."""
+        T_world_camera = np.eye(4)
+        T_world_camera[:3, :3] = self.R_scene_world.T @ R_scene_camera
+        T_world_camera[:3, 3] = self.to_world(centre)
+        return T_world_camera
+
+    @property
+    def axes_in_world(self) -> Float[np.ndarray, "3 3"]:
+        """Rows: the scene's x (along the line), y (to its left) and z (up) in the world."""
+        return self.R_scene_world
+
     def to_json(self) -> dict[str, object]:
         """Plain JSON values; ``from_json`` gives back the same bits, also through ``json.dumps``."""
         return {

@@ -32,7 +32,7 @@ from plnerf.render.pictures import (
     with_legend,
     world_depth,
 )
-from plnerf.render.pruning import Pruning, can_prune
+from plnerf.render.pruning import Pruning, pruning_pays
 from plnerf.render.system import RadianceSystem
 from plnerf.render.video import require_ffmpeg, write_video
 from plnerf.scene.build_store import Progress
@@ -80,8 +80,7 @@ def render_run(
     if video:
         require_ffmpeg()
     shots = shots_of(run, views, frames, scale)
-    prunes = views == "path" and run.model.backend == "numba" and can_prune(run.model)
-    pruning = FLIGHT if prunes else None
+    pruning = FLIGHT if views == "path" and pruning_pays(run.model) else None
     folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
     shown = _shared_range(run.model, shots, run.scene, pruning) if "depth" in outputs else None
     _clear(folder, outputs)
@@ -245,9 +244,9 @@ def _description(
 
 def _camera(shot: Shot, scene: Scene) -> dict[str, Any]:
     frames, camera = scene.frames, shot.camera
-    T_world_camera = np.eye(4)
-    T_world_camera[:3, :3] = frames.R_scene_world.T @ camera.R_scene_camera[0].double().numpy()
-    T_world_camera[:3, 3] = frames.to_world(camera.centre[0].double().numpy())
+    T_world_camera = frames.pose_to_world(
+        camera.R_scene_camera[0].double().numpy(), camera.centre[0].double().numpy()
+    )
     return {
         "name": shot.name,
         "size_px": camera.size_px[0].tolist(),
