@@ -1,170 +1,116 @@
-"""A catenary through measured points of one wire, robustly and in float64, with its covariance.
+"""Fits a wire to measured points on it: robustly, in float64, with the covariance of the curve.
 
-Letters: u horizontal unit vector along the span, n to its left, o where both are counted from (metres, z up);
-the ends A and B of the stretch lie at s = 0 and s = L along u.
-
-    q = (y0, y1, z0, z1, b)     offsets along n and heights at A and B; b = L^2 / 8p, nearly the sag
-
-The wire's own plane is upright and goes through A and B: a steady wind that swings it shows as a wire that
-bows sideways, which `residual_across_m` then tells.
+Letters: s along the base, y to its left, z up (metres); m points; theta as in `line/wire.py`.  The swing is
+held at 0, so the curve is upright: a steady wind shows as points that bow sideways from it, in
+`evidence.residual_across_m`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
-from plnerf.errors import SurveyError
-from plnerf.line.old_catenary import Catenary
+from plnerf.errors import ConfigError, SurveyError
+from plnerf.line.base import Base, base_of, jacobian
+from plnerf.line.curve import LEAST_BEND_M, curve_at
+from plnerf.line.ends import Evidence, Open
+from plnerf.line.wire import Wire
 
-LEAST_POINTS = 6
-LEAST_BEND_M = 1e-6
-"""b of a wire without sag, whose p would be infinite."""
-ROBUST_SIGMAS = 2.5
-"""Residuals beyond so many standard deviations count less (Cauchy)."""
-OUTLIER_SIGMAS = 5.0
-ROUNDS, SETTLED = 30, 1e-7
-"""Most rounds of scales and fit, and the relative change at which they end: a deep wire is no parabola, and
-comes to its points by steps."""
+UPRIGHT = 5
+"""Numbers of theta that are fitted: all but the swing."""
+NOT_KNOWN = Open("not known yet")
 
 
-@dataclass(frozen=True, eq=False)
-class Base:
-    """Where q is counted from."""
+@dataclass(frozen=True)
+class FitConfig:
+    """How a wire is fitted to points."""
 
-    o: Float[np.ndarray, "2"]
-    """World x and y."""
-    u: Float[np.ndarray, "2"]
-    length_m: float
+    min_points: int = 6
+    """Fewest points that a wire is fitted to."""
+    sigma_m: float = 0.02
+    """Least standard deviation of a point across the wire, in metres; the points' own scatter counts where it
+    is larger."""
+    robust_sigmas: float = 2.5
+    """Residuals beyond so many standard deviations count less (Cauchy)."""
+    outlier_sigmas: float = 5.0
+    """Points beyond so many standard deviations are outliers."""
+    max_rounds: int = 30
+    """Most rounds of estimating the scatter and fitting: a deep wire is no parabola, and reaches its points
+    by steps."""
+    settled: float = 1e-7
+    """Relative change of theta at which the rounds end."""
 
-    @property
-    def n(self) -> Float[np.ndarray, "2"]:
-        """To the left of u."""
-        return np.array([-self.u[1], self.u[0]])
-
-    def local(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
-        """s, y and z of world points."""
-        flat = points[:, :2] - self.o
-        return np.stack([flat @ self.u, flat @ self.n, points[:, 2]], 1)
-
-    def curve(self, q: Float[np.ndarray, "5"]) -> Catenary:
-        """The wire in the world."""
-        a, b = self.o + q[0] * self.n, self.o + self.length_m * self.u + q[1] * self.n
-        bend = max(float(q[4]), LEAST_BEND_M)
-        return Catenary(
-            (float(a[0]), float(a[1]), float(q[2])),
-            (float(b[0]), float(b[1]), float(q[3])),
-            self.length_m**2 / (8 * bend),
-        )
-
-    def at(self, q: Float[np.ndarray, "5"], s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
-        """y and z of the wire at s."""
-        share, curve = s / self.length_m, self.curve(q)
-        return np.stack([q[0] + (q[1] - q[0]) * share, curve.heights(share * curve.span_m)], 1)
-
-    def by_q(self, q: Float[np.ndarray, "5"], s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2 5"]:
-        """Derivatives of y and z at s by q."""
-        return jacobian(lambda p: self.at(p, s).ravel(), q).reshape(len(s), 2, 5)
+    def __post_init__(self) -> None:
+        for name in ("sigma_m", "robust_sigmas", "outlier_sigmas", "max_rounds"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(
+                    f"fit: {name} must be greater than 0, got {getattr(self, name)}. Give a positive value."
+                )
+        if self.min_points < UPRIGHT:
+            raise ConfigError(
+                f"fit: min_points must be {UPRIGHT} or more, since a wire has {UPRIGHT} unknowns, got "
+                f"{self.min_points}."
+            )
 
 
-def base_of(points: Float[np.ndarray, "m 3"]) -> Base:
-    """Along the main horizontal direction of points, from the first to the last of them."""
-    middle = np.median(points[:, :2], axis=0)
-    u = np.linalg.svd(points[:, :2] - points[:, :2].mean(0), full_matrices=False)[2][0]
-    s = (points[:, :2] - middle) @ u
-    return Base(middle + s.min() * u, u, float(np.ptp(s)))
+def fit_wire(
+    points: Float[np.ndarray, "m 3"], base: Base | None = None, config: FitConfig = FitConfig()
+) -> tuple[Wire, Bool[np.ndarray, " m"]]:
+    """The wire that most of the points lie on, and which points those are.
 
-
-@dataclass(frozen=True, eq=False)
-class CatenaryFit:
-    """A wire, how well it is known, and how well its points lie on it."""
-
-    base: Base
-    q: Float[np.ndarray, "5"]
-    covariance: Float[np.ndarray, "5 5"]
-    """Of q, in square metres."""
-    inlier: Bool[np.ndarray, " m"]
-    residual_across_m: float
-    """Root mean square of the inliers' horizontal distances."""
-    residual_up_m: float
-    end_sigma_m: tuple[float, float] = (0.0, 0.0)
-    """Standard deviation of where along u each end is: of a support's place."""
-
-    @property
-    def curve(self) -> Catenary:
-        """The wire between its ends."""
-        return self.base.curve(self.q)
-
-    def sigma_at(self, s: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 2"]:
-        """Standard deviations of y and z at s."""
-        J = self.base.by_q(self.q, s)
-        variance = np.einsum("kij,jl,kil->ki", J, self.covariance, J)
-        return np.sqrt(variance)
-
-    @property
-    def sag_sigma_m(self) -> float:
-        """Standard deviation of the sag, by the wire's own and by that of its ends: at a fixed p the sag goes
-        with the square of the span."""
-        curve = self.curve
-        J = jacobian(lambda q: np.array([self.base.curve(q).sag_m]), self.q)[0]
-        by_end = 2 * curve.sag_m / curve.span_m
-        return float(np.sqrt(J @ self.covariance @ J + by_end**2 * np.square(self.end_sigma_m).sum()))
-
-
-def fit_catenary(
-    points: Float[np.ndarray, "m 3"],
-    base: Base | None = None,
-    sigma_m: float = 0.02,
-) -> CatenaryFit:
-    """The catenary that most of the points lie on; the others are told from them.
-
-    sigma_m: least standard deviation of a point across the wire; what the points show instead wins where it
-    is more.  Points are taken for independent.  Raises SurveyError for fewer than LEAST_POINTS points, or
-    points at one place.
+    base: where the wire begins and ends; from the first to the last point where left out.  The wire's id is 0
+    and its ends are open until a caller knows better; points count as independent in its covariance.  Raises
+    SurveyError for too few points, or for points at one place.
     """
-    if len(points) < LEAST_POINTS:
+    if len(points) < config.min_points:
         raise SurveyError(
-            f"A catenary needs {LEAST_POINTS} points or more, but {len(points)} are given. Join the pieces "
+            f"A wire needs {config.min_points} points or more, but {len(points)} are given. Join the pieces "
             "of the wire, or leave it out."
         )
     base = base or base_of(points)
     local = base.local(points)
-    s = local[:, 0]
+    s, L = local[:, 0], base.length_m
     if np.ptp(s) < 1e-3:
         raise SurveyError(
-            f"A catenary needs points along a span, but all {len(points)} lie within {np.ptp(s):.2g} m."
+            f"A wire needs points along a span, but all {len(points)} lie within {np.ptp(s):.2g} m."
         )
 
-    def off(q: Float[np.ndarray, "5"]) -> Float[np.ndarray, "m 2"]:
-        return base.at(q, s) - local[:, 1:]
+    def residual(q: Float[np.ndarray, "5"]) -> Float[np.ndarray, "m 2"]:
+        return curve_at(np.append(q, 0.0), L, s) - local[:, 1:]
 
-    q = _start(base, local)
+    q = _start(L, local)
     scale = np.array([np.inf, np.inf])
-    for _ in range(ROUNDS):
-        apart = off(q)
+    for _ in range(config.max_rounds):
+        apart = residual(q)
         # 1.4826 times the median is the standard deviation of normal errors, whatever a minority does.
-        scale = np.maximum(1.4826 * np.median(np.abs(apart), axis=0), sigma_m)
+        scale = np.maximum(1.4826 * np.median(np.abs(apart), axis=0), config.sigma_m)
         before, q = q, least_squares(
-            lambda p, scale=scale: (off(p) / scale).ravel(), q, loss="cauchy", f_scale=ROBUST_SIGMAS,
-            bounds=([-np.inf] * 4 + [LEAST_BEND_M], np.inf), x_scale=np.maximum(np.abs(q), 0.1),
+            lambda p, scale=scale: (residual(p) / scale).ravel(), q, loss="cauchy",
+            f_scale=config.robust_sigmas, bounds=([-np.inf] * 4 + [LEAST_BEND_M], np.inf),
+            x_scale=np.maximum(np.abs(q), 0.1),
         ).x  # fmt: skip
-        if np.abs(q - before).max() <= SETTLED * np.abs(q).max():
+        if np.abs(q - before).max() <= config.settled * np.abs(q).max():
             break
-    apart = off(q)
-    inlier = (np.abs(apart) <= OUTLIER_SIGMAS * scale).all(1)
-    J = jacobian(lambda p: base.at(p, s[inlier]).ravel(), q).reshape(-1, 2, 5)
-    rms = np.sqrt((apart[inlier] ** 2).mean(0))
-    information = sum(J[:, k].T @ J[:, k] / max(rms[k], sigma_m) ** 2 for k in range(2))
-    return CatenaryFit(
-        base, q, np.linalg.pinv(information, hermitian=True), inlier, float(rms[0]), float(rms[1])
+    apart = residual(q)
+    inlier: Bool[np.ndarray, " m"] = (np.abs(apart) <= config.outlier_sigmas * scale).all(1)
+    across, up = np.sqrt((apart[inlier] ** 2).mean(0))
+    J = jacobian(lambda p: residual(p)[inlier].ravel(), q).reshape(-1, 2, UPRIGHT)
+    information = sum(
+        J[:, k].T @ J[:, k] / max(rms, config.sigma_m) ** 2 for k, rms in enumerate((across, up))
     )
+    covariance = np.zeros((6, 6))
+    covariance[:UPRIGHT, :UPRIGHT] = np.linalg.pinv(information, hermitian=True)
+    evidence = Evidence(
+        f"{inlier.sum():,} points", int(inlier.sum()),
+        residual_across_m=float(across), residual_up_m=float(up),
+    )  # fmt: skip
+    return Wire(0, base, np.append(q, 0.0), covariance, (NOT_KNOWN, NOT_KNOWN), evidence), inlier
 
 
-def _start(base: Base, local: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "5"]:
-    """A straight line in y and a parabola in z, by medians of absolute distances rather than squares."""
-    s = local[:, 0] / base.length_m
+def _start(L: float, local: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "5"]:
+    """A straight line in y and a parabola in z, which minimise absolute distances rather than squares."""
+    s = local[:, 0] / L
     line = np.stack([1 - s, s], 1)
     hanging = np.stack([1 - s, s, -4 * s * (1 - s)], 1)
     y = _least_absolute(line, local[:, 1])
@@ -173,22 +119,10 @@ def _start(base: Base, local: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "5"
 
 
 def _least_absolute(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> Float[np.ndarray, " k"]:
-    """By squares weighted anew with the inverse distance."""
+    """Least squares, weighted anew with the inverse of the distances."""
     w = np.ones(len(b))
     for _ in range(20):
         root = np.sqrt(w)
         x = np.linalg.lstsq(A * root[:, None], b * root, rcond=None)[0]
         w = 1 / np.maximum(np.abs(A @ x - b), 1e-4)
     return x
-
-
-def jacobian(
-    function: Callable[[Float[np.ndarray, " k"]], Float[np.ndarray, " r"]], q: Float[np.ndarray, " k"]
-) -> Float[np.ndarray, "r k"]:
-    """By central differences, good to ten digits for what is as smooth as a catenary."""
-    columns = []
-    for k in range(len(q)):
-        h = np.zeros(len(q))
-        h[k] = 1e-5 * max(1.0, abs(q[k]))
-        columns.append((function(q + h) - function(q - h)) / (2 * h[k]))
-    return np.stack(columns, 1)

@@ -1,45 +1,66 @@
 """Which wires of a span are shields, by where they hang and what they look like.
 
-The wires within `LEVEL_M` of the highest are shields if they are one or two, hang alone (no bundles), have
-three wires or more at least `BELOW_M` beneath them, and differ from those as shields do: the others are
-bundles, they sag less, or they are so thin that they have fewer points.
+The wires within `level_m` of the highest are shields if they are one or two, hang alone (no bundles), have
+three wires or more at least `below_m` beneath them, and differ from those as shields do: the others are
+bundles, or they sag less, or they are so thin that they have fewer points.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from plnerf.survey.fit import CatenaryFit
-from plnerf.survey.model import Kind
-
-LEVEL_M, BELOW_M = 2.0, 2.0
-MOST, LEAST_BELOW = 2, 3
-BUNDLE_M = 0.65
-"""Wires so near to each other are one bundle."""
-FLATTER, THINNER = 0.93, 0.6
-"""Share of the others' median hang (8 sag / span^2), and of their points per metre, below which a wire sags
-less or is thinner."""
+from plnerf.line.wire import Kind, Wire
 
 
-def kinds(fits: Sequence[CatenaryFit], points: Sequence[int]) -> list[Kind]:
+@dataclass(frozen=True)
+class KindsConfig:
+    """How shields are told from phases."""
+
+    level_m: float = 2.0
+    """Wires so little below the highest, in their middles, are level with it (metres)."""
+    below_m: float = 2.0
+    """Least height of shields above all other wires, in metres."""
+    max_shields: int = 2
+    """Most shields of a span."""
+    min_below: int = 3
+    """Fewest wires below them: the phases of one circuit."""
+    bundle_m: float = 0.65
+    """Wires so near to each other are one bundle (metres)."""
+    flatter: float = 0.93
+    """Share of the others' median hang, 8 sag / span^2, below which a wire sags less."""
+    thinner: float = 0.6
+    """Share of the others' median number of points per metre below which a wire is thinner."""
+
+
+def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = KindsConfig()) -> list[Kind]:
     """The kind of each wire of one span, by its curve and its number of points.
 
-    Letters: h height of its middle.
+    The sag between what is seen of the ends serves to compare wires of one span, attached or not.
+    Letters: h height of a wire's middle.
     """
-    curves = [fit.curve for fit in fits]
-    at = np.array([curve.points(np.array([curve.span_m / 2]))[0] for curve in curves]).reshape(-1, 3)
+    L = [wire.base.length_m for wire in wires]
+    at = np.array([
+        wire.points(np.array([length / 2]))[0] for wire, length in zip(wires, L, strict=True)
+    ]).reshape(-1, 3)  # fmt: skip
     h = at[:, 2]
-    top = h >= h.max(initial=-np.inf) - LEVEL_M
-    below = h < h[top].min(initial=np.inf) - BELOW_M
-    phases: list[Kind] = ["phase"] * len(fits)
-    if not 1 <= top.sum() <= MOST or below.sum() < LEAST_BELOW or (~top & ~below).any():
+    top = h >= h.max(initial=-np.inf) - config.level_m
+    below = h < h[top].min(initial=np.inf) - config.below_m
+    phases: list[Kind] = ["phase"] * len(wires)
+    if (
+        not 1 <= top.sum() <= config.max_shields
+        or below.sum() < config.min_below
+        or (~top & ~below).any()
+    ):  # fmt: skip
         return phases
-    members = (np.linalg.norm(at[:, None] - at, axis=2) <= BUNDLE_M).sum(1)
-    hang = np.array([8 * curve.sag_m / curve.span_m**2 for curve in curves])
-    dense = np.array([count / curve.span_m for count, curve in zip(points, curves, strict=True)])
+    members = (np.linalg.norm(at[:, None] - at, axis=2) <= config.bundle_m).sum(1)
+    hang = np.array([
+        8 * wire.drop_between(0.0, length) / length**2 for wire, length in zip(wires, L, strict=True)
+    ])  # fmt: skip
+    dense = np.array(counts) / L
     bundled = members[top].max() == 1 and np.median(members[below]) > 1
-    flatter = np.median(hang[top]) < FLATTER * np.median(hang[below])
-    thinner = np.median(dense[top]) < THINNER * np.median(dense[below])
+    flatter = np.median(hang[top]) < config.flatter * np.median(hang[below])
+    thinner = np.median(dense[top]) < config.thinner * np.median(dense[below])
     if members[top].max() > 1 or not (bundled or flatter or thinner):
         return phases
     return ["shield" if high else "phase" for high in top]

@@ -1,1 +1,1 @@
-"""A point cloud in, its wires, structures and classes out."""
+"""Finds lines in a point cloud: structures, spans, wires, and a class per point."""

@@ -1,4 +1,4 @@
-"""What a cloud must be for wires to be found in it, and what is done with what it holds twice or far away.
+"""Checks whether wires can be sought in a cloud, and sorts out points that it holds twice or far away.
 
 Letters: n points, d distinct ones among them.
 """
@@ -7,15 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from plnerf.errors import SurveyError
-
-LEAST_EXTENT_M = 1.0
-"""Of a cloud in plan."""
-MIDDLE_SHARE, FAR_TIMES, FAR_M = 0.98, 10.0, 1000.0
-"""A point is astray where it is farther from the middle part of the points than so many times that part's
-extent and so many metres: places left at 0, 0 in a cloud of national coordinates."""
+from plnerf.survey.lidar.config import CloudConfig
 
 
-def check_cloud(xyz: Float[np.ndarray, "n 3"]) -> None:
+def check_cloud(xyz: Float[np.ndarray, "n 3"], config: CloudConfig) -> None:
     """Raises SurveyError for clouds that are empty, not finite, all at one place, or in degrees."""
     if not len(xyz):
         raise SurveyError("The cloud holds no points. Give one of a power line, in metres with z up.")
@@ -26,13 +21,14 @@ def check_cloud(xyz: Float[np.ndarray, "n 3"]) -> None:
         )
     extent = np.ptp(xyz, axis=0)
     wide = float(extent[:2].max())
-    if wide < LEAST_EXTENT_M and (np.abs(xyz[:, :2]).max(0) <= [180, 90]).all() and extent[2] > wide > 0:
+    small = wide < config.min_extent_m
+    if small and (np.abs(xyz[:, :2]).max(0) <= [180, 90]).all() and extent[2] > wide > 0:
         raise SurveyError(
             f"The cloud's x ({xyz[:, 0].min():.6f} to {xyz[:, 0].max():.6f}) and y ({xyz[:, 1].min():.6f} to "
             f"{xyz[:, 1].max():.6f}) look like degrees, but metres are needed. Transform it to a projected "
             "coordinate system, such as UTM."
         )
-    if wide < LEAST_EXTENT_M:
+    if small:
         raise SurveyError(
             f"The cloud's {len(xyz)} points lie within {wide:.3g} m of each other in plan, but a span has "
             "tens of metres. Give coordinates in metres."
@@ -50,10 +46,10 @@ def distinct(xyz: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "d 3"], I
     return ordered[new], which
 
 
-def astray(points: Float[np.ndarray, "d 3"]) -> Bool[np.ndarray, " d"]:
-    """Points far away from all others in plan."""
-    edge = (1 - MIDDLE_SHARE) / 2
+def astray(points: Float[np.ndarray, "d 3"], config: CloudConfig) -> Bool[np.ndarray, " d"]:
+    """Which points are far away from all others in plan."""
+    edge = (1 - config.middle_share) / 2
     low, high = np.quantile(points[:, :2], [edge, 1 - edge], axis=0)
     beyond = np.maximum(low - points[:, :2], points[:, :2] - high)
-    far: Bool[np.ndarray, " d"] = (beyond > FAR_TIMES * (high - low) + FAR_M).any(1)
+    far: Bool[np.ndarray, " d"] = (beyond > config.far_times * (high - low) + config.far_m).any(1)
     return far

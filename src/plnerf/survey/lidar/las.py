@@ -1,8 +1,6 @@
-"""The survey of a point cloud: LiDAR in, conductors, clearances and a report out."""
+"""Reads the points of LAS and LAZ files."""
 
-from collections.abc import Callable
-from datetime import UTC, datetime
-from importlib.metadata import version
+from dataclasses import dataclass
 from pathlib import Path
 
 import laspy
@@ -12,46 +10,41 @@ from jaxtyping import Float
 from pyproj.exceptions import CRSError
 
 from plnerf.errors import SurveyError
-from plnerf.report.deliver import SurveyOptions, deliver
-from plnerf.survey.lidar.find import find_conductors
-from plnerf.survey.model import Survey
+from plnerf.findings import Finding, note
+from plnerf.survey.lidar.checks import check_cloud
+from plnerf.survey.lidar.config import CloudConfig
 
 SUFFIXES = frozenset({".las", ".laz"})
-MOST_POINTS = 60_000_000
+DEFAULT = CloudConfig()
 
 
-def survey_cloud(
-    path: Path, out: Path, options: SurveyOptions, progress: Callable[[int, int], None] | None = None
-) -> Path:
-    """Surveys a LAS or LAZ file, whose classes are not looked at; returns the report's path.
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """The points of a file; their classes are not read."""
 
-    Raises SurveyError where it cannot be read, or is no cloud in metres.
+    xyz: Float[np.ndarray, "n 3"]
+    """In the file's own coordinates: metres, z up."""
+    crs: str | None
+    """Of the coordinates, as EPSG code or WKT; None: the file states none."""
+    path: Path
+    findings: tuple[Finding, ...] = ()
+
+
+def read_cloud(path: Path, config: CloudConfig = DEFAULT) -> PointCloud:
+    """The points of a LAS or LAZ file, in float64.
+
+    Raises SurveyError where it cannot be read, is cut off, or is no cloud in metres.
     """
-    xyz, crs, notes = read_las(path)
-    found = find_conductors(xyz, progress=progress)
-    survey = Survey(
-        found.conductors, found.towers, found.cloud, "m", crs, None, str(path), (*notes, *found.notes)
-    )
-    made = {
-        "input": f"{path.name}, {len(xyz):,} points; its classes were not used",
-        "program": f"plnerf {version('plnerf')}",
-        "date (UTC)": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
-    }
-    return deliver(survey, out, options, made=made, synthetic=False)
-
-
-def read_las(path: Path) -> tuple[Float[np.ndarray, "n 3"], str | None, tuple[str, ...]]:
-    """Coordinates in float64, the CRS as EPSG code or WKT, and what was wrong with it."""
     if not path.is_file():
         raise SurveyError(f"There is no cloud {path}. Give a LAS or LAZ file, or a run folder.")
     try:
         with laspy.open(path) as reader:
-            if reader.header.point_count > MOST_POINTS:
-                raise SurveyError(
-                    f"{path} has {reader.header.point_count:,} points, more than {MOST_POINTS:,} that fit "
-                    "into memory. Cut it into pieces of some kilometres."
-                )
             stated = reader.header.point_count
+            if stated > config.max_points:
+                raise SurveyError(
+                    f"{path} has {stated:,} points, more than {config.max_points:,} that fit into memory. "
+                    "Cut it into pieces of some kilometres."
+                )
             las = reader.read()
     except (OSError, ValueError, MemoryError, laspy.LaspyException, lazrs.LazrsError) as error:
         why = str(error) or "its header asks for more memory than there is"
@@ -60,12 +53,25 @@ def read_las(path: Path) -> tuple[Float[np.ndarray, "n 3"], str | None, tuple[st
         raise SurveyError(
             f"{path} states {stated:,} points, but holds {len(las.points):,}: it is cut off. Copy it again."
         )
+    crs, findings = _crs_of(las.header, path)
+    xyz = np.asarray(las.xyz, np.float64)
+    check_cloud(xyz, config)
+    return PointCloud(xyz, crs, path, findings)
+
+
+def _crs_of(header: laspy.LasHeader, path: Path) -> tuple[str | None, tuple[Finding, ...]]:
+    """The coordinate system that a header states, as EPSG code or WKT, and what is wrong with it.
+
+    Raises SurveyError where it is not in metres.
+    """
+    kind = "coordinate system"
     try:
-        crs = las.header.parse_crs()
+        crs = header.parse_crs()
     except CRSError as error:
-        return las.xyz, None, (f"The coordinate system that the file states is none: {error}.",)
+        return None, (note(kind, f"The coordinate system that the file states is none: {error}."),)
     if crs is None:
-        return las.xyz, None, ("The file states no coordinate system: its coordinates are taken for metres.",)
+        what = "The file states no coordinate system: its coordinates are taken for metres."
+        return None, (note(kind, what),)
     horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
     if horizontal.is_geographic:
         raise SurveyError(
@@ -79,4 +85,4 @@ def read_las(path: Path) -> tuple[Float[np.ndarray, "n 3"], str | None, tuple[st
             "to a projected coordinate system with heights in metres, such as UTM."
         )
     code = crs.to_epsg()
-    return las.xyz, f"EPSG:{code}" if code else crs.to_wkt(), ()
+    return f"EPSG:{code}" if code else crs.to_wkt(), ()

@@ -11,47 +11,25 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-THIN_M = 0.2
-"""Side of the cells: more points in one tell no more about a line of metres."""
-FAR_M = 8.0
-"""Neighbours farther away are none."""
-MOST, FEWEST = 48, 6
-RADII_M = (1.0, 2.5)
-"""Neighbourhoods within which points may make a line, besides the `NEAREST`: single wires side by side need
-the short one, bundles the long one, and wires with a point every other metre the nearest."""
-NEAREST = 8
-STRAIGHT = 0.25
-"""Largest spread across a line, as a share of that along it: leaves have 1/3 and more, twin conductors 0.45 m
-apart 0.15."""
-TRIED = slice(12, MOST, 3)
-"""Neighbours towards which lines are tried, by their order in distance."""
-THICK_M, THICK_SHARE, FULL, FULL_SHARE = 0.12, 0.1, 8, 0.3
-"""Half the thickness of such a line, at most and as a share of the neighbourhood's radius, and how many
-neighbours, and which share of them, it must hold: of a surface's a fifth are on a line by chance."""
-LEAST_ALONG_M = 0.4
-"""Least standard deviation along it."""
-STEEPEST = 0.7
-"""Slope of a wire: that of a span up a mountain."""
+from plnerf.survey.lidar.config import LinearConfig
+
 CHUNK = 20_000
-ALIKE = np.cos(np.radians(15.0))
-"""Cosine of the angle between neighbours of one line."""
-JOIN_M, BESIDE_M = 5.0, 0.6
-"""How far apart, and how far beside each other's direction, neighbours of one line may lie."""
+"""Cells whose neighbours are held in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class Linear:
     """Places on lines."""
 
     at: Float[np.ndarray, "m 3"]
     along: Float[np.ndarray, "m 3"]
     """Unit vectors."""
     loose: Float[np.ndarray, "l 3"]
-    """Places with hardly a neighbour: they make no line, but may go on with one."""
+    """Places with hardly a neighbour: they make no line, but a line may continue through them."""
 
 
-def thinned(points: Float[np.ndarray, "n 3"], cell_m: float = THIN_M) -> Float[np.ndarray, "m 3"]:
-    """The mean of the points in each cell of a cubic grid, so that density does not count."""
+def thinned(points: Float[np.ndarray, "n 3"], cell_m: float) -> Float[np.ndarray, "m 3"]:
+    """The mean of the points in each cell of a cubic grid, so that density has no influence."""
     cell = np.floor((points - points.min(0)) / cell_m).astype(np.int64)
     size = cell.max(0) + 1
     key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
@@ -60,52 +38,55 @@ def thinned(points: Float[np.ndarray, "n 3"], cell_m: float = THIN_M) -> Float[n
     return np.stack(sums, 1) / count[:, None]
 
 
-def lines(points: Float[np.ndarray, "n 3"]) -> Lines:
-    """Where points make lines of at most `STEEPEST`, by the principal axes of several neighbourhoods."""
-    at = thinned(points)
+def find_linear(points: Float[np.ndarray, "n 3"], config: LinearConfig) -> Linear:
+    """Where points lie on lines that are not too steep, by the principal axes of several neighbourhoods."""
+    at = thinned(points, config.cell_m)
     tree = cKDTree(at)
     along, straight = np.zeros_like(at), np.full(len(at), np.inf)
     loose = np.zeros(len(at), np.bool_)
     for first in range(0, len(at), CHUNK):
         part = slice(first, first + CHUNK)
-        apart, which = tree.query(at[part], MOST, distance_upper_bound=FAR_M, workers=-1)
-        loose[part] = (apart <= RADII_M[-1]).sum(1) < FEWEST
+        apart, which = tree.query(
+            at[part], config.max_neighbours, distance_upper_bound=config.max_distance_m, workers=-1
+        )
+        loose[part] = (apart <= config.radii_m[-1]).sum(1) < config.min_neighbours
         offset = at[np.minimum(which, len(at) - 1)] - at[part, None]
-        nearest = np.broadcast_to(np.arange(MOST) < NEAREST, apart.shape)
-        for near in (nearest & np.isfinite(apart), *(apart <= radius for radius in RADII_M)):
-            axis, ratio = _axes(offset, near)
+        nearest = np.broadcast_to(np.arange(config.max_neighbours) < config.nearest, apart.shape)
+        for near in (nearest & np.isfinite(apart), *(apart <= radius for radius in config.radii_m)):
+            axis, ratio = _axes(offset, near, config)
             better = ratio < straight[part]
             along[part][better], straight[part][better] = axis[better], ratio[better]
-        crowded = np.flatnonzero(straight[part] > STRAIGHT)
-        near = _on_one_line(offset[crowded], apart[crowded])
-        along[part][crowded], straight[part][crowded] = _axes(offset[crowded], near)
-    level = np.abs(along[:, 2]) <= STEEPEST * np.linalg.norm(along[:, :2], axis=1)
-    keep = (straight <= STRAIGHT) & level
-    return Lines(at[keep], along[keep], at[loose & ~keep])
+        crowded = np.flatnonzero(straight[part] > config.max_spread_ratio)
+        near = _on_one_line(offset[crowded], apart[crowded], config)
+        along[part][crowded], straight[part][crowded] = _axes(offset[crowded], near, config)
+    level = np.abs(along[:, 2]) <= config.max_slope * np.linalg.norm(along[:, :2], axis=1)
+    keep = (straight <= config.max_spread_ratio) & level
+    return Linear(at[keep], along[keep], at[loose & ~keep])
 
 
 def _on_one_line(
-    offset: Float[np.ndarray, "m k 3"], apart: Float[np.ndarray, "m k"]
+    offset: Float[np.ndarray, "m k 3"], apart: Float[np.ndarray, "m k"], config: LinearConfig
 ) -> Bool[np.ndarray, "m k"]:
-    """The neighbours on the fullest of some lines through a place; none where it stands out too little.
+    """The neighbours on the fullest of several lines through a place; none where it stands out too little.
 
-    Of wires side by side, or beside a tree, no neighbourhood is long and thin, but such lines are full.
+    No neighbourhood of wires side by side, or beside a tree, is long and thin, but such lines are full.
     """
-    around = apart <= RADII_M[-1]
-    towards = offset[:, TRIED] / np.maximum(apart[:, TRIED], 1e-9)[..., None]
-    towards = np.where((around & np.isfinite(apart))[:, TRIED, None], towards, 0.0)
+    around = apart <= config.radii_m[-1]
+    tried = slice(config.tried_from, config.max_neighbours, config.tried_every)
+    towards = offset[:, tried] / np.maximum(apart[:, tried], 1e-9)[..., None]
+    towards = np.where((around & np.isfinite(apart))[:, tried, None], towards, 0.0)
     along = np.einsum("mki,mji->mjk", offset, towards)
     squared = np.einsum("mki,mki->mk", offset, offset)[:, None]
     reach = np.max(apart, axis=1, initial=0.0, where=around)
-    thick = np.minimum(THICK_M, THICK_SHARE * reach)[:, None, None]
+    thick = np.minimum(config.max_half_thickness_m, config.max_half_thickness_share * reach)[:, None, None]
     on = (squared - along**2 <= thick**2) & around[:, None]
     best = np.take_along_axis(on, on.sum(2).argmax(1)[:, None, None], axis=1)[:, 0]
-    full = best.sum(1) >= np.maximum(FULL, FULL_SHARE * around.sum(1))
+    full = best.sum(1) >= np.maximum(config.min_on_line, config.min_on_line_share * around.sum(1))
     return best & full[:, None]
 
 
 def _axes(
-    offset: Float[np.ndarray, "m k 3"], near: Bool[np.ndarray, "m k"]
+    offset: Float[np.ndarray, "m k 3"], near: Bool[np.ndarray, "m k"], config: LinearConfig
 ) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray, " m"]]:
     """Main axis of each neighbourhood, and its spread across as a share of that along it."""
     count = near.sum(1)
@@ -113,17 +94,18 @@ def _axes(
     middle = np.einsum("mk,mki->mi", weight, offset)
     spread = np.einsum("mk,mki,mkj->mij", weight, offset, offset) - middle[:, :, None] * middle[:, None, :]
     values, vectors = np.linalg.eigh(spread)
-    enough = (count >= FEWEST) & (values[:, 2] >= LEAST_ALONG_M**2)
+    enough = (count >= config.min_neighbours) & (values[:, 2] >= config.min_sigma_along_m**2)
     ratio = np.sqrt(np.maximum(values[:, 1], 0) / np.where(enough, values[:, 2], 1.0))
     return vectors[:, :, 2], np.where(enough, ratio, np.inf)
 
 
-def pieces(found: Lines) -> list[np.ndarray]:
+def pieces(found: Linear, config: LinearConfig) -> list[np.ndarray]:
     """Indices of the places of each connected piece of a line, the piece with the most places first."""
     if not len(found.at):
         return []
-    apart, other = cKDTree(found.at).query(found.at, 1 + NEAREST, distance_upper_bound=JOIN_M, workers=-1)
-    one = np.repeat(np.arange(len(found.at)), 1 + NEAREST)
+    k = 1 + config.nearest
+    apart, other = cKDTree(found.at).query(found.at, k, distance_upper_bound=config.max_gap_m, workers=-1)
+    one = np.repeat(np.arange(len(found.at)), k)
     other = other.ravel()
     linked = np.isfinite(apart.ravel()) & (one != other)
     one, other = one[linked], other[linked]
@@ -131,7 +113,7 @@ def pieces(found: Lines) -> list[np.ndarray]:
     along = np.einsum("mi,mi->m", offset, found.along[one])
     beside = np.linalg.norm(offset - along[:, None] * found.along[one], axis=1)
     alike = np.abs(np.einsum("mi,mi->m", found.along[one], found.along[other]))
-    good = (alike >= ALIKE) & (beside <= BESIDE_M)
+    good = (alike >= np.cos(np.radians(config.max_angle_deg))) & (beside <= config.max_beside_m)
     graph = coo_array((np.ones(good.sum()), (one[good], other[good])), shape=(len(found.at),) * 2)
     count, piece = connected_components(graph, directed=False)
     order = np.argsort(piece, kind="stable")

@@ -1,4 +1,4 @@
-"""Spans: the tracks that hang side by side between the same supports, in their order along the line.
+"""Spans: the tracks that hang side by side between the same structures, in their order along the line.
 
 Letters: s along a span's direction u from o, y to its left; metres, z up.
 """
@@ -13,32 +13,16 @@ from scipy.ndimage import uniform_filter
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from plnerf.survey.lidar.linear import Lines
-from plnerf.survey.lidar.tracks import MISFIT_M, Track, fit_track, near
-
-PARALLEL = np.cos(np.radians(5.0))
-OVERLAP = 0.5
-"""Share of a track beside which another must run to hang in the same span."""
-CLOSE_M, WIDE_M, EVEN_M, EVEN_SHARE = 8.0, 20.0, 15.0, 0.15
-"""Tracks so near side by side belong together; wider apart only where both ends are side by side too, but for
-so many metres or such a share of the length: lines that run in parallel have towers of their own."""
-LEAST_SPAN_M = 30.0
-"""A span that stands alone is at least so long: booms and crossarms are shorter."""
-MEET_M = 15.0
-"""Ends of spans so near to each other hang on one support."""
-SHARPEST_BEND = np.cos(np.radians(60.0))
-"""Of a line at a support: what leaves at more is a crossarm."""
-SECTION_M, BESIDE_M = 0.6, 8.0
-"""Cells of a span's cross-section, and how far beside its tracks more are looked for."""
-FEW, SPREAD = 8, 0.4
-"""Places of a wire that was not followed, and the share of the span's tenths that must hold one."""
+from plnerf.survey.lidar.config import LidarConfig, SpanConfig
+from plnerf.survey.lidar.linear import Linear
+from plnerf.survey.lidar.parabola import Parabola, fit_parabola
 
 
 @dataclass(frozen=True, eq=False)
-class Span:
-    """Tracks between two supports, of which the cloud may not show one or both."""
+class TrackSpan:
+    """Tracks between two structures, of which the cloud may not show one or both."""
 
-    tracks: tuple[Track, ...]
+    tracks: tuple[Parabola, ...]
     o: Float[np.ndarray, "2"]
     u: Float[np.ndarray, "2"]
     ends: tuple[float, float]
@@ -49,6 +33,7 @@ class Span:
 
     @property
     def length_m(self) -> float:
+        """Between its ends."""
         return self.ends[1] - self.ends[0]
 
     def end(self, last: bool) -> Float[np.ndarray, "t 3"]:
@@ -61,13 +46,20 @@ class Span:
         return np.array(points)
 
 
-def spans(tracks: Sequence[Track], found: Lines) -> list[Span]:
+def find_spans(tracks: Sequence[Parabola], found: Linear, config: LidarConfig) -> list[TrackSpan]:
     """Spans in their order along the line, all directed along it, with wires that only their sum shows."""
-    pairs = [(i, j) for i, j in combinations(range(len(tracks)), 2) if _side_by_side(tracks[i], tracks[j])]
+    pairs = [
+        (i, j)
+        for i, j in combinations(range(len(tracks)), 2)
+        if _side_by_side(tracks[i], tracks[j], config.span)
+    ]
     together = _span_of([[tracks[k] for k in group] for group in _groups(len(tracks), pairs)])
-    long = [span for span in together if span.length_m >= LEAST_SPAN_M]
-    short = [span for span in together if span.length_m < LEAST_SPAN_M]
-    kept = long + [span for span in short if any(meet(span, other) is not None for other in long)]
+    long = [span for span in together if span.length_m >= config.span.min_length_m]
+    short = [span for span in together if span.length_m < config.span.min_length_m]
+    kept = [
+        *long,
+        *(span for span in short if any(meet(span, other, config.span) is not None for other in long)),
+    ]
     if not kept:
         return []
     ends = np.array([span.end(last)[:, :2].mean(0) for span in kept for last in (False, True)])
@@ -75,14 +67,14 @@ def spans(tracks: Sequence[Track], found: Lines) -> list[Span]:
     main = main if (main[0], main[1]) > (0, 0) else -main
     directed = [span if span.u @ main >= 0 else _turned(span) for span in kept]
     order = np.argsort((ends[::2] + ends[1::2]) @ main, kind="stable")
-    return [_completed(directed[k], tracks, found) for k in order]
+    return [_completed(directed[k], tracks, found, config) for k in order]
 
 
-def meet(one: Span, other: Span) -> tuple[bool, bool] | None:
-    """Which ends (True: the last) of two spans hang on one support, if any do."""
-    if abs(one.u @ other.u) < SHARPEST_BEND:
+def meet(one: TrackSpan, other: TrackSpan, config: SpanConfig) -> tuple[bool, bool] | None:
+    """Which ends (True: the last) of two spans hang on one structure, if any do."""
+    if abs(one.u @ other.u) < np.cos(np.radians(config.max_bend_deg)):
         return None
-    best, ends = MEET_M, None
+    best, ends = config.max_meeting_m, None
     for mine in (False, True):
         for its in (False, True):
             apart = one.end(mine).mean(0) - other.end(its).mean(0)
@@ -99,65 +91,67 @@ def _groups(count: int, pairs: list[tuple[int, int]]) -> list[np.ndarray]:
     return [np.flatnonzero(group == k) for k in range(number)]
 
 
-def _side_by_side(one: Track, other: Track) -> bool:
-    if abs(one.u @ other.u) < PARALLEL:
+def _side_by_side(one: Parabola, other: Parabola, config: SpanConfig) -> bool:
+    if abs(one.u @ other.u) < np.cos(np.radians(config.max_angle_deg)):
         return False
     ends = one.local(other.points(np.array(other.ends)))
     low, high = ends[:, 0].min(), ends[:, 0].max()
     both = min(high, one.ends[1]) - max(low, one.ends[0])
     uneven = max(abs(high - one.ends[1]), abs(low - one.ends[0]))
-    even = uneven <= max(EVEN_M, EVEN_SHARE * one.length_m)
+    even = uneven <= max(config.even_m, config.even_share * one.length_m)
     apart = float(np.abs(ends[:, 1]).mean())
-    beside = both >= OVERLAP * min(one.length_m, other.length_m)
-    return bool(beside and (apart <= CLOSE_M or (apart <= WIDE_M and even)))
+    beside = both >= config.min_overlap * min(one.length_m, other.length_m)
+    return bool(beside and (apart <= config.close_m or (apart <= config.wide_m and even)))
 
 
-def _span_of(groups: list[list[Track]]) -> list[Span]:
+def _span_of(groups: list[list[Parabola]]) -> list[TrackSpan]:
     """Directed as the longest track; from where half of its longer tracks begin to where half end."""
     made = []
     for tracks in groups:
         first = max(tracks, key=lambda track: track.length_m)
-        span = Span(tuple(tracks), first.middle[:2], first.u, (0.0, 0.0))
+        span = TrackSpan(tuple(tracks), first.middle[:2], first.u, (0.0, 0.0))
         long = [track for track in tracks if track.length_m > first.length_m / 2]
         s = np.array([np.sort(span.flat(track.points(np.array(track.ends)))[:, 0]) for track in long])
-        made.append(Span(span.tracks, span.o, span.u, (float(np.median(s[:, 0])), float(np.median(s[:, 1])))))
+        low, high = np.median(s, axis=0)
+        made.append(TrackSpan(span.tracks, span.o, span.u, (float(low), float(high))))
     return made
 
 
-def _turned(span: Span) -> Span:
-    return Span(span.tracks, span.o, -span.u, (-span.ends[1], -span.ends[0]))
+def _turned(span: TrackSpan) -> TrackSpan:
+    return TrackSpan(span.tracks, span.o, -span.u, (-span.ends[1], -span.ends[0]))
 
 
-def _completed(span: Span, tracks: Sequence[Track], found: Lines) -> Span:
-    """With the wires that were too sparse or too short to be followed.
+def _completed(span: TrackSpan, tracks: Sequence[Parabola], found: Linear, config: LidarConfig) -> TrackSpan:
+    """A span with the wires that were too sparse or too short to be followed.
 
-    Where the span's common hang is taken out, a wire's places gather in one cell of the cross-section.
+    Without the span's common hang, a wire's places gather in one cell of the cross-section.
     """
+    own = config.span
     at = np.concatenate([found.at, found.loose])
     for track in tracks:
-        at = at[~near(track, at, 3.0)]
+        at = at[~track.near(at, own.beyond_m)]
     s, y = span.flat(at).T
     sides = span.flat(np.array([track.middle for track in span.tracks]))[:, 1]
-    inside = (s >= span.ends[0] - 1) & (s <= span.ends[1] + 1)
-    inside &= (y >= sides.min() - BESIDE_M) & (y <= sides.max() + BESIDE_M)
+    inside = (s >= span.ends[0] - own.margin_m) & (s <= span.ends[1] + own.margin_m)
+    inside &= (y >= sides.min() - own.beside_m) & (y <= sides.max() + own.beside_m)
     at, s, y = at[inside], s[inside], y[inside]
     hang = max(span.tracks, key=lambda track: track.places)
     z = hang.local(at)[:, 2]
     more = []
-    while len(at) >= FEW:
-        cell = np.stack([y - y.min(), z - z.min()], 1) / SECTION_M
+    while len(at) >= own.min_places:
+        cell = np.stack([y - y.min(), z - z.min()], 1) / own.cell_m
         counts = np.zeros(cell.max(0).astype(int) + 2)
         np.add.at(counts, tuple(cell.astype(int).T), 1.0)
         sums = uniform_filter(counts, 2, mode="constant", origin=-1) * 4  # of each cell and the next ones
         best = np.array(np.unravel_index(sums.argmax(), sums.shape))
-        if sums.max() < FEW:
+        if sums.max() < own.min_places:
             break
         chosen = ((cell >= best) & (cell < best + 2)).all(1)
         tenths = np.unique(((s[chosen] - span.ends[0]) / span.length_m * 10).astype(int))
-        if len(tenths) >= 10 * SPREAD:
-            track = fit_track(at[chosen])
-            if np.sqrt((track.local(at[chosen])[:, 1:] ** 2).mean(0)).max() <= MISFIT_M:
+        if len(tenths) >= 10 * own.min_tenths_share:
+            track = fit_parabola(at[chosen], config.track)
+            if track.spread(at[chosen]).max() <= config.track.max_misfit_m:
                 more.append(track)
-                chosen |= near(track, at, 3.0)
+                chosen |= track.near(at, own.beyond_m)
         at, s, y, z = at[~chosen], s[~chosen], y[~chosen], z[~chosen]
-    return Span((*span.tracks, *more), span.o, span.u, span.ends)
+    return TrackSpan((*span.tracks, *more), span.o, span.u, span.ends)

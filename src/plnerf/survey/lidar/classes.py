@@ -1,0 +1,62 @@
+"""Classifies the points of a cloud by the wires, structures and ground that were found in it.
+
+Letters: d distinct points; k of them above the ground; metres, z up.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, SHIELD, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.wire import Wire
+from plnerf.survey.ground import Ground, vegetation
+from plnerf.survey.lidar.config import LidarConfig
+
+
+def wires_and_structures(
+    points: Float[np.ndarray, "d 3"], wires: Sequence[Wire], of_wire: dict[int, Int[np.ndarray, " _"]],
+    bodies: Sequence[Int[np.ndarray, " _"]],
+) -> Cloud:  # fmt: skip
+    """The cloud with the points of wires and structures classified.
+
+    of_wire: indices of the points of each wire, by its id; bodies: those of each structure.
+    """
+    label = np.full(len(points), UNCLASSIFIED, np.uint8)
+    wire_id = np.full(len(points), NO_WIRE, np.int64)
+    for wire in wires:
+        label[of_wire[wire.id]] = SHIELD if wire.kind == "shield" else CONDUCTOR
+        wire_id[of_wire[wire.id]] = wire.id
+    for body in bodies:
+        label[body[label[body] == UNCLASSIFIED]] = TOWER
+    return Cloud(points, label, wire_id)
+
+
+def with_ground(cloud: Cloud, ground: Ground, wires: Sequence[Wire], config: LidarConfig) -> Cloud:
+    """The cloud with ground and vegetation classified as well, among the points that have no class."""
+    above = ground.above(cloud.xyz)
+    label = cloud.label.copy()
+    label[(label == UNCLASSIFIED) & (np.abs(above) <= config.ground.near_m)] = GROUND
+    plants = np.flatnonzero((label == UNCLASSIFIED) & (above > config.ground.near_m))
+    plants = plants[~_stray(cloud.xyz[plants], cloud.xyz[cloud.wire != NO_WIRE], wires, config)]
+    label[plants] = vegetation(above[plants], config.ground)
+    return Cloud(cloud.xyz, label, cloud.wire)
+
+
+def _stray(
+    plants: Float[np.ndarray, "k 3"], on_wires: Float[np.ndarray, "m 3"], wires: Sequence[Wire],
+    config: LidarConfig,
+) -> Bool[np.ndarray, " k"]:  # fmt: skip
+    """Which points beside wires have nothing but the wire near them: noise, spacers, dampers, no plants.
+
+    As plants they would violate every clearance.
+    """
+    if not wires or not len(plants):
+        return np.zeros(len(plants), np.bool_)
+    curves = np.concatenate([on_wires, *(wire.polyline(config.stray_m / 2) for wire in wires)])
+    near = cKDTree(curves).query(plants, distance_upper_bound=config.stray_m)[0] <= config.stray_m
+    near[near] = (
+        cKDTree(plants[~near]).query(plants[near])[0] > config.stray_apart_m if (~near).any() else True
+    )
+    return near
