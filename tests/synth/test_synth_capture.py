@@ -12,7 +12,7 @@ SCENE = SceneConfig()
 CONFIG = SCENE.capture
 SPAN = build_span(SCENE.span)
 VIEWS = plan_flight(SPAN, CONFIG)
-AXES = [wire.curve.polyline(0.02) for wire in SPAN.conductors]
+AXES = [wire.polyline(0.02) for wire in SPAN.wires]
 
 
 def in_image(view, points):
@@ -45,9 +45,9 @@ def test_the_flight_is_close_and_the_nearest_wire_is_four_to_ten_pixels_wide():
     assert (distance.min(axis=0) < 3.0).all()  # every wire is passed closely by some camera
     for leg in {view.flight_pass for view in VIEWS}:
         name = next(p.follows for p in CONFIG.passes if p.name == leg)
-        follows = next(i for i, wire in enumerate(SPAN.conductors) if wire.wire == name)
+        follows = next(i for i, wire in enumerate(SPAN.wires) if wire.name == name)
         rows = [
-            CONFIG.focal_px * SPAN.conductors[follows].diameter_m / distance[i, follows]
+            CONFIG.focal_px * SPAN.wires[follows].diameter_m / distance[i, follows]
             for i, view in enumerate(VIEWS)
             if view.flight_pass == leg and abs(SPAN.along @ view.centre[:2]) < SCENE.span.span_length_m / 2
         ]

@@ -91,8 +91,8 @@ def test_a_camera_in_a_support_or_at_a_wire_is_refused(span):
         x, y, z = tower.foot
         assert f"inside the {tower.name}" in refused(span, (x, y, z + 0.5 * tower.height_m))
         assert f"the {tower.name}" in refused(span, (x, y, z + tower.height_m - 0.4))
-    for wire in span.conductors:
-        x, y, z = wire.curve.points(np.array([0.43 * wire.curve.span_m]))[0]
+    for wire in span.wires:
+        x, y, z = wire.points(np.array([0.43 * wire.base.length_m]))[0]
         assert f"at the wire {wire.name}" in refused(span, (x, y, z + 0.1))
         check_cameras(span, at((x, y, z + 0.31 + wire.diameter_m)))
 

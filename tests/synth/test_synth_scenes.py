@@ -1,15 +1,19 @@
 """Laws that every scene of the benchmark keeps, by its geometry alone: nothing is rendered here."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from tests.support.synth_spans import assert_same_span
 
 import plnerf
+from plnerf.line.catenary import lowest
 from plnerf.synth.build import build_span, sub_conductors
 from plnerf.synth.capture import plan_flight
 from plnerf.synth.check import check_cameras, support_meshes
@@ -40,8 +44,8 @@ def filmed(name: str, step_m: float):
     half = span.config.span_length_m / 2
     low, high = SCENES[name].capture.filmed_m or (-half, half)
     margin = 0.1 * (high - low)
-    for wire in span.conductors:
-        points = wire.curve.polyline(step_m)
+    for wire in span.wires:
+        points = wire.polyline(step_m)
         along = points[:, :2] @ np.array(span.along)
         yield wire, points[(along > low + margin) & (along < high - margin)]
 
@@ -69,12 +73,21 @@ def test_every_scene_can_stand_and_be_flown(name):
 @pytest.mark.parametrize("name", OWN_GEOMETRY)
 def test_conductors_end_at_their_attachments_with_the_sag_of_their_wire(name):
     span, _ = built(name)
-    assert len(span.conductors) == sum(wire.bundle for wire in span.config.wires)
-    for i, wire in enumerate(span.conductors):
-        ends = wire.curve.points(np.array([0.0, wire.curve.span_m]))
+    assert len(span.wires) == sum(wire.bundle for wire in span.config.wires)
+    asked = [config for config, wires in span.grouped for _ in wires]
+    for i, wire in enumerate(span.wires):
+        ends = wire.points(np.array([0.0, wire.base.length_m]))
         clamps = [tower.attachments[i] for tower in span.towers]
         np.testing.assert_allclose(ends, clamps, atol=1e-9)
-        assert abs(wire.curve.sag_m - span.config.wire(wire.wire).sag_m) < 1e-9
+        assert abs(wire.sag.value - asked[i].sag_m) < 1e-9
+        assert (wire.id, wire.kind, wire.diameter_m) == (i + 1, asked[i].kind, asked[i].diameter_m)
+        assert wire.name.startswith(asked[i].name) and (wire.bundle is None) == (asked[i].bundle == 1)
+
+
+def test_wires_of_one_bundle_share_its_number():
+    span, _ = built("double-circuit")
+    bundles = [{wire.bundle for wire in wires} for config, wires in span.grouped if config.bundle > 1]
+    assert bundles == [{number} for number in range(1, 7)]
 
 
 @pytest.mark.parametrize("name", OWN_GEOMETRY)
@@ -96,14 +109,13 @@ def test_sub_conductors_hang_side_by_side_and_spacers_hold_them_apart():
     for name in ("bundle", "double-circuit"):
         span, _ = built(name)
         held = spacers(span)
-        for wire in span.config.wires:
-            curves = [c.curve for c in span.conductors if c.wire == wire.name]
-            lines = [curve.polyline(0.5) for curve in curves]
+        for config, wires in span.grouped:
+            lines = [wire.polyline(0.5) for wire in wires]
             for a, b in pairwise(lines):
-                np.testing.assert_allclose(np.linalg.norm(a - b, axis=1), wire.bundle_gap_m, atol=1e-9)
+                np.testing.assert_allclose(np.linalg.norm(a - b, axis=1), config.bundle_gap_m, atol=1e-9)
                 middle = (a + b) / 2
                 distance, _ = cKDTree(held.vertices).query(middle)
-                gaps = np.diff(np.nonzero(distance < 0.3)[0]) * curves[0].span_m / (len(middle) - 1)
+                gaps = np.diff(np.nonzero(distance < 0.3)[0]) * wires[0].base.length_m / (len(middle) - 1)
                 assert gaps.max() <= span.config.spacer_step_m + 1.0
 
 
@@ -111,8 +123,8 @@ def test_sub_conductors_hang_side_by_side_and_spacers_hold_them_apart():
 def test_no_plant_comes_closer_to_a_conductor_than_stated(name):
     span, _ = built(name)
     assert len(span.plants) > 50
-    for wire in span.conductors:
-        axis = wire.curve.polyline(0.05)
+    for wire in span.wires:
+        axis = wire.polyline(0.05)
         for plant in span.plants:
             if np.hypot(*(axis[:, :2] - plant.foot[:2]).T).min() < 12.0:
                 gap = clearance_m(axis, plant.foot, plant.radius_m, plant.height_m) - wire.diameter_m / 2
@@ -132,7 +144,7 @@ def test_leaves_stay_in_the_cylinder_whatever_grows_there():
 
 def test_the_forest_has_crowns_two_to_four_metres_from_a_conductor():
     span, _ = built("forest")
-    axes = np.concatenate([wire.curve.polyline(0.05) for wire in span.conductors])
+    axes = np.concatenate([wire.polyline(0.05) for wire in span.wires])
     gaps = [
         clearance_m(axes, plant.foot, plant.radius_m, plant.height_m)
         for plant in span.plants
@@ -146,12 +158,12 @@ def test_the_forest_has_crowns_two_to_four_metres_from_a_conductor():
 def test_a_seed_decides_everything(name):
     span, views = built(name)
     scene = SCENES[name]
-    assert build_span(scene.span) == span
+    assert_same_span(build_span(scene.span), span)
     again = plan_flight(span, scene.capture)
     assert all((a.centre == b.centre).all() for a, b in zip(again, views, strict=True))
     other = build_span(scene.with_seed(scene.seed + 1).span)
     assert other.plants != span.plants
-    assert other.conductors == span.conductors
+    assert_same_span(replace(other, plants=span.plants, houses=span.houses, config=span.config), span)
 
 
 def test_nothing_stands_on_the_road_or_in_a_house():
@@ -169,9 +181,10 @@ def test_hills_raise_a_support_but_not_the_ground_into_the_wires():
     span, _ = built("hills")
     low, high = (tower.foot[2] for tower in span.towers)
     assert 11.0 < high - low < 13.0
-    for wire in span.conductors:
-        assert not 0 < wire.curve.s0_m < wire.curve.span_m  # the lowest point lies outside the span
-        line = wire.curve.polyline(0.2)
+    for wire in span.wires:
+        D, h, p = wire.plane
+        assert not 0 < lowest(D, h, p)[0] < D  # the lowest point lies outside the span
+        line = wire.polyline(0.2)
         assert (line[:, 2] - span.ground.heights(line[:, 0], line[:, 1])).min() > 5.0
 
 
@@ -196,7 +209,7 @@ def test_every_metre_is_seen_several_times_and_from_different_sides(name):
 
 def test_parallel_flies_along_a_wire_at_one_side_and_height():
     span, views = built("parallel")
-    axis = span.conductors[0].curve.polyline(0.02)
+    axis = span.wires[0].polyline(0.02)
     between = [v.centre for v in views if abs(v.centre[:2] @ np.array(span.along)) < 19.0]
     distance, _ = cKDTree(axis).query(between)
     assert np.ptp(distance) < 0.02
@@ -204,20 +217,20 @@ def test_parallel_flies_along_a_wire_at_one_side_and_height():
 
 def test_wires_of_far_are_one_to_two_pixels_wide_where_they_are_nearest():
     span, views = built("far")
-    for wire in span.conductors:
+    for wire in span.wires:
         if wire.kind == "phase":
-            distance, _ = cKDTree(wire.curve.polyline(0.1)).query([view.centre for view in views])
+            distance, _ = cKDTree(wire.polyline(0.1)).query([view.centre for view in views])
             width = SCENES["far"].capture.focal_px * wire.diameter_m / distance
             assert width.min() > 0.9 and width.max() < 2.1
 
 
 def test_the_double_circuit_has_the_measured_figures():
     span, _ = built("double-circuit")
-    phases = [wire for wire in span.conductors if wire.kind == "phase"]
-    assert len(phases) == 12 and len(span.conductors) == 14
-    assert {round(wire.curve.span_m) for wire in span.conductors} == {335}
+    phases = [wire for wire in span.wires if wire.kind == "phase"]
+    assert len(phases) == 12 and len(span.wires) == 14
+    assert {round(wire.base.length_m) for wire in span.wires} == {335}
     for wire in phases:  # measured parameters p of the twelve: 1711 to 1766 m
-        assert 1690 < wire.curve.p_m < 1780
+        assert 1690 < wire.p_m.value < 1780
 
 
 def test_the_truth_in_the_package_is_that_of_the_default_scene():
@@ -225,8 +238,25 @@ def test_the_truth_in_the_package_is_that_of_the_default_scene():
     kept = json.loads((Path(plnerf.__file__).parent / "data" / "span" / "truth.json").read_text())
     span, views = built("span")
     seen = [wire.pop("seen_m") for wire in kept["conductors"]]
-    assert len(seen) == len(span.conductors)
-    assert json.loads(json.dumps(truth_of(span, SCENES["span"], views))) == kept
+    assert len(seen) == len(span.wires)
+    assert_close(json.loads(json.dumps(truth_of(span, SCENES["span"], views))), kept)
+
+
+def assert_close(found: Any, kept: Any, where: str = "") -> None:
+    """The same keys and texts in the same order, and numbers to 1e-9."""
+    assert type(found) is type(kept), where
+    if isinstance(kept, dict):
+        assert list(found) == list(kept), where
+        for key in kept:
+            assert_close(found[key], kept[key], f"{where}/{key}")
+    elif isinstance(kept, list):
+        assert len(found) == len(kept), where
+        for i, pair in enumerate(zip(found, kept, strict=True)):
+            assert_close(*pair, f"{where}/{i}")
+    elif isinstance(kept, float):
+        assert found == pytest.approx(kept, abs=1e-9, rel=1e-12), where
+    else:
+        assert found == kept, where
 
 
 @pytest.mark.parametrize("name", OWN_GEOMETRY)

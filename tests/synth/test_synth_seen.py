@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plnerf.line.catenary import hang
+from plnerf.line.hang import hang
 from plnerf.synth.capture import View, look
 from plnerf.synth.config import CaptureConfig
 from plnerf.synth.seen import MIN_IMAGES, STEP_M, seen_stretches, shown, stretches
 from plnerf.synth.tiles import strips, tiles_of
 
 CAPTURE = CaptureConfig(width_px=120, height_px=80, focal_px=100.0)
-CURVE = hang((-20.0, 0.0, 10.0), (20.0, 1.0, 11.0), 1.0)
+WIRE = hang((-20.0, 0.0, 10.0), (20.0, 1.0, 11.0), 1.0)
 VIEWS = [View(f"{i:04d}", "right", look(np.pi / 2, 0.0, 0.0), np.array([x, -34.0, 10.0]))
          for i, x in enumerate((-0.5, 0.0, 0.5, 1.0))]  # fmt: skip
 
@@ -30,45 +30,45 @@ def drawn(view: View, points: np.ndarray) -> np.ndarray:
     return mask
 
 
-WHOLE = [drawn(view, CURVE.polyline(0.02)) for view in VIEWS]
+WHOLE = [drawn(view, WIRE.polyline(0.02)) for view in VIEWS]
 NONE = np.zeros((80, 120), dtype=np.bool_)
 
 
 def test_a_wire_that_all_masks_show_is_seen_whole() -> None:
-    assert seen_stretches([CURVE], VIEWS, WHOLE, CAPTURE) == [[(0.0, round(CURVE.span_m, 3))]]
+    assert seen_stretches([WIRE], VIEWS, WHOLE, CAPTURE) == [[(0.0, round(WIRE.base.length_m, 3))]]
 
 
 def test_a_wire_that_no_mask_shows_is_not_seen() -> None:
     below = hang((-20.0, 0.0, 5.0), (20.0, 0.0, 5.0), 1.0)
     behind = hang((-20.0, -90.0, 10.0), (20.0, -90.0, 10.0), 1.0)
     assert seen_stretches([below, behind], VIEWS, WHOLE, CAPTURE) == [[], []]
-    assert seen_stretches([CURVE], VIEWS, [NONE] * 4, CAPTURE) == [[]]
+    assert seen_stretches([WIRE], VIEWS, [NONE] * 4, CAPTURE) == [[]]
 
 
 def test_it_takes_three_images() -> None:
     few = [*WHOLE[: MIN_IMAGES - 1], NONE, NONE]
-    assert seen_stretches([CURVE], VIEWS, few, CAPTURE) == [[]]
-    assert seen_stretches([CURVE], VIEWS, [*WHOLE[:MIN_IMAGES], NONE], CAPTURE) == [[(0.0, 40.012)]]
+    assert seen_stretches([WIRE], VIEWS, few, CAPTURE) == [[]]
+    assert seen_stretches([WIRE], VIEWS, [*WHOLE[:MIN_IMAGES], NONE], CAPTURE) == [[(0.0, 40.012)]]
 
 
 def test_what_shows_beyond_the_filmed_stretch_is_left_out() -> None:
     """s runs from x = -20 m on, along (1, 0.025): a filmed stretch of -5 to 8 m is s from 15 to 28 m."""
     filmed = replace(CAPTURE, filmed_m=(-5.0, 8.0))
-    (((low, high),),) = seen_stretches([CURVE], VIEWS, WHOLE, filmed)
+    (((low, high),),) = seen_stretches([WIRE], VIEWS, WHOLE, filmed)
     assert 15 <= low <= 15 + 2 * STEP_M and 28 - STEP_M <= high <= 28 + STEP_M
 
 
 def test_what_is_hidden_is_left_out_to_within_the_tolerance() -> None:
     """A pole hides s from 12 to 17 m in all images; a pixel is 0.35 m here, and 1.5 px count as seen."""
-    s = np.arange(0, CURVE.span_m, 0.02)
-    masks = [drawn(view, CURVE.points(s[(s < 12) | (s > 17)])) for view in VIEWS]
-    ((first, low), (high, last)) = seen_stretches([CURVE], VIEWS, masks, CAPTURE)[0]
+    s = np.arange(0, WIRE.base.length_m, 0.02)
+    masks = [drawn(view, WIRE.points(s[(s < 12) | (s > 17)])) for view in VIEWS]
+    ((first, low), (high, last)) = seen_stretches([WIRE], VIEWS, masks, CAPTURE)[0]
     assert (first, last) == (0.0, 40.012)
     assert 12 <= low <= 12 + 2.6 * 0.36 and 17 - 2.6 * 0.36 <= high <= 17
 
 
 def test_shown_agrees_with_brute_force() -> None:
-    points = CURVE.polyline(0.1) + np.random.default_rng(0).normal(0, 0.5, (len(CURVE.polyline(0.1)), 3))
+    points = WIRE.polyline(0.1) + np.random.default_rng(0).normal(0, 0.5, (len(WIRE.polyline(0.1)), 3))
     for view, mask in zip(VIEWS, WHOLE, strict=True):
         centres = np.stack(np.nonzero(mask)[::-1], axis=1) + 0.5
         gap = np.linalg.norm(pixels(view, points)[:, None] - centres[None], axis=2).min(axis=1)
@@ -87,7 +87,7 @@ def test_strips_hold_every_pixel_of_the_wires_and_little_else(size: tuple[int, i
     """Triangles around the wire, of which many points are projected; also beside and behind the camera."""
     rng = np.random.default_rng(3)
     capture = CaptureConfig(width_px=size[0], height_px=size[1], focal_px=100.0)
-    line = np.concatenate([CURVE.polyline(0.1), CURVE.polyline(0.1) + np.array([0, -34, 0.7])])
+    line = np.concatenate([WIRE.polyline(0.1), WIRE.polyline(0.1) + np.array([0, -34, 0.7])])
     faces = line[:, None] + rng.normal(0, 0.03, (len(line), 3, 3))
     for view in VIEWS:
         covered = np.zeros(size[::-1], dtype=np.int64)

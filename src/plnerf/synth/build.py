@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from plnerf.line.old_catenary import Point, hang
+from plnerf.line.hang import Point, hang
+from plnerf.line.wire import Wire
 from plnerf.synth.check import check_wires
 from plnerf.synth.config import SpanConfig, WireConfig
 from plnerf.synth.houses import place_houses
 from plnerf.synth.planting import plant
 from plnerf.synth.pole import arm_ahead_m
-from plnerf.synth.span import Conductor, Span, Tower
+from plnerf.synth.span import Span, Tower
 from plnerf.synth.terrain import Ground
 
 
@@ -28,15 +29,30 @@ def build_span(config: SpanConfig) -> Span:
     ground = Ground(config.terrain, along, config.span_length_m)
     half = config.span_length_m / 2
     west, east = _tower("west", config, ground, -half), _tower("east", config, ground, half)
-    names = [(wire, name) for wire in config.wires for name, _ in sub_conductors(wire)]
-    conductors = tuple(
-        Conductor(name, wire.name, wire.kind, wire.diameter_m, hang(a, b, wire.sag_m))
-        for (wire, name), a, b in zip(names, west.attachments, east.attachments, strict=True)
-    )
-    span = Span(config, ground, (west, east), conductors, along=along)
+    span = Span(config, ground, (west, east), _hung(config, west, east), along=along)
     check_wires(span)
     span = replace(span, houses=place_houses(span, np.random.default_rng([config.seed, 5])))
     return replace(span, plants=plant(span, np.random.default_rng([config.seed, 1])))
+
+
+def _hung(config: SpanConfig, west: Tower, east: Tower) -> tuple[Wire, ...]:
+    """The wires between the clamps of both towers; bundles are numbered from 1."""
+    bundled = [wire.name for wire in config.wires if wire.bundle > 1]
+    names = [(wire, name) for wire in config.wires for name, _ in sub_conductors(wire)]
+    clamps = zip(names, west.attachments, east.attachments, strict=True)
+    return tuple(
+        hang(
+            a,
+            b,
+            wire.sag_m,
+            id=i,
+            kind=wire.kind,
+            bundle=bundled.index(wire.name) + 1 if wire.bundle > 1 else None,
+            diameter_m=wire.diameter_m,
+            name=name,
+        )
+        for i, ((wire, name), a, b) in enumerate(clamps, 1)
+    )
 
 
 def sub_conductors(wire: WireConfig) -> list[tuple[str, float]]:

@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.line.wire import Wire
 from plnerf.synth.config import CaptureConfig, Pass
-from plnerf.synth.span import Conductor, Span
+from plnerf.synth.span import Span
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def _pose(
     slow = np.sin(2 * math.pi * np.array([1.0, 1.6, 1.3, 2.2, 1.9]) * progress + phases)
     shake = rng.normal(0.0, 1.0, 3)
     along = (low + high) / 2 + (high - low) / 2 * (leg.start + (leg.end - leg.start) * progress)
-    wire = next(conductor for conductor in span.conductors if conductor.wire == leg.follows)
+    wire = next(wires[0] for config, wires in span.grouped if config.name == leg.follows)
     across = span.config.wire(leg.follows).across_m + leg.across_m + leg.weave_m * slow[0]
     across += leg.zigzag_m * math.sin(2 * math.pi * along / leg.zigzag_period_m)
     x, y = span.at(along, across)
@@ -96,10 +97,10 @@ def _pose(
     return look(azimuth, pitch, roll), centre
 
 
-def _follow(conductor: Conductor, along_m: float, half_m: float) -> float:
-    """Height of the conductor at this place along the line, held constant beyond the towers."""
-    s = np.clip((along_m + half_m) / (2 * half_m), 0.0, 1.0) * conductor.curve.span_m
-    return float(conductor.curve.heights(np.array([s]))[0])
+def _follow(wire: Wire, along_m: float, half_m: float) -> float:
+    """Height of the wire at this place along the line, held constant beyond the towers."""
+    s = np.clip((along_m + half_m) / (2 * half_m), 0.0, 1.0) * wire.base.length_m
+    return float(wire.at(np.array([s]))[0, 1])
 
 
 def look(azimuth_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:

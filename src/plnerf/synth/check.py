@@ -15,7 +15,7 @@ from plnerf.synth.houses import inside_m
 from plnerf.synth.insulators import insulators, spacers
 from plnerf.synth.meshes import Mesh
 from plnerf.synth.pole import irons, wood
-from plnerf.synth.span import Span, Tower
+from plnerf.synth.span import Span, Tower, radius_m
 from plnerf.synth.tower import half_width_m, steel
 
 Points = Float[np.ndarray, "_ 3"]
@@ -30,14 +30,14 @@ def check_wires(span: Span) -> None:
         clamps = np.array(tower.attachments)
         buried = clamps[:, 2] - span.ground.heights(clamps[:, 0], clamps[:, 1])
         if buried.min() <= 0:
-            name = span.conductors[int(buried.argmin())].name
+            name = span.wires[int(buried.argmin())].name
             raise ConfigError(
                 f"synth: the clamp of {name} on support {tower.name} lies {-buried.min():.2f} m inside the "
                 "terrain. Raise the wire (height_m) or flatten the ground (rise_m, waves)."
             )
-    for wire in span.conductors:
-        points = wire.curve.polyline(0.1)
-        room = points[:, 2] - span.ground.heights(points[:, 0], points[:, 1]) - wire.diameter_m / 2
+    for wire in span.wires:
+        points = wire.polyline(0.1)
+        room = points[:, 2] - span.ground.heights(points[:, 0], points[:, 1]) - radius_m(wire)
         lowest = int(room.argmin())
         if room[lowest] <= 0:
             x, y, _ = points[lowest]
@@ -88,8 +88,8 @@ def _collisions(span: Span, centres: Points) -> Iterator[tuple[str, np.ndarray]]
         carriers = [metal] if porcelain is None else [porcelain, metal]
         for body in [*support_meshes(span, tower), *carriers]:
             yield f"inside the {tower.name} support", _near(edge_points(body), centres)
-    for wire in span.conductors:
-        yield f"at the wire {wire.name}", _near(wire.curve.polyline(0.1), centres)
+    for wire in span.wires:
+        yield f"at the wire {wire.name}", _near(wire.polyline(0.1), centres)
     between = spacers(span)
     if between is not None:
         yield "at a spacer", _near(edge_points(between), centres)

@@ -67,7 +67,7 @@ def _photos(
     gains = exposure_drift(n, image.exposure_drift, rng)[:, None]
     gains = gains * white_balance_drift(n, image.white_balance_drift, rng)
     instants = min(image.samples_per_pixel, math.ceil(image.motion_blur_px) + 1)
-    wires = np.concatenate([wire.curve.polyline(0.5) for wire in span.conductors])
+    wires = np.concatenate([wire.polyline(0.5) for wire in span.wires])
     directions = flight_directions(views)
     automatic: float | None = None
     for i, view in enumerate(views):

@@ -10,9 +10,11 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.line.wire import Wire
+from plnerf.synth.config import WireConfig
 from plnerf.synth.meshes import Mesh, beam, join, lathe, tube, up
 from plnerf.synth.pole import pin_foot
-from plnerf.synth.span import Conductor, Span, Tower
+from plnerf.synth.span import Span, Tower, radius_m
 from plnerf.synth.tower import arm_tip, vee_reach_m
 
 Points = Float[np.ndarray, "n 3"]
@@ -23,28 +25,24 @@ def insulators(span: Span, tower: Tower) -> tuple[Mesh | None, Mesh]:
     glazed: list[Mesh] = []
     metal: list[Mesh] = []
     sign = 1.0 if tower == span.towers[0] else -1.0  # the span lies ahead of the first tower
-    done: set[str] = set()
-    for conductor in span.conductors:
-        wire = span.config.wire(conductor.wire)
-        if wire.name not in done:
-            done.add(wire.name)
-            ends = [np.array(a) for a, c in zip(tower.attachments, span.conductors, strict=True)
-                    if c.wire == wire.name]  # fmt: skip
-            discs, fittings = _carrier(span, tower, conductor, ends)
-            glazed += discs
-            metal += fittings
-        if wire.insulator in ("pin", "spool"):
-            metal.append(_tie(conductor, sign))
-        else:
-            metal += _clamp(conductor.curve.points, conductor.curve.span_m, conductor.diameter_m, sign)
+    clamps = iter(tower.attachments)
+    for config, wires in span.grouped:
+        discs, fittings = _carrier(span, tower, config, [np.array(next(clamps)) for _ in wires])
+        glazed += discs
+        metal += fittings
+        for wire in wires:
+            if config.insulator in ("pin", "spool"):
+                metal.append(_tie(wire, sign))
+            else:
+                metal += _clamp(wire.points, wire.base.length_m, config.diameter_m, sign)
     return join(glazed) if glazed else None, join(metal)
 
 
 def _carrier(
-    span: Span, tower: Tower, conductor: Conductor, ends: list[np.ndarray]
+    span: Span, tower: Tower, wire: WireConfig, ends: list[np.ndarray]
 ) -> tuple[list[Mesh], list[Mesh]]:
     """Insulators of one wire, from the support to the middle of its clamps, and a bundle's yoke."""
-    wire, length = span.config.wire(conductor.wire), span.config.support.string_length_m
+    length = span.config.support.string_length_m
     bottom = ends[0] if len(ends) == 1 else np.mean(ends, axis=0) + up(0.16)
     left = np.array([-span.along[1], span.along[0], 0.0])
     yoke = [] if len(ends) == 1 else _yoke(ends, bottom)
@@ -79,16 +77,16 @@ def _carrier(
 def spacers(span: Span) -> Mesh | None:
     """Rigid spacers between neighbours of each bundle, evenly spaced along the span; None without bundles."""
     meshes: list[Mesh] = []
-    for wire in span.config.wires:
-        curves = [conductor.curve for conductor in span.conductors if conductor.wire == wire.name]
-        if len(curves) < 2:
+    for config, wires in span.grouped:
+        if len(wires) < 2:
             continue
-        fields = max(1, math.ceil(curves[0].span_m / span.config.spacer_step_m))
-        for s in (np.arange(fields) + 0.5) * curves[0].span_m / fields:
-            at = [curve.points(np.array([s]))[0] for curve in curves]
-            ahead = curves[0].points(np.array([s + 0.05]))[0] - at[0]
+        length = wires[0].base.length_m
+        fields = max(1, math.ceil(length / span.config.spacer_step_m))
+        for s in (np.arange(fields) + 0.5) * length / fields:
+            at = [wire.points(np.array([s]))[0] for wire in wires]
+            ahead = wires[0].points(np.array([s + 0.05]))[0] - at[0]
             ahead /= np.linalg.norm(ahead)
-            thick = wire.diameter_m / 2
+            thick = config.diameter_m / 2
             for a, b in pairwise(at):
                 meshes.append(tube(np.linspace(a, b, 5), np.array([0.012, 0.014, 0.019, 0.014, 0.012]), 10))
             for point in at:
@@ -119,11 +117,11 @@ def _yoke(ends: list[np.ndarray], bottom: Float[np.ndarray, "3"]) -> list[Mesh]:
     return [*bars, tube(np.array([ends[0] + up(0.03), ends[-1] + up(0.03)]), 0.018, 8)]
 
 
-def _tie(conductor: Conductor, sign: float) -> Mesh:
-    """Wire wound around the conductor and the insulator's groove."""
-    end = 0.0 if sign > 0 else conductor.curve.span_m
-    points = conductor.curve.points(end + sign * np.linspace(0.0, 0.16, 5))
-    thick = conductor.diameter_m / 2
+def _tie(wire: Wire, sign: float) -> Mesh:
+    """Thin wire wound around the conductor and the insulator's groove."""
+    end = 0.0 if sign > 0 else wire.base.length_m
+    points = wire.points(end + sign * np.linspace(0.0, 0.16, 5))
+    thick = radius_m(wire)
     return tube(points, thick + np.array([0.006, 0.005, 0.005, 0.004, 0.001]), 10)
 
 

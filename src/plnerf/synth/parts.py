@@ -9,12 +9,13 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.line.wire import Wire
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.houses import roof, walls, windows
 from plnerf.synth.insulators import insulators, spacers
 from plnerf.synth.meshes import Mesh, grid, join, tube, without
 from plnerf.synth.pole import irons, wood
-from plnerf.synth.span import Conductor, Span
+from plnerf.synth.span import Span, radius_m
 from plnerf.synth.texture import ground_texture, strand_texture
 from plnerf.synth.tower import footings, steel
 
@@ -48,9 +49,9 @@ class Part:
 def span_parts(span: Span) -> Iterator[Part]:
     """Every body of the span."""
     yield from _ground(span)
-    for conductor in span.conductors:
-        mesh, texture = _conductor(conductor, span.config.seed)
-        yield Part(conductor.name, mesh, Surface("metal", texture, 0.55), wire=True)
+    for wire in span.wires:
+        mesh, texture = _conductor(wire, span.config.seed)
+        yield Part(wire.name or "", mesh, Surface("metal", texture, 0.55), wire=True)
     zinc = Surface("metal", (0.36, 0.37, 0.38), 0.55)
     if span.config.support.kind == "lattice":
         yield Part("steel", join([steel(span, tower) for tower in span.towers]), zinc)
@@ -78,20 +79,20 @@ def span_parts(span: Span) -> Iterator[Part]:
         yield Part("wood", join(woods), Surface("matt", (0.13, 0.095, 0.065)))
 
 
-def _conductor(conductor: Conductor, seed: int) -> tuple[Mesh, Float[np.ndarray, "h w 3"]]:
+def _conductor(wire: Wire, seed: int) -> tuple[Mesh, Float[np.ndarray, "h w 3"]]:
     """A tube along the curve in pieces of about 40 m, each under the same strands."""
     # 10 cm steps leave the chord 1e-5 m from a curve of p = 143 m; flatter ones need fewer
-    points = conductor.curve.polyline(max(0.1, conductor.curve.p_m / 5000))
-    pieces = max(1, math.ceil(conductor.curve.length_m / LONGEST_PIECE_M))
+    points = wire.polyline(max(0.1, wire.plane[2] / 5000))
+    pieces = max(1, math.ceil(wire.length_m / LONGEST_PIECE_M))
     cuts = np.linspace(0, len(points) - 1, pieces + 1).round().astype(int)
     meshes = []
     for start, end in pairwise(cuts):
-        mesh = tube(points[start : end + 1], conductor.diameter_m / 2, 16)
+        mesh = tube(points[start : end + 1], radius_m(wire), 16)
         if mesh.uv is None:
             raise AssertionError("tubes carry uv")
         length = float(mesh.uv[:, 1].max())
         meshes.append(Mesh(mesh.vertices, mesh.faces, mesh.uv / np.array([1.0, length]), smooth=True))
-    return join(meshes), strand_texture(length, seed + len(conductor.name))
+    return join(meshes), strand_texture(length, seed + len(wire.name or ""))
 
 
 def _houses(span: Span) -> Iterator[Part]:

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.synth.span import Plant, Span
+from plnerf.synth.span import Plant, Span, radius_m
 from plnerf.synth.terrain import ROAD_HALF_M
 
 Range = tuple[float, float]
@@ -40,9 +40,9 @@ class _Planting:
     def __init__(self, span: Span, rng: np.random.Generator) -> None:
         self.span, self.rng = span, rng
         self.config = span.config.plants
-        thickest = max(wire.diameter_m for wire in span.conductors) / 2
+        thickest = max(radius_m(wire) for wire in span.wires)
         self.slack = thickest + 0.06  # the points are 25 cm apart: at 1.5 m they miss 5 mm of closeness
-        self.wires = np.concatenate([wire.curve.polyline(0.25) for wire in span.conductors])
+        self.wires = np.concatenate([wire.polyline(0.25) for wire in span.wires])
         keep_off = max(2.5, 0.75 * span.config.support.foot_m)
         self.taken = [(tower.foot[0], tower.foot[1], keep_off) for tower in span.towers]  # x, y, radius
         for house in span.houses:

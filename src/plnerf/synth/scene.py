@@ -47,8 +47,7 @@ def synthesize(
         check_cameras(span, views)
         studio = open_studio(list(span_parts(span)), config.capture, config.image, meshes)
         masks = film(studio, span, views, config, folder, progress)
-        curves = [wire.curve for wire in span.conductors]
-        seen = seen_stretches(curves, views, masks, config.capture, span.along)
+        seen = seen_stretches(span.wires, views, masks, config.capture, span.along)
         _write_json(folder / "truth.json", truth_of(span, config, views, seen))
         written = written_views(views, config.capture, config.seed)
         _write_json(folder / "transforms.json", transforms_of(span, config.capture, written))
@@ -98,15 +97,15 @@ def transforms_of(span: Span, capture: CaptureConfig, views: tuple[View, ...]) -
 
 
 def span_box(span: Span, capture: CaptureConfig) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """World box around supports, conductors and the ground below them, with 1 m to spare at the sides.
+    """World box around supports, wires and the ground below them, with 1 m to spare at the sides.
 
     Where only a stretch of the line is filmed, around what stands and hangs there.
     """
     half = span.config.span_length_m / 2
     low_m, high_m = capture.filmed_m or (-half, half)
     points = []
-    for wire in span.conductors:
-        line = wire.curve.polyline(0.25)
+    for wire in span.wires:
+        line = wire.polyline(0.25)
         along = line[:, :2] @ np.array(span.along)
         points.append(line if capture.filmed_m is None else line[(along >= low_m) & (along <= high_m)])
     for tower in span.towers:

@@ -1,6 +1,6 @@
-"""Which stretches of a conductor the images show, by their wire masks.
+"""Which stretches of a wire the images show, by their wire masks.
 
-Letters: s horizontal distance from the conductor's end A towards B (metres); x, y pixels, the first pixel's
+Letters: s horizontal distance from the wire's end A towards B (metres); x, y pixels, the first pixel's
 centre at 0.5.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.line.old_catenary import Catenary
+from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import CaptureConfig
 
@@ -24,22 +24,22 @@ SEEN_RULE = (
 
 
 def seen_stretches(
-    curves: Sequence[Catenary],
+    wires: Sequence[Wire],
     views: Sequence[View],
     masks: Sequence[Bool[np.ndarray, "h w"]],
     capture: CaptureConfig,
     along: tuple[float, float] = (1.0, 0.0),
 ) -> list[list[tuple[float, float]]]:
-    """For each curve its stretches (s from, s to) that show in at least MIN_IMAGES of the masks.
+    """For each wire its stretches (s from, s to) that show in at least MIN_IMAGES of the masks.
 
     Where only a stretch of the line is filmed (capture.filmed_m, along the unit vector `along`) what shows in
     the distance is left out.
     A projected point shows where a mask pixel's centre lies within WITHIN_PX of it.  Whose wire the pixel is,
     a mask does not say: where wires cross in an image the one behind counts as seen.
     """
-    grids = [np.linspace(0.0, c.span_m, max(2, round(c.span_m / STEP_M) + 1)) for c in curves]
+    grids = [_evenly(wire.base.length_m) for wire in wires]
     ends = np.cumsum([len(s) for s in grids])
-    points = np.concatenate([curve.points(s) for curve, s in zip(curves, grids, strict=True)])
+    points = np.concatenate([wire.points(s) for wire, s in zip(wires, grids, strict=True)])
     count = np.zeros(len(points), dtype=np.int64)
     for view, mask in zip(views, masks, strict=True):
         count += shown(points, view, mask, capture)
@@ -49,6 +49,10 @@ def seen_stretches(
     return [
         stretches(s, part >= MIN_IMAGES) for s, part in zip(grids, np.split(count, ends[:-1]), strict=True)
     ]
+
+
+def _evenly(length_m: float) -> Float[np.ndarray, " n"]:
+    return np.linspace(0.0, length_m, max(2, round(length_m / STEP_M) + 1))
 
 
 def shown(

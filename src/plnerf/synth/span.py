@@ -1,26 +1,18 @@
-"""One power-line span as numbers: supports, conductors, ground, houses and plants.
+"""One power-line span as numbers: supports, wires, ground, houses and plants.
 
 World frame: metres, x east and roughly along the line, y north, z up; the origin is on the ground, mid-span.
 Every length carries _m, every angle _deg.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Literal
 
-from plnerf.line.old_catenary import Catenary, Point
-from plnerf.synth.config import SpanConfig
+from plnerf.line.hang import Point
+from plnerf.line.wire import Wire
+from plnerf.synth.config import SpanConfig, WireConfig
 from plnerf.synth.terrain import Ground
-
-
-@dataclass(frozen=True)
-class Conductor:
-    """One wire and the curve of its axis."""
-
-    name: str
-    wire: str  # name of its WireConfig; the sub-conductors of a bundle share it
-    kind: Literal["phase", "shield", "neutral"]
-    diameter_m: float
-    curve: Catenary
 
 
 @dataclass(frozen=True)
@@ -30,7 +22,7 @@ class Tower:
     name: str
     foot: Point
     height_m: float
-    attachments: tuple[Point, ...]  # in the order of the conductors
+    attachments: tuple[Point, ...]  # in the order of the wires
 
 
 @dataclass(frozen=True)
@@ -65,7 +57,7 @@ class Span:
     config: SpanConfig
     ground: Ground
     towers: tuple[Tower, Tower]
-    conductors: tuple[Conductor, ...]
+    wires: tuple[Wire, ...]  # of the configuration's wires in turn, bundles one by one
     plants: tuple[Plant, ...] = ()
     houses: tuple[House, ...] = ()
     along: tuple[float, float] = field(default=(1.0, 0.0))  # unit vector of the line, horizontal
@@ -74,3 +66,15 @@ class Span:
         """World x, y of a point given along the line (0 at mid-span) and across it (left positive)."""
         ux, uy = self.along
         return ux * along_m - uy * across_m, uy * along_m + ux * across_m
+
+    @property
+    def grouped(self) -> Iterator[tuple[WireConfig, tuple[Wire, ...]]]:
+        """Every wire of the configuration with the wires that hang for it: one, or those of its bundle."""
+        wires = iter(self.wires)
+        return ((config, tuple(islice(wires, config.bundle))) for config in self.config.wires)
+
+
+def radius_m(wire: Wire) -> float:
+    """Half the diameter, which every wire of a synthetic span has."""
+    assert wire.diameter_m is not None
+    return wire.diameter_m / 2

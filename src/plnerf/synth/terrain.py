@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.line.old_catenary import Point
+from plnerf.line.hang import Point
 from plnerf.synth.config import TerrainConfig
 
 ROAD_ACROSS_M = -6.5  # the road's centre line, to the right of the wires

@@ -6,11 +6,13 @@ from dataclasses import asdict
 import numpy as np
 from scipy.spatial import cKDTree
 
+from plnerf.line.catenary import lowest, sag
+from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.seen import SEEN_RULE
-from plnerf.synth.span import Conductor, Plant, Span
+from plnerf.synth.span import Plant, Span, radius_m
 
 FORMAT_VERSION = 1
 GENERATOR = "plnerf synth 1"
@@ -56,7 +58,7 @@ def truth_of(
         **({"poses": true_poses} if noisy else {}),
         "catenary": "z(s) = z0 + p (cosh((s - s0)/p) - 1), s: horizontal distance from a along direction",
         "conductors": [
-            _conductor(wire, None if seen is None else seen[i]) for i, wire in enumerate(span.conductors)
+            _conductor(wire, None if seen is None else seen[i]) for i, wire in enumerate(span.wires)
         ],
         "towers": [
             {
@@ -74,24 +76,27 @@ def truth_of(
     }
 
 
-def _conductor(wire: Conductor, seen: Stretches | None) -> dict[str, object]:
-    curve = wire.curve
+def _conductor(wire: Wire, seen: Stretches | None) -> dict[str, object]:
+    D, h, p = wire.plane
+    (x, y), (ux, uy), z = wire.base.a.tolist(), wire.base.u.tolist(), wire.theta[2:4].tolist()
+    s0, below = lowest(D, h, p)  # of the whole curve: on a slope outside the span
+    z0 = z[0] + below
     return {
         "name": wire.name,
         "kind": wire.kind,
         "diameter_m": wire.diameter_m,
-        "a": curve.a,
-        "b": curve.b,
-        "direction": curve.direction,
-        "span_m": curve.span_m,
-        "p_m": curve.p_m,
-        "s0_m": curve.s0_m,
-        "z0_m": curve.z0_m,
-        "lowest": curve.lowest,
-        "sag_m": curve.sag_m,
-        "length_m": curve.length_m,
+        "a": (x, y, z[0]),
+        "b": (*wire.base.b.tolist(), z[1]),
+        "direction": (ux, uy),
+        "span_m": D,
+        "p_m": p,
+        "s0_m": s0,
+        "z0_m": z0,
+        "lowest": (x + ux * s0, y + uy * s0, z0),
+        "sag_m": sag(D, h, p),
+        "length_m": wire.length_m,
         **({} if seen is None else {"seen_m": list(seen)}),
-        "polyline": np.round(curve.polyline(POLYLINE_STEP_M), 6).tolist(),
+        "polyline": np.round(wire.polyline(POLYLINE_STEP_M), 6).tolist(),
     }
 
 
@@ -114,8 +119,8 @@ def _beside(span: Span, plant: Plant) -> bool:
 
 def _vegetation(span: Span) -> list[dict[str, object]]:
     """Every plant; near ones with their clearance: the least distance from leaf to conductor surface."""
-    axes = [wire.curve.polyline(0.02) for wire in span.conductors]
-    radii = np.repeat([wire.diameter_m / 2 for wire in span.conductors], [len(axis) for axis in axes])
+    axes = [wire.polyline(0.02) for wire in span.wires]
+    radii = np.repeat([radius_m(wire) for wire in span.wires], [len(axis) for axis in axes])
     tree = cKDTree(np.concatenate(axes))
 
     def entry(plant: Plant) -> dict[str, object]:
@@ -131,7 +136,7 @@ def _vegetation(span: Span) -> list[dict[str, object]]:
             owners = np.cumsum([len(axis) for axis in axes])
             owner = int(np.searchsorted(owners, nearest[best], side="right"))
             found["clearance_m"] = round(float(distance[best] - radii[nearest[best]]), 4)
-            found["nearest_conductor"] = span.conductors[owner].name
+            found["nearest_conductor"] = span.wires[owner].name
         return found
 
     return [entry(plant) for plant in span.plants]
