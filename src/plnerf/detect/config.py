@@ -38,12 +38,15 @@ class EvidenceConfig:
     beside a line with the other sign.  Twin conductors have the same sign."""
     contrast_px: float = 12.0
     """Standard deviation of the neighbourhood that a pixel's response is compared with."""
+    full_response: float = 3.0
+    """Average response, in units of the neighbourhood's, from which on a pixel's response is 1."""
     min_bend: float = 0.004
     """Least contrast of a neighbourhood, of the full brightness; noise and compression bend that much in a
     clear sky."""
 
     def __post_init__(self) -> None:
-        positive = (*self.scales_px, self.max_bend, self.along_px, self.contrast_px, self.min_bend)
+        positive = (*self.scales_px, self.max_bend, self.along_px, self.contrast_px, self.full_response,
+                    self.min_bend)  # fmt: skip
         _check(
             bool(self.scales_px and self.sag_deg) and min(positive) > 0 and self.steps_along >= 1,
             "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
@@ -297,3 +300,6 @@ class DetectConfig:
 def _check(holds: bool, rule: str, config: object) -> None:
     if not holds:
         raise ConfigError(f"{rule}, but got {config}.")
+
+
+DEFAULT = DetectConfig()

@@ -1,224 +1,170 @@
-"""All conductors of a scene, found in its training images: sweep, narrow, fit, and one curve for each ridge.
+"""All wires of a scene, detected in its training images: sweep, narrow, fit, and one curve for each ridge.
 
-The axis of the line must be known (it is the scene frame's x).  What speaks for the best curve is taken out
-of the maps before the next is looked for, so that no ridge speaks for two.  Lines that do not hang are found
-too, and left out at the end: edges of roads and tracks would otherwise lend their ridges to conductors.
+The axis of the line must be known (it is the scene frame's x).  The ridges of the best curve are taken out of
+the maps before the next is searched, so that no ridge counts for two.  Lines that do not hang are found too,
+and left out at the end: edges of roads and tracks would otherwise lend their ridges to wires.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Float32
 
-from plnerf.detect.curves import Curve
+from plnerf.detect.candidate import Candidate, best_hanging, common_ends, hang_alike, select_wires
+from plnerf.detect.config import DEFAULT, DetectConfig, SweepConfig
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.narrow import curve_point
-from plnerf.detect.refit import Fit
-from plnerf.detect.search import BATCH, Line, Search
-from plnerf.detect.sweep import Box, alike, candidates, sweep
+from plnerf.detect.search import Search
+from plnerf.detect.sweep import Box, candidates, candidates_like, sweep
+from plnerf.detect.to_wire import typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
+from plnerf.line.frame import LineFrame
+from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
 
-PLANES, ROWS = 48, 96
-"""Planes of the sweep, and of the fit."""
-FRUITLESS = 4
-"""Batches without a line after which a sweep has given what it has."""
-SWEEPS = 5
-SETTLING = 2
-LEAST_ODDS = 250.0
-"""Nats for a line.  Neighbouring planes and views share their evidence: this is less than it looks."""
-LEAST_ODDS_ALIKE = 200.0
-"""The same for one that hangs like the best."""
-LEAST_SHARE, LEAST_SHARE_ALIKE = 0.7, 0.4
-"""Of the planes: stretch that a conductor needs which hangs unlike the best, or like it but with less than
-`LEAST_ODDS`."""
-LEAST_SAG = 0.001
-"""Of the length.  A conductor hangs; edges of roads do not."""
-SLOPES_ALIKE = 0.03
-SAGS_ALIKE = 1.6
-"""Conductors that hang alike: differences of their chords' slopes, ratio of their sags at most."""
+Progress = Callable[[int, int], None]
+"""Called with the steps done and their total."""
 
 
-@dataclass(frozen=True)
-class FindConfig:
-    """How finely conductors are looked for; lengths in units of the scene frame."""
+def detect_wires(
+    scene: Scene, config: DetectConfig = DEFAULT, progress: Progress | None = None
+) -> tuple[Wire, ...]:
+    """The wires that the training images show, certain and uncertain, in the order in which they were found.
 
-    cell: float = 0.004
-    """Width of a cell across the line: 9 cm where the span's longest side is 44 m."""
-    most: int = 40
-    """Lines at most, edges of roads included."""
+    In `LineFrame.of_scene(scene.frames)`; both ends are open, and the base runs along x for as far as the
+    wires of the same shape are seen.  The steps of `progress` are images and sweeps.
+    """
+    images, steps = len(scene.train), len(scene.train) + config.search.max_sweeps + 1
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(done, steps)
+
+    views, box = views_of(scene.cameras[list(scene.train)]), search_box(scene, config.sweep)
+    x = np.linspace(box.x[0], box.x[-1], config.search.planes)
+    responses = line_evidence(scene.images, scene.cameras, scene.train, config.evidence, report)
+    search = Search(views, responses, x, config)
+    lines = refit_all(search, _lines(search, box, lambda sweeps: report(images + sweeps)))
+    # Fitted again, the lines leave more of their ridges to others.
+    if more := _like_the_best(search, sweep(views, search.odds, box, config.sweep), box, lines):
+        lines = refit_all(search, [*lines, *more])
+    report(steps)
+    return _wires(search, lines, LineFrame.of_scene(scene.frames))
 
 
-def find_curves(scene: Scene, config: FindConfig | None = None) -> tuple[Curve, ...]:
-    """The conductors that the training images show, in the order in which they were found."""
-    config = config or FindConfig()
-    views = views_of(scene.cameras[list(scene.train)])
-    box = search_box(scene, config.cell)
-    x = np.linspace(box.x[0], box.x[-1], ROWS)
-    search = Search(views, line_evidence(scene.images, scene.cameras, scene.train), x, config.cell)
-    lines = settled(search, _lines(search, box, config.most))
-    # In their places, the lines leave more of their ridges to others.
-    if more := _like_the_best(search, sweep(views, search.odds, box), box, lines, config.most):
-        lines = settled(search, [*lines, *more])
-    found = conductors(lines, x[-1] - x[0])
-    return tuple(_curve(views, line, ends_of(line, found, x[-1] - x[0]), x) for line in found)
-
-
-def compile_search() -> None:
+def compile_kernels() -> None:
     """Has the kernels of the search compiled, on next to nothing; once, then they are on disk."""
     one = np.ones((1, 2))
     views = Views(np.eye(3)[None], np.zeros((1, 3)), 8 * one, 4 * one, np.zeros((1, 5)),
                   np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
     x = np.linspace(-1, 1, 4)
     box = Box(x, (-0.5, -0.5), 0.25, (4, 4))
-    search = Search(views, np.zeros(64, np.float32), x, box.cell)
-    volume = sweep(views, search.odds, box)
-    candidates(volume, box)
-    alike(volume, box, np.zeros(5))
-    search.promise(np.zeros((1, 5)), x)
+    search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
+    volume = sweep(views, search.odds, box, DEFAULT.sweep)
+    candidates(volume, box, DEFAULT.sweep)
+    candidates_like(np.zeros(5), volume, box, DEFAULT.sweep)
+    search.score(np.zeros((1, 5)), x)
     search.best(np.zeros((1, 5)), -np.inf)
-    search.claim(Line(Fit(np.zeros(5), np.eye(5), 1.0), 0.0, 1, (0, 1)))
+    search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))
 
 
-def _lines(search: Search, box: Box, most: int) -> list[Line]:
+def _lines(search: Search, box: Box, swept: Callable[[int], None]) -> list[Candidate]:
     """Lines along the span of any shape, the best first; then of the best one's shape, until none is new."""
-    lines: list[Line] = []
+    config, lines = search.config, list[Candidate]()
     any_shape = True
-    for _ in range(SWEEPS):
-        volume, new = sweep(search.views, search.odds, box), []
+    for done in range(config.search.max_sweeps):
+        volume, new = sweep(search.views, search.odds, box, config.sweep), list[Candidate]()
         if any_shape:
-            new = _taken(search, candidates(volume, box), box, LEAST_ODDS, most - len(lines))
+            most = config.search.max_lines - len(lines)
+            pending = candidates(volume, box, config.sweep)
+            new = _found_near(search, pending, box, config.select.min_odds, most)
             any_shape = bool(new)
-        new = new or _like_the_best(search, volume, box, lines, most)
+        new = new or _like_the_best(search, volume, box, lines)
         lines += new
-        if not new or len(lines) == most:
+        swept(done + 1)
+        if not new or len(lines) == config.search.max_lines:
             break
     return lines
 
 
 def _like_the_best(
-    search: Search, volume: Float32[np.ndarray, "i j k"], box: Box, lines: Sequence[Line], most: int
-) -> list[Line]:
+    search: Search, volume: Float32[np.ndarray, "i j k"], box: Box, lines: Sequence[Candidate]
+) -> list[Candidate]:
     """Further lines that hang as the best of the lines does."""
-    best = best_hanging(lines, box.x[-1] - box.x[0])
-    if best is None or len(lines) >= most:
+    config, length = search.config, box.x[-1] - box.x[0]
+    best, most = best_hanging(lines, length, config.select), config.search.max_lines - len(lines)
+    if best is None or most <= 0:
         return []
-    like = alike(volume, box, best.fit.q)
-    return _taken(search, like, box, LEAST_ODDS_ALIKE, most - len(lines), best)
+    wanted = partial(hang_alike, best, length=length, config=config.select)
+    pending = candidates_like(best.theta, volume, box, config.sweep)
+    return _found_near(search, pending, box, config.select.min_odds_similar, most, wanted)
 
 
-def _taken(
+def _found_near(
     search: Search,
     pending: Float[np.ndarray, "c 5"],
     box: Box,
     least: float,
     most: int,
-    like: Line | None = None,
-) -> list[Line]:
+    wanted: Callable[[Candidate], bool] | None = None,
+) -> list[Candidate]:
     """The lines near some curves, best first, each without the ridges of those before it."""
-    lines: list[Line] = []
-    length, fruitless = box.x[-1] - box.x[0], 0
-    wanted = None if like is None else partial(hang_alike, like, length=length)
-    while len(pending) and fruitless < FRUITLESS and len(lines) < most:
-        pending = pending[np.argsort(-search.promise(pending, box.x), kind="stable")]
-        line = search.best(pending[:BATCH], least, wanted)
+    lines, batch, fruitless = list[Candidate](), search.config.search.batch, 0
+    while len(pending) and fruitless < search.config.search.fruitless and len(lines) < most:
+        pending = pending[np.argsort(-search.score(pending, box.x), kind="stable")]
+        line = search.best(pending[:batch], least, wanted)
         if line is None:
-            pending, fruitless = pending[BATCH:], fruitless + 1
+            pending, fruitless = pending[batch:], fruitless + 1
             continue
         fruitless = 0
         lines.append(line)
-        search.claim(line)
+        search.mask_ridges(line)
     return lines
 
 
-def settled(search: Search, lines: Sequence[Line]) -> list[Line]:
-    """Each line again where the others are: what was taken first had others' ridges before it."""
+def refit_all(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
+    """Each line fitted again where the others are known: the first ones had others' ridges near them."""
     lines = list(lines)
-    for _ in range(SETTLING):
+    for _ in range(search.config.search.refits):
         before, lines = lines, []
         for line in before:
-            again = search.again(line, variants(line, before), LEAST_ODDS_ALIKE)
+            again = search.refit(line, variants(line, before), search.config.select.min_odds_similar)
             if again is not None:
                 lines.append(again)
     return lines
 
 
-def variants(line: Line, lines: Sequence[Line]) -> Float[np.ndarray, "c 5"]:
+def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "c 5"]:
     """The line, and those that hang as the others do and meet it at one of three places.
 
     Where two hang side by side, one may have been found as half of the one and half of the other.
     """
-    own, out = line.fit.q, [line.fit.q]
+    own, out = line.theta, [line.theta]
     for other in lines:
         if other is not line:
             for s in (1 / 6, 1 / 2, 5 / 6):
-                y, z = np.subtract(curve_point(own, s), curve_point(other.fit.q, s))
-                out.append(other.fit.q + np.array([y, y, z, z, 0]))
+                y, z = np.subtract(curve_point(own, s), curve_point(other.theta, s))
+                out.append(other.theta + np.array([y, y, z, z, 0]))
     return np.array(out)
 
 
-def conductors(lines: Sequence[Line], length: float) -> list[Line]:
-    """Those of the lines that hang: like the best of them, or with much evidence over most of the span."""
-    best = best_hanging(lines, length)
-    if best is None:
-        return []
-    return [line for line in lines if _is_conductor(line, best, length)]
+def _wires(search: Search, lines: Sequence[Candidate], frame: LineFrame) -> tuple[Wire, ...]:
+    """The lines that are wires, numbered from 1."""
+    config, x = search.config, search.x
+    length = x[-1] - x[0]
+    found, wires = select_wires(lines, length, config.select, config.search), []
+    for number, line in enumerate(found, 1):
+        ends = common_ends(line, found, length, config.select)
+        footprint = typical_footprint(search.views, line.theta, x, config.certainty)
+        wires.append(wire_of(line, ends, x, footprint, frame, number, config.certainty))
+    return tuple(wires)
 
 
-def _is_conductor(line: Line, best: Line, length: float) -> bool:
-    share, clear = line.planes / ROWS, line.odds >= LEAST_ODDS
-    if hang_alike(best, line, length):
-        return clear or share >= LEAST_SHARE_ALIKE
-    return hangs(line, length) and clear and share >= LEAST_SHARE
-
-
-def best_hanging(lines: Sequence[Line], length: float) -> Line | None:
-    """The line with the highest odds of those that hang."""
-    hanging = [line for line in lines if hangs(line, length)]
-    return max(hanging, key=lambda line: line.odds) if hanging else None
-
-
-def hangs(line: Line, length: float) -> bool:
-    """Whether a line sags, beyond doubt."""
-    doubt = 3 * float(line.fit.covariance[4, 4]) ** 0.5
-    return bool(line.fit.q[4] >= max(LEAST_SAG * length, doubt))
-
-
-def hang_alike(a: Line, b: Line, length: float) -> bool:
-    """Whether two lines have about the same slope and sag."""
-    slopes = [(line.fit.q[[1, 3]] - line.fit.q[[0, 2]]) / length for line in (a, b)]
-    low, high = sorted((a.fit.q[4], b.fit.q[4]))
-    return bool(np.abs(slopes[0] - slopes[1]).max() < SLOPES_ALIKE and 0 < high <= SAGS_ALIKE * low)
-
-
-def ends_of(line: Line, lines: Sequence[Line], length: float) -> tuple[int, int]:
-    """From which plane to which a conductor is: all that hang alike hang from the same supports."""
-    ends = np.array([line.ends, *(other.ends for other in lines if hang_alike(line, other, length))])
-    return int(ends[:, 0].min()), int(ends[:, 1].max())
-
-
-def _curve(views: Views, line: Line, ends: tuple[int, int], x: Float[np.ndarray, " i"]) -> Curve:
-    """A line as a curve of the scene frame between two planes."""
-    footprint = typical_footprint(views, line.fit.q, x)
-    between = float(x[ends[0]]), float(x[ends[1]])
-    return Curve.of_fit(line.fit.q, line.fit.covariance, (x[0], x[-1]), between, footprint)
-
-
-def typical_footprint(views: Views, q: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"]) -> float:
-    """Median width of a pixel on the curve, over planes, of the nearest views: those that resolve it."""
-    s = np.linspace(0, 1, len(x))
-    y, z = curve_point(q, s)
-    points = np.stack([x, y, z], 1)
-    distance = np.linalg.norm(points[:, None] - views.centre[None], axis=2) / views.focal[:, 0]
-    return float(np.median(np.sort(distance, 1)[:, : max(3, len(views.centre) // 4)]))
-
-
-def search_box(scene: Scene, cell: float) -> Box:
-    """Where to look: the span's box where the scene names it, else around the cameras."""
+def search_box(scene: Scene, config: SweepConfig) -> Box:
+    """The volume to search: the span's box where the scene names it, else around the cameras."""
     low, high = scene.box
-    shape = np.ceil((high - low)[1:] / cell).astype(int) + 1
-    inset = 0.5 * (high[0] - low[0]) / PLANES
-    x = np.linspace(low[0] + inset, high[0] - inset, PLANES)
-    return Box(x, (float(low[1]), float(low[2])), cell, (int(shape[0]), int(shape[1])))
+    shape = np.ceil((high - low)[1:] / config.cell).astype(int) + 1
+    inset = 0.5 * (high[0] - low[0]) / config.planes
+    x = np.linspace(low[0] + inset, high[0] - inset, config.planes)
+    return Box(x, (float(low[1]), float(low[2])), config.cell, (int(shape[0]), int(shape[1])))

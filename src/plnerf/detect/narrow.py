@@ -1,4 +1,4 @@
-"""Narrowing a curve down: the sweep's vote again, around the curve, in cells ever smaller.
+"""The sweep's vote again, around single curves, in ever smaller cells.
 
 Exhaustive in each step: coordinate by coordinate, curves get stuck halfway, because the height of an end and
 the sag trade against each other.  Letters as in `sweep.py`.
@@ -10,21 +10,17 @@ import numpy as np
 from jaxtyping import Float
 from numba import njit, prange
 
+from plnerf.detect.config import DetectConfig
 from plnerf.detect.odds import Odds, column_odds
-from plnerf.detect.sweep import FEWEST_VIEWS
 from plnerf.detect.views import Views
-
-REACH, SAGS = 2, 2
-"""Cells to each side that ends and sags are moved by."""
-DEAR = 1e-3
-"""Of a nat, for each cell moved: of equals the nearest to where it was."""
 
 
 @njit(cache=True)
 @no_type_check
-def curve_point(q, s):
+def curve_point(theta, s):
     """y, z of a curve at s in [0, 1] along it."""
-    return q[0] + (q[1] - q[0]) * s, q[2] + (q[3] - q[2]) * s - 4 * q[4] * s * (1 - s)
+    y = theta[0] + (theta[1] - theta[0]) * s
+    return y, theta[2] + (theta[3] - theta[2]) * s - 4 * theta[4] * s * (1 - s)
 
 
 def narrow(
@@ -32,19 +28,24 @@ def narrow(
     odds: Odds,
     curves: Float[np.ndarray, "c 5"],
     x: Float[np.ndarray, " i"],
-    cells: tuple[float, ...],
+    config: DetectConfig,
 ) -> Float[np.ndarray, "c 5"]:
-    """The best curves near the given ones, in cells of the given widths one after another."""
-    for cell in cells:
-        curves = narrowed(views, odds, curves, x, cell)
+    """The best curves near the given ones, in finer and finer cells."""
+    moves = config.narrow.reach, config.narrow.sags, config.narrow.move_cost
+    for width in config.narrow.cells:
+        curves = narrowed(views, odds, curves, x, config.sweep.cell * width, moves, config.sweep.min_views)
     return curves
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
-def narrowed(views, odds, curves, x, cell):
-    """Each curve (c, 5) at its best within `REACH` cells."""
-    planes, side = len(x), 2 * REACH + 1
+def narrowed(views, odds, curves, x, cell, moves, min_views):
+    """Each curve (c, 5) at its best within `reach` cells.
+
+    moves: the cells to each side by which ends are moved, and sags, and the cost of a cell in nats.
+    """
+    reach, sags, move_cost = moves
+    planes, side = len(x), 2 * reach + 1
     s = np.arange(planes) / (planes - 1)
     out = curves.copy()
     for c in prange(len(curves)):
@@ -52,27 +53,27 @@ def narrowed(views, odds, curves, x, cell):
         total, seen = np.zeros(side), np.zeros(side, np.int64)
         for i in range(planes):
             y, z = curve_point(curves[c], s[i])
-            low = z - REACH * cell
+            low = z - reach * cell
             for j in range(side):
                 column_odds(
-                    views, odds, (x[i], y + (j - REACH) * cell, low), cell, 0.5 * cell, total, seen
+                    views, odds, (x[i], y + (j - reach) * cell, low), cell, 0.5 * cell, total, seen
                 )  # fmt: skip
                 for k in range(side):
-                    if seen[k] >= FEWEST_VIEWS:
+                    if seen[k] >= min_views:
                         near[i, j, k] = total[k]
         best = -np.inf
         move = np.zeros(5)
         sheet = np.empty((planes, side), np.float32)
         for ends in range(side * side):
-            a, b = ends // side - REACH, ends % side - REACH
+            a, b = ends // side - reach, ends % side - reach
             for i in range(planes):
-                sheet[i] = near[i, int(np.floor(a + (b - a) * s[i] + 0.5)) + REACH]
+                sheet[i] = near[i, int(np.floor(a + (b - a) * s[i] + 0.5)) + reach]
             for heights in range(side * side):
-                d, e = heights // side - REACH, heights % side - REACH
-                for f in range(-SAGS, SAGS + 1):
-                    gain = -DEAR * (abs(a) + abs(b) + abs(d) + abs(e) + abs(f))
+                d, e = heights // side - reach, heights % side - reach
+                for f in range(-sags, sags + 1):
+                    gain = -move_cost * (abs(a) + abs(b) + abs(d) + abs(e) + abs(f))
                     for i in range(planes):
-                        k = int(np.floor(d + (e - d) * s[i] - 4 * f * s[i] * (1 - s[i]) + 0.5)) + REACH
+                        k = int(np.floor(d + (e - d) * s[i] - 4 * f * s[i] * (1 - s[i]) + 0.5)) + reach
                         if 0 <= k < side:
                             gain += sheet[i, k]
                     if gain > best:
@@ -85,7 +86,7 @@ def narrowed(views, odds, curves, x, cell):
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
 def curve_odds(views, odds, curves, x, reach):
-    """Odds of each curve in each plane, and how many views see it there: (c, i, 2)."""
+    """Log odds of each curve in each plane, and the number of views that see it there: (c, i, 2)."""
     out = np.zeros((len(curves), len(x), 2))
     for c in prange(len(curves)):
         total, seen = np.zeros(1), np.zeros(1, np.int64)

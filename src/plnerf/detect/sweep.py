@@ -1,9 +1,9 @@
-"""Where conductors may hang: odds in planes across the span, then a vote of hanging curves, coarse to fine.
+"""Where wires may hang: log odds in planes across the span, then a vote of hanging curves, coarse to fine.
 
 Letters: the span runs along +x of the scene frame; planes i at x_i, cells j across (y) and k upwards (z).  A
-curve is q = (y0, y1, z0, z1, b): offset and height in the first and in the last plane, and the sag b below
-the chord; y is linear and z quadratic in x (a parabola is within millimetres of a catenary of the same sag).
-n views; everything in scene units.
+curve is theta = (y_A, y_B, z_A, z_B, b): offset and height in the first and in the last plane, and the sag b
+below the chord; y is linear and z quadratic in x (a parabola is within millimetres of a catenary of the same
+sag).  n views; everything in scene units.
 """
 
 from typing import NamedTuple, no_type_check
@@ -12,27 +12,13 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from numba import njit, prange
 
+from plnerf.detect.config import SweepConfig
 from plnerf.detect.odds import Odds, column_odds
 from plnerf.detect.views import Views
 
-FEWEST_VIEWS = 3
-HALVINGS = 2
-"""The vote begins with cells 2^2 as wide as the finest."""
-STEEPEST = 0.25
-"""Largest slope of a chord upwards: 14 degrees."""
-ASKEW = 0.05
-"""Largest slope of a chord across the axis: 3 degrees."""
-DEEPEST = 0.06
-"""Largest sag, as a share of the length."""
-BEAM = 20000
-"""Coarse curves that are refined."""
-CANDIDATES = 600
-LEAST_OF_PLANE, MOST_OF_PLANE = -5.0, 8.0
-"""No plane speaks louder: a conductor may be hidden in some, and begin or end anywhere."""
-
 
 class Box(NamedTuple):
-    """Where conductors are looked for: planes at x, and cells from `low` (y, z) on."""
+    """The volume that is searched: planes at x, and cells from `low` (y, z) on."""
 
     x: Float[np.ndarray, " i"]
     low: tuple[float, float]
@@ -40,48 +26,51 @@ class Box(NamedTuple):
     shape: tuple[int, int]  # cells across and upwards
 
 
-def sweep(views: Views, odds: Odds, box: Box) -> Float32[np.ndarray, "i j k"]:
-    """Odds of a conductor in each cell of each plane, limited so that no plane outvotes others."""
-    volume = cell_odds(views, odds, box.x, box.low, box.cell, box.shape)
-    return np.clip(volume, LEAST_OF_PLANE, MOST_OF_PLANE)
+def sweep(views: Views, odds: Odds, box: Box, config: SweepConfig) -> Float32[np.ndarray, "i j k"]:
+    """Log odds of a wire in each cell of each plane, limited so that no plane outvotes others."""
+    volume = cell_odds(views, odds, box, config.min_views)
+    return np.clip(volume, config.min_plane, config.max_plane)
 
 
-def candidates(volume: Float32[np.ndarray, "i j k"], box: Box) -> Float[np.ndarray, "c 5"]:
+def candidates(
+    volume: Float32[np.ndarray, "i j k"], box: Box, config: SweepConfig
+) -> Float[np.ndarray, "c 5"]:
     """The curves of any shape with the highest odds, best first, none within a cell of another."""
     pyramid = [volume]
-    for _ in range(HALVINGS):
-        pyramid.append(halved(pyramid[-1]))
-    length = (box.x[-1] - box.x[0]) / box.cell / 2**HALVINGS
-    sags = np.arange(round(DEEPEST * length) + 1)
-    drift = max(1, round(ASKEW * length)), max(1, round(STEEPEST * length))
+    for _ in range(config.halvings):
+        pyramid.append(halved(pyramid[-1], config.min_plane))
+    length = (box.x[-1] - box.x[0]) / box.cell / 2**config.halvings
+    sags = np.arange(round(config.max_sag * length) + 1)
+    drift = max(1, round(config.max_askew * length)), max(1, round(config.max_slope * length))
     score, sag = vote(pyramid[-1], *drift, sags)
-    order = np.argsort(-score, axis=None, kind="stable")[:BEAM]
+    order = np.argsort(-score, axis=None, kind="stable")[: config.beam]
     j0, j1, k0, k1 = np.unravel_index(order, score.shape)
     curves = np.stack([j0, j0 + j1 - drift[0], k0, k1, sag.ravel()[order]], 1)
     for finer in pyramid[-2::-1]:
         curves, score = refine(finer, 2 * curves)
         curves, score = best_distinct(curves, score, len(curves) // 4)
-    return _scene_units(apart(curves), box)
+    return _scene_units(well_apart(curves, config.max_candidates), box)
 
 
-def alike(
-    volume: Float32[np.ndarray, "i j k"], box: Box, q: Float[np.ndarray, "5"]
+def candidates_like(
+    theta: Float[np.ndarray, "5"], volume: Float32[np.ndarray, "i j k"], box: Box, config: SweepConfig
 ) -> Float[np.ndarray, "c 5"]:
-    """The same for curves of the shape of q, or nearly: all conductors of a span hang much alike."""
+    """The same for curves of the shape of theta, or nearly: all wires of a span hang much alike."""
     _, ny, nz = volume.shape
-    shape = np.rint(np.array([0, q[1] - q[0], 0, q[3] - q[2], q[4]]) / box.cell).astype(np.int64)
+    y_A, y_B, z_A, z_B, b = theta
+    shape = np.rint(np.array([0, y_B - y_A, 0, z_B - z_A, b]) / box.cell).astype(np.int64)
     j, k = (part.ravel() for part in np.meshgrid(np.arange(ny), np.arange(nz), indexing="ij"))
     curves = shape + np.stack([j, j, k, k, np.zeros_like(j)], 1)
-    for most in (BEAM // 4, BEAM // 16):
+    for most in (config.beam // 4, config.beam // 16):
         curves, score = refine(volume, curves)
         curves, score = best_distinct(curves, score, most)
-    return _scene_units(apart(curves), box)
+    return _scene_units(well_apart(curves, config.max_candidates), box)
 
 
-def halved(volume: Float32[np.ndarray, "i j k"]) -> Float32[np.ndarray, "i J K"]:
-    """The largest of 2 x 2 cells: cells twice as wide."""
+def halved(volume: Float32[np.ndarray, "i j k"], outside: float) -> Float32[np.ndarray, "i J K"]:
+    """The largest of 2 x 2 cells: cells twice as wide; `outside` is the value beyond the last cell."""
     i, j, k = volume.shape
-    padded = np.full((i, j + j % 2, k + k % 2), LEAST_OF_PLANE, np.float32)
+    padded = np.full((i, j + j % 2, k + k % 2), outside, np.float32)
     padded[:, :j, :k] = volume
     return padded.reshape(i, (j + 1) // 2, 2, (k + 1) // 2, 2).max((2, 4))
 
@@ -96,15 +85,15 @@ def best_distinct(
     return curves[order], score[order]
 
 
-def apart(curves: Int[np.ndarray, "c 5"]) -> Int[np.ndarray, "d 5"]:
+def well_apart(curves: Int[np.ndarray, "c 5"], most: int) -> Int[np.ndarray, "d 5"]:
     """The first of all curves that lie within a cell of each other at both ends and in the middle."""
-    y0, y1, z0, z1, b = curves.T
-    place = np.stack([y0, y1, (y0 + y1) / 2, z0, z1, (z0 + z1) / 2 - b], 1)
+    y_A, y_B, z_A, z_B, b = curves.T
+    place = np.stack([y_A, y_B, (y_A + y_B) / 2, z_A, z_B, (z_A + z_B) / 2 - b], 1)
     kept: list[int] = []
     for c in range(len(curves)):
         if not kept or (np.abs(place[kept] - place[c]).max(1) > 1).all():
             kept.append(c)
-            if len(kept) == CANDIDATES:
+            if len(kept) == most:
                 break
     return curves[kept]
 
@@ -116,16 +105,16 @@ def _scene_units(cells: Int[np.ndarray, "c 5"], box: Box) -> Float[np.ndarray, "
 
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
-def cell_odds(views, odds, x, low, cell, shape):
-    """Odds of each cell (i, j, k): the sum over the views that see it; 0 where too few do."""
-    ny, nz = shape
+def cell_odds(views, odds, box, min_views):
+    """Log odds of each cell (i, j, k): the sum over the views that see it; 0 where too few do."""
+    x, low, cell, (ny, nz) = box.x, box.low, box.cell, box.shape
     out = np.zeros((len(x), ny, nz), np.float32)
     for ij in prange(len(x) * ny):
         i, j = ij // ny, ij % ny
         total, seen = np.zeros(nz), np.zeros(nz, np.int64)
         column_odds(views, odds, (x[i], low[0] + j * cell, low[1]), cell, 0.5 * cell, total, seen)
         for k in range(nz):
-            if seen[k] >= FEWEST_VIEWS:
+            if seen[k] >= min_views:
                 out[i, j, k] = total[k]
     return out
 

@@ -1,4 +1,4 @@
-"""Cameras as the kernels of this room want them, and where they see a point.
+"""Cameras as arrays for the kernels of this room, and the projection of a point into them.
 
 Letters: n views.  Everything in scene units, float64.
 """
@@ -12,7 +12,7 @@ from numba import njit
 from plnerf.scene.cameras import Cameras
 
 NEAREST = 1e-6
-"""Depth from which on points are seen."""
+"""Least depth of a point in front of a camera, in scene units."""
 
 
 class Views(NamedTuple):
@@ -28,7 +28,7 @@ class Views(NamedTuple):
 
 
 def views_of(cameras: Cameras) -> Views:
-    """The kernels' form of some cameras."""
+    """Cameras as arrays."""
     R_camera_scene = np.ascontiguousarray(cameras.R_scene_camera.double().numpy().transpose(0, 2, 1))
     sizes = cameras.size_px.numpy()
     starts = np.concatenate([[0], np.cumsum(sizes.prod(1))[:-1]]).astype(np.int64)
@@ -45,8 +45,8 @@ def views_of(cameras: Cameras) -> Views:
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def bent(lens, u, v):
-    """Where a lens puts what is at u, v of the plane at depth 1; not a number where it sees nothing."""
+def distort(lens, u, v):
+    """The lens distortion of u, v in the plane at depth 1; NaN beyond what the lens can see."""
     r2 = u * u + v * v
     if r2 > 16:
         return np.nan, np.nan  # 76 degrees off the axis: no lens of this model sees it
@@ -59,8 +59,8 @@ def bent(lens, u, v):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def look_at(views, n, x, y, z):
-    """Pixel (u, v) at which view n sees a point, and its depth; depth -1 where it is not in the image."""
+def project_point(views, n, x, y, z):
+    """Pixel (u, v) of a point in view n, and its depth; depth -1 where it is not in the image."""
     R, c = views.R[n], views.centre[n]
     dx, dy, dz = x - c[0], y - c[1], z - c[2]
     depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
@@ -68,7 +68,7 @@ def look_at(views, n, x, y, z):
         return 0.0, 0.0, -1.0
     u = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / depth
     v = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / depth
-    u, v = bent(views.distortion[n], u, v)
+    u, v = distort(views.distortion[n], u, v)
     x_px, y_px = u * views.focal[n, 0] + views.principal[n, 0], v * views.focal[n, 1] + views.principal[n, 1]
     if not (0 <= x_px < views.sizes[n, 0] and 0 <= y_px < views.sizes[n, 1]):
         return 0.0, 0.0, -1.0
@@ -77,13 +77,13 @@ def look_at(views, n, x, y, z):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def look_across(views, n, point, on):
+def project_across(views, n, point, on):
     """Pixel and depth of a point of a curve, the unit normal of its image, and how far `on` is along it.
 
     `on` is a little further on the curve; depth -1 where one of the two is not in the image.
     """
-    u, v, depth = look_at(views, n, point[0], point[1], point[2])
-    u_on, v_on, depth_on = look_at(views, n, on[0], on[1], on[2])
+    u, v, depth = project_point(views, n, point[0], point[1], point[2])
+    u_on, v_on, depth_on = project_point(views, n, on[0], on[1], on[2])
     if depth < 0 or depth_on < 0:
         return 0.0, 0.0, -1.0, 0.0, 0.0, 0.0
     length = max(np.hypot(u_on - u, v_on - v), 1e-12)

@@ -1,16 +1,19 @@
-"""Where rays pass near known curves, so that samples can be laid there.
+"""Where rays pass near known wires, so that samples can be laid there.
 
-Letters: r rays o + t d, c curves (x, y(x), z(x)) of the scene frame, as in `curves.py`.
+Letters: r rays o + t d, c curves (x, y(x), z(x)) of the scene frame: y is linear and z quadratic in x, a
+parabola in an upright plane, within millimetres of the catenary of the same sag.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from plnerf.detect.curves import Curve
+from plnerf.line.frame import LineFrame
+from plnerf.line.wire import Wire
 from plnerf.rays.rays import Rays
 
 ITERATIONS = 3
@@ -23,12 +26,16 @@ WINDOWS = 2
 
 @dataclass(frozen=True)
 class Guides:
-    """c curves as tensors; `reach` is how far from a curve its conductor may be."""
+    """c curves as tensors, scene frame."""
 
     y: Float[Tensor, "c 2"]
+    """y = y[0] + y[1] x"""
     z: Float[Tensor, "c 3"]
+    """z = z[0] + z[1] x + z[2] x^2"""
     ends: Float[Tensor, "c 2"]
+    """Least and greatest x."""
     reach: Float[Tensor, " c"]
+    """Distance from the curve within which the wire lies."""
 
     def __len__(self) -> int:
         return self.reach.shape[0]
@@ -40,7 +47,7 @@ class Guides:
 
 @dataclass(frozen=True)
 class Windows:
-    """Where along the rays conductors may be: `WINDOWS` stretches, the same one twice where it is one."""
+    """Where along the rays wires may be: `WINDOWS` stretches, the same one twice where it is one."""
 
     low: Float[Tensor, "r k"]
     high: Float[Tensor, "r k"]
@@ -49,14 +56,38 @@ class Windows:
     """Whether there is one at all."""
 
 
-def guides_of(curves: Sequence[Curve]) -> Guides:
-    """Curves as tensors on the CPU."""
-    return Guides(
-        torch.tensor([curve.y for curve in curves], dtype=torch.float32),
-        torch.tensor([curve.z for curve in curves], dtype=torch.float32),
-        torch.tensor([curve.ends for curve in curves], dtype=torch.float32),
-        torch.tensor([curve.reach for curve in curves], dtype=torch.float32),
-    )
+def guides_of(wires: Sequence[Wire], frame: LineFrame) -> Guides:
+    """Upright wires that run along x, as tensors on the CPU.
+
+    frame: the wires', with a scene.  Every wire must have a reach.
+    """
+    y, z, ends, reach = [], [], [], []
+    for wire in wires:
+        (x0, y0, z0), (x1, y1, z1), b = parabola(wire, frame)
+        # t = (x - x0) / (x1 - x0) in y0 + (y1 - y0) t and z0 + (z1 - z0) t - 4 b t (1 - t)
+        length = x1 - x0
+        slope_y, slope_z, bend = (y1 - y0) / length, (z1 - z0 - 4 * b) / length, 4 * b / length**2
+        y.append((y0 - slope_y * x0, slope_y))
+        z.append((z0 - slope_z * x0 + bend * x0**2, slope_z - 2 * bend * x0, bend))
+        ends.append((min(x0, x1), max(x0, x1)))
+        reach.append(reach_in_scene(wire, frame))
+    return Guides(*(torch.tensor(values, dtype=torch.float32) for values in (y, z, ends, reach)))
+
+
+def parabola(wire: Wire, frame: LineFrame) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], float]:
+    """Ends of a wire and its sag b below the middle of the chord, scene frame.
+
+    Its points are those of the chord, 4 b t (1 - t) lower, with t in [0, 1] along the chord.
+    """
+    ends = frame.to_scene(wire.points(np.array([0.0, wire.base.length_m])))
+    return ends[0], ends[1], float(frame.to_scene(wire.theta[4:5])[0])
+
+
+def reach_in_scene(wire: Wire, frame: LineFrame) -> float:
+    """Distance from the curve within which a wire lies, in scene units."""
+    if wire.evidence.reach_m is None:
+        raise ValueError(f"wire {wire.id} was not detected in images: it has no reach")
+    return float(frame.to_scene(np.array([wire.evidence.reach_m]))[0])
 
 
 def windows(rays: Rays, guides: Guides, near: float) -> Windows:

@@ -1,4 +1,4 @@
-"""The field close to known curves, in the curves' own coordinates.
+"""The field close to detected wires, in the wires' own coordinates.
 
 A hash table of a scene is shared by everything in it: the few cells of a wire collide with the many of
 ground and trees, whose gradients win, and a wire of some centimetres never becomes dense.  Around each curve
@@ -10,45 +10,24 @@ Letters: c curves of `reach` R; a point's offsets u (along y) and v (along z) fr
 points.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
+from plnerf.field.config import TubeConfig
 from plnerf.field.guides import Guides, Windows
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp
-from plnerf.ops.dispatch import Backend
-from plnerf.ops.grid import GridShape
+from plnerf.ops.backends import Backend
 from plnerf.rays.rays import Rays
 
 FIRST_DEPTH = 0.2
 """Optical depth across a new tube: thin enough to see through, thick enough to have a gradient."""
 SLOTS = 16
 """Tubes side by side in the unit cube, and again as many rows of them."""
-
-
-@dataclass(frozen=True)
-class TubeConfig:
-    """Sizes of the field around curves."""
-
-    grid: GridShape = field(
-        default_factory=lambda: GridShape(levels=4, coarsest=32, finest=256, features=4, log2_table=17)
-    )
-    """Over a unit cube that is `SLOTS` tubes across."""
-    along: float = 1 / 16
-    """Share of the unit cube's side that a tube is long: the less, the farther a wire's cells reach along it,
-    and the fewer rays it takes to see where across the tube it hangs."""
-    hidden: int = 32
-    """Width of the only hidden layer."""
-
-    def __post_init__(self) -> None:
-        if self.hidden < 1:
-            raise ConfigError(f"A tube field needs hidden of 1 or more, but got {self.hidden}.")
-        if not 0 < self.along <= 1:
-            raise ConfigError(f"A tube field needs 0 < along <= 1, but got {self.along}.")
 
 
 @dataclass(frozen=True)

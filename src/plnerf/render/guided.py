@@ -1,8 +1,8 @@
-"""Samples where a ray passes near a curve that was found in the images.
+"""Samples where a ray passes near a wire that was detected in the images.
 
-A wire of some centimetres is hit by few of the samples that a histogram of metres spreads.  Where a curve is
-known, some of a ray's edges are laid within its reach instead; whether anything is there stays the colours'
-decision.
+A wire of some centimetres is hit by few of the samples that a histogram of metres spreads.  Where its
+curve is known, some of a ray's edges are laid within its reach instead; whether anything is there stays the
+colours' decision.
 """
 
 import torch
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from plnerf.field.guides import Windows
-from plnerf.rays.warp import to_warped
+from plnerf.rays.warp import t_to_s
 
 
 def guide_edges(
@@ -33,7 +33,7 @@ def guide_edges(
         jitter = torch.rand(len(s), 1, 1, generator=generator, device=s.device, dtype=s.dtype)
     share = even + offset + jitter / count
     low, high = found.low[..., None], found.high[..., None]
-    laid = to_warped(low + share * (high - low), *warp).flatten(1)
+    laid = t_to_s(low + share * (high - low), *warp).flatten(1)
     edges = s.shape[1]
     kept = torch.ones(edges, dtype=torch.bool)
     kept[torch.linspace(1, edges - 2, laid.shape[1]).round().long()] = False

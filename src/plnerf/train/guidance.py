@@ -1,4 +1,4 @@
-"""Conductors found in the training images, kept in the run folder, and what training makes of them."""
+"""Wires detected in the training images, kept in the run folder, and what training makes of them."""
 
 import time
 from collections.abc import Sequence
@@ -7,68 +7,93 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
-from plnerf.detect.curves import Curve, read_curves, write_curves
-from plnerf.detect.detect import compile_search, find_curves
-from plnerf.field.guides import Guides, guides_of
+from plnerf.detect.detect import compile_kernels, detect_wires
+from plnerf.errors import ConfigError
+from plnerf.field.guides import Guides, guides_of, parabola, reach_in_scene
+from plnerf.line.files import read_wires, write_wires
+from plnerf.line.frame import LineFrame
+from plnerf.line.wire import Wire
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.pixels import Pool, detail_pools
+from plnerf.train.settings import to_json
 
-CURVES = "curves.json"
+WIRES = "wires.json"
+OLD_WIRES = "curves.json"
+"""What earlier versions wrote in its place."""
 WIDEST_PX = 24
+POINTS = 200
+"""Points of a wire that are joined in the images."""
 
 
-def run_curves(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Curve, ...], float]:
-    """The certain curves, and the seconds it took to find them: 0 where they are there already."""
+def run_wires(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Wire, ...], float]:
+    """The certain wires, and the seconds it took to detect them: 0 where they are there already.
+
+    Raises ConfigError where an earlier version wrote the run, SurveyError where its wires cannot be read.
+    """
     if not config.train.find_wires:
         return (), 0.0
-    if (path := folder / CURVES).exists():
-        return certain(read_curves(path)), 0.0
-    compile_search()  # like that of the first step, not charged to a budget in seconds
+    if (folder / OLD_WIRES).exists():
+        raise ConfigError(
+            f"{folder} was written by an earlier version of plnerf: it holds {OLD_WIRES}. Train again into "
+            f"another folder: plnerf train {config.scene} -o FOLDER."
+        )
+    if (path := folder / WIRES).exists():
+        return certain(read_wires(path)[0]), 0.0
+    compile_kernels()  # like that of the first step, not counted against a budget in seconds
     start = time.perf_counter()
-    curves = find_curves(scene)
+    wires = detect_wires(scene, config.detect)
     folder.mkdir(parents=True, exist_ok=True)
-    write_curves(path, curves)
-    return certain(curves), time.perf_counter() - start
+    write_wires(path, wires, LineFrame.of_scene(scene.frames), to_json(config.detect))
+    return certain(wires), time.perf_counter() - start
 
 
-def certain(curves: Sequence[Curve]) -> tuple[Curve, ...]:
+def certain(wires: Sequence[Wire]) -> tuple[Wire, ...]:
     """Those whose place the views fix: the others would lead samples astray."""
-    return tuple(curve for curve in curves if curve.certain)
+    return tuple(wire for wire in wires if wire.evidence.certain)
 
 
-def guides_for(curves: Sequence[Curve], config: RunConfig) -> Guides | None:
-    """The curves as the sampler wants them."""
-    return guides_of(curves).to(config.device) if curves and config.model.sampler.guided else None
+def guides_for(wires: Sequence[Wire], scene: Scene, config: RunConfig) -> Guides | None:
+    """The wires as the sampler wants them."""
+    if not wires or not config.model.sampler.guided:
+        return None
+    return guides_of(wires, LineFrame.of_scene(scene.frames)).to(config.device)
 
 
-def favoured_pixels(config: RunConfig, scene: Scene, curves: Sequence[Curve]) -> tuple[Pool, ...]:
-    """The pools of pixels that a run draws more often: details, and those along the curves."""
+def favoured_pixels(config: RunConfig, scene: Scene, wires: Sequence[Wire]) -> tuple[Pool, ...]:
+    """The pools of pixels that a run draws more often: details, and those along the wires."""
     cfg = config.train
     pools = detail_pools(scene.images, scene.train, cfg.detail_share, cfg.detail_part, cfg.detail_map)
-    if curves and cfg.curve_share and len(pixels := curve_pixels(scene, curves)):
+    if wires and cfg.curve_share and len(pixels := wire_pixels(scene, wires)):
         return (*pools, Pool(pixels, cfg.curve_share))
     return pools
 
 
-def curve_pixels(scene: Scene, curves: Sequence[Curve]) -> Int[np.ndarray, " d"]:
-    """Flat indices of the training pixels within reach of a curve, in increasing order."""
-    found = []
-    points = [torch.from_numpy(curve.points(np.linspace(*curve.ends, 200))).float() for curve in curves]
-    seen = [project(scene.cameras, p) for p in points]
+def wire_pixels(scene: Scene, wires: Sequence[Wire]) -> Int[np.ndarray, " d"]:
+    """Flat indices of the training pixels within reach of a wire, in increasing order."""
+    frame, found = LineFrame.of_scene(scene.frames), []
+    seen = [project(scene.cameras, torch.from_numpy(scene_points(wire, frame)).float()) for wire in wires]
+    reaches = [reach_in_scene(wire, frame) for wire in wires]
     for i in sorted(scene.train):
         w, h = (int(side) for side in scene.cameras.size_px[i])
         near = np.zeros((h, w), np.uint8)
-        for curve, (pixels, depths) in zip(curves, seen, strict=True):
+        for reach, (pixels, depths) in zip(reaches, seen, strict=True):
             at, depth = pixels[i].numpy(), depths[i].numpy()
             inside = (depth > 1e-3) & (np.abs(at - [w / 2, h / 2]) < [2 * w, 2 * h]).all(1)
-            width = 2 * curve.reach * float(scene.cameras.focal_px[i].mean()) / np.maximum(depth, 1e-3)
+            width = 2 * reach * float(scene.cameras.focal_px[i].mean()) / np.maximum(depth, 1e-3)
             for k in np.flatnonzero(inside[1:] & inside[:-1]):
                 thick = int(np.clip(width[k], 3, WIDEST_PX))
                 a, b = (tuple(int(v) for v in at[j]) for j in (k, k + 1))
                 cv2.line(near, a, b, 255, thick)
         found.append(scene.images.starts[i] + np.flatnonzero(near))
     return np.concatenate(found).astype(np.int64)
+
+
+def scene_points(wire: Wire, frame: LineFrame) -> Float[np.ndarray, "m 3"]:
+    """Points of a wire from end to end, as its guide has them, in the scene frame."""
+    first, last, sag = parabola(wire, frame)
+    t = np.linspace(0.0, 1.0, POINTS)[:, None]
+    return first + t * (last - first) - 4 * sag * t * (1 - t) * np.array([0.0, 0.0, 1.0])

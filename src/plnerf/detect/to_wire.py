@@ -1,0 +1,87 @@
+"""A candidate as a `Wire` of the LineFrame: the boundary between the scene frame and what later rooms use.
+
+Letters: s in [0, 1] from the first to the last plane of the fit; theta as in `sweep.py`.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from plnerf.detect.candidate import Candidate
+from plnerf.detect.config import CertaintyConfig
+from plnerf.detect.narrow import curve_point
+from plnerf.detect.views import Views
+from plnerf.line.base import Base
+from plnerf.line.ends import Evidence, Open
+from plnerf.line.frame import LineFrame
+from plnerf.line.wire import Wire
+
+OPEN = Open("not searched beyond what the images show")
+PLACES = 20
+"""Places along a wire at which its uncertainty is evaluated."""
+
+
+def wire_of(
+    candidate: Candidate,
+    ends: tuple[int, int],
+    x: Float[np.ndarray, " i"],
+    footprint: float,
+    frame: LineFrame,
+    number: int,
+    config: CertaintyConfig,
+) -> Wire:
+    """The wire between two planes, its base along x.
+
+    x: planes of the fit; footprint: width of a pixel on the wire; both in scene units.  number: its id.
+    """
+    low, high = float(x[ends[0]]), float(x[ends[1]])
+    T = transport_matrix(*((end - x[0]) / (x[-1] - x[0]) for end in (low, high)))
+    covariance = T @ candidate.covariance @ T.T
+    sigma = worst_sigma(covariance)
+    unit = float(frame.from_scene(np.ones(1))[0])
+    in_line = np.zeros((6, 6))
+    in_line[:5, :5] = unit**2 * covariance
+    seen = [float(np.clip(x[plane], low, high)) for plane in candidate.seen]
+    return Wire(
+        id=number,
+        base=Base(np.array([unit * low, 0.0]), np.array([unit * high, 0.0])),
+        theta=np.append(unit * (T @ candidate.theta), 0.0),
+        covariance=in_line,
+        ends=(OPEN, OPEN),
+        evidence=Evidence(
+            source=f"{candidate.images} images",
+            count=candidate.images,
+            coverage=(seen[1] - seen[0]) / (high - low),
+            longest_gap_m=unit * max(seen[0] - low, high - seen[1]),
+            certain=sigma <= config.certain_px * footprint,
+            reach_m=unit * max(config.reach_sigmas * sigma, config.reach_px * footprint),
+            seen_m=((unit * (seen[0] - low), unit * (seen[1] - low)),),
+        ),
+    )
+
+
+def transport_matrix(low: float, high: float) -> Float[np.ndarray, "5 5"]:
+    """Maps theta to that of the same parabola between s = low and s = high; linear."""
+    offsets = [[1 - s, s, 0.0, 0.0, 0.0] for s in (low, high)]
+    heights = [[0.0, 0.0, 1 - s, s, -4 * s * (1 - s)] for s in (low, high)]
+    return np.array([*offsets, *heights, [0.0, 0.0, 0.0, 0.0, (high - low) ** 2]])
+
+
+def worst_sigma(covariance: Float[np.ndarray, "5 5"]) -> float:
+    """Standard deviation across the wire, in its least certain direction at its least certain place."""
+    s = np.linspace(0.0, 1.0, PLACES)
+    J = np.zeros((PLACES, 2, 5))
+    J[:, 0, 0] = J[:, 1, 2] = 1 - s
+    J[:, 0, 1] = J[:, 1, 3] = s
+    J[:, 1, 4] = -4 * s * (1 - s)
+    return float(np.linalg.eigvalsh(J @ covariance @ J.transpose(0, 2, 1))[:, -1].max()) ** 0.5
+
+
+def typical_footprint(
+    views: Views, theta: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"], config: CertaintyConfig
+) -> float:
+    """Median width of a pixel on the curve, over planes, of the nearest views; scene units."""
+    y, z = curve_point(theta, np.linspace(0, 1, len(x)))
+    points = np.stack([x, y, z], 1)
+    distance = np.linalg.norm(points[:, None] - views.centre[None], axis=2) / views.focal[:, 0]
+    nearest = max(3, int(len(views.centre) * config.nearest_views))
+    return float(np.median(np.sort(distance, 1)[:, :nearest]))
