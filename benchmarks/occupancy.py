@@ -12,7 +12,7 @@ import torch
 
 from plnerf.errors import ConfigError
 from plnerf.render.images import RenderedView, render_view
-from plnerf.render.occupied import OccupiedNeRF
+from plnerf.render.occupancy_grid import OccupancyGridNeRF
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.metrics import psnr_of_mse
 from plnerf.train.run import TrainedRun, open_run
@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
     """Prints what both pictures have in common."""
     run = open_run(folder)
     model = run.model
-    if not isinstance(model, OccupiedNeRF):
+    if not isinstance(model, OccupancyGridNeRF):
         raise ConfigError(f"{folder} was trained by {run.config.preset!r}, which has no occupancy grid.")
     with_grid, seconds, share = pictures(run, model)
     model.skips = False
@@ -40,22 +40,22 @@ def main(folder: Path) -> None:
         print(f"held-out PSNR {name} the grid: {score:.2f} dB")
 
 
-def pictures(run: TrainedRun, model: OccupiedNeRF) -> tuple[list[RenderedView], float, float]:
+def pictures(run: TrainedRun, model: OccupancyGridNeRF) -> tuple[list[RenderedView], float, float]:
     """The held-out views, the seconds they took, and the share of intervals that were looked at."""
     looked: list[tuple[int, int]] = []
-    own = model.looked_at
+    own = model.evaluated
 
     def counted(unit: torch.Tensor, t: torch.Tensor) -> torch.Tensor:
         full = own(unit, t)
         looked.append((int(full.sum()), full.numel()))
         return full
 
-    model.looked_at = counted  # type: ignore[method-assign]
+    model.evaluated = counted  # type: ignore[method-assign]
     clock = time.perf_counter()
     appearance = mean_appearance(run)
     views = [render_view(model, run.scene.cameras[[i]], appearance, normals=False) for i in run.scene.test]
     seconds = time.perf_counter() - clock
-    del model.looked_at
+    del model.evaluated
     full, of = np.sum(looked, axis=0)
     return views, seconds, float(full / of)
 

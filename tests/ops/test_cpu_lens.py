@@ -56,7 +56,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     cameras, (camera, pixel) = make_cameras(torch.float32), pixels(101, torch.float32)
     alone = pixel_rays(cameras, camera, pixel, "numba")
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)
-    monkeypatch.setattr(launch, "parts", lambda: 3)
+    monkeypatch.setattr(launch, "num_threads", lambda: 3)
     for a, b in zip(fields(pixel_rays(cameras, camera, pixel, "numba")), fields(alone), strict=True):
         assert torch.equal(a, b)
     assert cpu_lens._cast_parallel.signatures  # it did run

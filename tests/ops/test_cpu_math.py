@@ -5,15 +5,15 @@ import pytest
 from numba import njit
 
 from plnerf.ops.cpu_arrays import FAST
-from plnerf.ops.cpu_math import decay, power, sin_cos
+from plnerf.ops.cpu_math import exp_and_expm1_neg, power, sin_cos
 
 DTYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 
 
 @njit(fastmath=FAST)
-def decays(x, left, gone):  # type: ignore[no-untyped-def]
+def exponentials(x, exp_neg, alpha):  # type: ignore[no-untyped-def]
     for i in range(len(x)):
-        left[i], gone[i] = decay(x[i])
+        exp_neg[i], alpha[i] = exp_and_expm1_neg(x[i])
 
 
 @njit(fastmath=FAST)
@@ -29,25 +29,25 @@ def powers(x, exponent, out):  # type: ignore[no-untyped-def]
 
 
 @DTYPES
-def test_decay_is_accurate_relatively(dtype: type) -> None:
+def test_exponentials_is_accurate_relatively(dtype: type) -> None:
     x = np.concatenate([[0], np.logspace(-37, 1.9, 40_001), np.linspace(0, 87, 40_001)]).astype(dtype)
-    left, gone = np.empty_like(x), np.empty_like(x)
-    decays(x, left, gone)
-    np.testing.assert_allclose(left, np.exp(-x.astype(np.float64)), rtol=1.5e-7)
-    np.testing.assert_allclose(gone, -np.expm1(-x.astype(np.float64)), rtol=1.5e-7)
-    assert (left[0], gone[0]) == (1, 0)
+    exp_neg, alpha = np.empty_like(x), np.empty_like(x)
+    exponentials(x, exp_neg, alpha)
+    np.testing.assert_allclose(exp_neg, np.exp(-x.astype(np.float64)), rtol=1.5e-7)
+    np.testing.assert_allclose(alpha, -np.expm1(-x.astype(np.float64)), rtol=1.5e-7)
+    assert (exp_neg[0], alpha[0]) == (1, 0)
 
 
 @DTYPES
-def test_decay_ends_and_nan_stays(dtype: type) -> None:
+def test_exponentials_ends_and_nan_stays(dtype: type) -> None:
     x = np.array([87.01, 1e3, 1e30, np.inf, np.nan], dtype)
-    left, gone = np.empty_like(x), np.empty_like(x)
-    decays(x, left, gone)
-    np.testing.assert_allclose(left[:4], 0, atol=1.7e-38)
-    assert gone[:4].tolist() == [1, 1, 1, 1]
-    assert left[2] == left[3] == 0
-    assert np.isnan(left[4])
-    assert np.isnan(gone[4])
+    exp_neg, alpha = np.empty_like(x), np.empty_like(x)
+    exponentials(x, exp_neg, alpha)
+    np.testing.assert_allclose(exp_neg[:4], 0, atol=1.7e-38)
+    assert alpha[:4].tolist() == [1, 1, 1, 1]
+    assert exp_neg[2] == exp_neg[3] == 0
+    assert np.isnan(exp_neg[4])
+    assert np.isnan(alpha[4])
 
 
 @DTYPES

@@ -9,7 +9,7 @@ from plnerf.ops import cpu_rays, launch
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
 from plnerf.rays.frustums import ray_frustums
 from plnerf.rays.rays import Rays
-from plnerf.rays.warp import to_distance
+from plnerf.rays.warp import s_to_t
 
 STRETCH = (0.4, 2.0, 1.5)
 DTYPES = pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
@@ -30,7 +30,7 @@ def edges(n: int, intervals: int, dtype: torch.dtype = torch.float64) -> Tensor:
     s = torch.rand(n, intervals + 1, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     s = s.sort(-1).values
     s[::3, intervals // 2 :] = s[::3, intervals // 2, None]
-    return to_distance(s, 0.03, 1000.0, 0.25).to(dtype)
+    return s_to_t(s, 0.03, 1000.0, 0.25).to(dtype)
 
 
 def truth(rays: Rays, t: Tensor, contraction: bool, octaves: int) -> tuple[Tensor, Tensor]:
@@ -125,16 +125,16 @@ def test_distances_are_the_truth(knee: float, dtype: torch.dtype) -> None:
     s = torch.rand(20, 33, generator=torch.Generator().manual_seed(0), dtype=torch.float64).to(dtype)
     s[0, :2] = torch.tensor([0.0, 1.0])
     for edges_of in (s, s.t(), s[0], s[:0]):
-        found = cpu_rays.to_distance(edges_of, 0.05, 1000.0, knee)
+        found = cpu_rays.s_to_t(edges_of, 0.05, 1000.0, knee)
         assert found.shape == edges_of.shape
         torch.testing.assert_close(
-            found, to_distance(edges_of, 0.05, 1000.0, knee), rtol=1e-6 if dtype == torch.float32 else 1e-13,
+            found, s_to_t(edges_of, 0.05, 1000.0, knee), rtol=1e-6 if dtype == torch.float32 else 1e-13,
             atol=0,
         )  # fmt: skip
 
 
 def test_distances_in_single_precision_are_increasing() -> None:
-    t = cpu_rays.to_distance(torch.linspace(0, 1, 257), 0.05, 1000.0, 1.0)
+    t = cpu_rays.s_to_t(torch.linspace(0, 1, 257), 0.05, 1000.0, 1.0)
     assert bool((t.diff() > 0).all())
     assert t[-1].item() == pytest.approx(1000, rel=1e-5)
 
@@ -145,7 +145,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     alone = twin(rays, t, True, 6)
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)
     for parts in (2, 7):
-        monkeypatch.setattr(launch, "parts", lambda parts=parts: parts)
+        monkeypatch.setattr(launch, "num_threads", lambda parts=parts: parts)
         for a, b in zip(twin(rays, t, True, 6), alone, strict=True):
             assert torch.equal(a, b)
 
@@ -170,7 +170,7 @@ def test_gradients_that_would_be_lost_and_mixed_types_are_refused() -> None:
         twin(moving, t, True, 2)
     with torch.no_grad():
         twin(moving, t, True, 2)
-    with pytest.raises(NotImplementedError, match="to_distance on the CPU has no gradient by s"):
-        cpu_rays.to_distance(t.requires_grad_(), 0.1, 10.0, 1.0)
+    with pytest.raises(NotImplementedError, match="s_to_t on the CPU has no gradient by s"):
+        cpu_rays.s_to_t(t.requires_grad_(), 0.1, 10.0, 1.0)
     with pytest.raises(TypeError, match="tensors of one type"):
         twin(make_rays(2, torch.float32), t.detach(), True, 2)

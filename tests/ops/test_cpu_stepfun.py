@@ -193,6 +193,6 @@ def test_strided_inputs_and_threads_change_nothing(monkeypatch: pytest.MonkeyPat
     assert all(torch.equal(a, b) for a, b in zip(strided, alone, strict=True))
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)
     for parts in (2, 7):
-        monkeypatch.setattr(launch, "parts", lambda parts=parts: parts)
+        monkeypatch.setattr(launch, "num_threads", lambda parts=parts: parts)
         assert all(torch.equal(a, b) for a, b in zip(run(*given, u), alone, strict=True))
     assert cpu_stepfun._interlevel_parallel.signatures  # they did run

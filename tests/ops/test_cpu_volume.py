@@ -218,6 +218,6 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     alone = run()
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)
     for parts in (2, 7):
-        monkeypatch.setattr(launch, "parts", lambda parts=parts: parts)
+        monkeypatch.setattr(launch, "num_threads", lambda parts=parts: parts)
         assert all(torch.equal(a, b) for a, b in zip(run(), alone, strict=True))
     assert cpu_volume._weights_parallel.signatures  # they did run

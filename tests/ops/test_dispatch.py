@@ -5,7 +5,8 @@ import torch
 
 from plnerf.errors import ConfigError
 from plnerf.ops import dispatch
-from plnerf.ops.dispatch import Backend, hash_encode, resolve_backend
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import hash_encode, resolve_backend
 from plnerf.ops.grid import GridShape
 
 

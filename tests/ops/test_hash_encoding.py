@@ -184,7 +184,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
             (numba.config.NUMBA_NUM_THREADS, 7),
         ]:
             numba.set_num_threads(threads)
-            monkeypatch.setattr(cpu_arrays, "parts", lambda parts=parts: parts)
+            monkeypatch.setattr(cpu_arrays, "num_threads", lambda parts=parts: parts)
             runs.append(derivatives(cpu_hash.hash_encode, grid, *inputs))
     finally:
         numba.set_num_threads(before)

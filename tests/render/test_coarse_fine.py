@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.field.vanilla import VanillaConfig, VanillaField, density_normals
+from plnerf.field.config import VanillaConfig
+from plnerf.field.vanilla import VanillaField, density_normals
 from plnerf.rays.rays import Rays
-from plnerf.render.coarse_fine import CoarseFineConfig, CoarseFineNeRF, spread
-from plnerf.render.proposals import SamplerConfig
+from plnerf.render.coarse_fine import CoarseFineNeRF, spread
+from plnerf.render.config import CoarseFineConfig, SamplerConfig
 from plnerf.render.system import RenderedRays
-from plnerf.train.losses import LossWeights, loss_terms
+from plnerf.train.config import LossWeights
+from plnerf.train.losses import loss_terms
 
 IMAGES = 3
 FIELD = VanillaConfig(octaves=4, depth=3, width=16, skip=2, colour_width=8, appearance=2, normals=True)
@@ -117,7 +119,7 @@ def test_mip_nerf_is_nerf_where_cones_are_infinitely_thin() -> None:
     for radius in (1e-1, 1e-2, 0.0):
         rays = some_rays(5, radius, torch.float64)
         zero = torch.zeros(5, FIELD.appearance, dtype=torch.float64)
-        seen, thin = (model.look(model.field, rays, s, zero)[0] for model in (nerf, mip))
+        seen, thin = (model.evaluate(model.field, rays, s, zero)[0] for model in (nerf, mip))
         apart.append(float((seen.colour - thin.colour).abs().max()))
     assert apart[0] > 5 * apart[1] and apart[2] < 1e-4 and apart[1] < 1e-3
 

@@ -3,10 +3,11 @@
 import torch
 from tests.render.test_coarse_fine import some_rays
 
-from plnerf.field.vanilla import VanillaConfig
-from plnerf.render.deep_proposals import DeepProposalsConfig, DeepProposalsNeRF
-from plnerf.render.proposals import SamplerConfig
-from plnerf.train.losses import LossWeights, loss_terms
+from plnerf.field.config import VanillaConfig
+from plnerf.render.config import DeepProposalsConfig, SamplerConfig
+from plnerf.render.deep_proposals import DeepProposalsNeRF
+from plnerf.train.config import LossWeights
+from plnerf.train.losses import loss_terms
 
 SMALL = VanillaConfig(
     encoding="ipe", octaves=4, contraction=True, depth=3, width=16, skip=2, colour_width=8, appearance=2,

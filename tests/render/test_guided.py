@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from plnerf.field.guides import Windows
-from plnerf.rays.warp import to_distance, to_warped
+from plnerf.rays.warp import s_to_t, t_to_s
 from plnerf.render.guided import guide_edges
 
 WARP = (0.03, 1000.0, 0.25)
@@ -53,10 +53,10 @@ def test_edges_stay_sorted_as_many_and_between_the_ends(
 @pytest.mark.parametrize("count", [2, 8, 16])
 def test_a_window_holds_its_share_of_the_edges(count: int, k: int, seed: int | None) -> None:
     """Counted against the edges that were kept: those are all in the first tenth here, before any window."""
-    s = some_edges(50, 24, 0) * to_warped(torch.tensor(0.045), *WARP)
+    s = some_edges(50, 24, 0) * t_to_s(torch.tensor(0.045), *WARP)
     s[:, -1] = 1
     found = some_windows(50, k, 1, share=2.0)
-    t = to_distance(guide_edges(s, found, count, WARP, a_generator(seed)), *WARP)
+    t = s_to_t(guide_edges(s, found, count, WARP, a_generator(seed)), *WARP)
     slack = 1e-5
     inside = (t[:, None] >= found.low[..., None] - slack) & (t[:, None] <= found.high[..., None] + slack)
     assert (inside.sum(-1) >= count // k).all()
@@ -81,7 +81,7 @@ def test_jitter_moves_edges_within_their_parts_and_fills_the_window() -> None:
     s[:, -1] = 1
     seen = []
     for seed in range(200):
-        t = to_distance(guide_edges(s, found, 4, WARP, a_generator(seed)), *WARP)[0]
+        t = s_to_t(guide_edges(s, found, 4, WARP, a_generator(seed)), *WARP)[0]
         share = (t - found.low[0]) / (found.high[0] - found.low[0])
         seen.append(share[(share > -0.01) & (share < 1.01)])
     shares = torch.stack(seen)  # (200, 4)
@@ -95,7 +95,7 @@ def test_without_a_generator_edges_are_in_the_middles_and_repeat() -> None:
     s[:, -1] = 1
     a, b = (guide_edges(s, found, 5, WARP, None) for _ in range(2))
     assert torch.equal(a, b)
-    t = to_distance(a, *WARP)[:, -6:-1]
+    t = s_to_t(a, *WARP)[:, -6:-1]
     middles = found.low + (torch.arange(5) + 0.5) / 5 * (found.high - found.low)
     torch.testing.assert_close(t, middles, atol=1e-4, rtol=0)
 

@@ -8,18 +8,19 @@ import torch
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.field.density import DensityConfig
-from plnerf.field.radiance import RadianceConfig
-from plnerf.ops.dispatch import Backend
+from plnerf.field.config import DensityConfig, RadianceConfig
+from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
 from plnerf.rays.frustums import Frustums, ray_frustums
 from plnerf.rays.rays import Rays
-from plnerf.render.model import ModelConfig, PLNeRF
-from plnerf.render.proposals import SamplerConfig, to_distance
+from plnerf.render.config import ModelConfig, SamplerConfig
+from plnerf.render.model import PLNeRF
+from plnerf.render.proposals import s_to_t
 from plnerf.render.ray_ops import frustum_features
 from plnerf.render.system import RenderedRays
-from plnerf.train.losses import LossWeights, loss_terms
+from plnerf.train.config import LossWeights
+from plnerf.train.losses import loss_terms
 
 IMAGES = 4
 CONFIG = ModelConfig(
@@ -145,7 +146,7 @@ def test_density_normals_are_finite_differences_in_the_scene(
     out = render(model, rays, normal_rays=12)
     samples = out.normal_samples
     assert samples is not None
-    t = to_distance(out.histograms[-1].s, CONFIG.sampler)
+    t = s_to_t(out.histograms[-1].s, CONFIG.sampler)
     frustums = ray_frustums(rays, t)
     bound = contract_frustums if contraction else clamp_frustums
     size = model.frustum_sizes(rays, t, (bound(frustums, CONFIG.stretch)[0] + 2) / 4)
@@ -219,7 +220,7 @@ def test_what_the_ray_does_not_hit_has_the_colour_of_its_last_sample() -> None:
         model.field.density_network[-1].bias[0] = -50
     out = render(model, rays)
     assert float(out.accumulation.detach().max()) < 1e-9
-    t = to_distance(out.histograms[-1].s, CONFIG.sampler)
+    t = s_to_t(out.histograms[-1].s, CONFIG.sampler)
     unit, ipe = frustum_features(rays, t, CONFIG.stretch, True, model.field.octaves)
     _, feature = model.field.density(unit)
     colours = model.field.colour(feature, ipe, rays.directions, model.appearance[rays.camera])

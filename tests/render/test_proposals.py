@@ -13,7 +13,8 @@ from plnerf.errors import ConfigError
 from plnerf.rays.histograms import dilate
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import resample_edges, stratified_levels
-from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
+from plnerf.render.config import SamplerConfig
+from plnerf.render.proposals import s_to_t, sample_along_rays
 from plnerf.render.volume import weights_from_density
 
 CONFIG = SamplerConfig(proposals=(64, 32), final=24, near=0.05, far=1000.0, knee=1.0)
@@ -39,14 +40,14 @@ def wall(distance: float) -> Callable[[Rays, Tensor], Tensor]:
 @pytest.mark.parametrize("knee", [0.02, 1.0, 3.0, 5000.0])
 def test_distances_run_from_near_to_far(knee: float) -> None:
     config = SamplerConfig(near=0.05, far=1000.0, knee=knee)
-    t = to_distance(torch.linspace(0, 1, 1001, dtype=torch.float64), config)
+    t = s_to_t(torch.linspace(0, 1, 1001, dtype=torch.float64), config)
     assert t[0].item() == pytest.approx(0.05, rel=1e-6)
     assert t[-1].item() == pytest.approx(1000, rel=1e-6)
     assert bool((t.diff() > 0).all())
 
 
 def test_distances_are_linear_up_to_the_knee_and_harmonic_beyond() -> None:
-    t = to_distance(torch.linspace(0, 1, 1001, dtype=torch.float64), CONFIG)
+    t = s_to_t(torch.linspace(0, 1, 1001, dtype=torch.float64), CONFIG)
     below, beyond = t[t < 1], t[t > 1]
     np.testing.assert_allclose(below.diff(), below.diff()[0], rtol=1e-9)
     np.testing.assert_allclose((1 / beyond).diff(), (1 / beyond).diff()[0], rtol=1e-9)
@@ -56,7 +57,7 @@ def test_distances_are_linear_up_to_the_knee_and_harmonic_beyond() -> None:
 
 
 def test_distances_in_single_precision_are_increasing() -> None:
-    t = to_distance(torch.linspace(0, 1, 257), CONFIG)
+    t = s_to_t(torch.linspace(0, 1, 257), CONFIG)
     assert t.dtype == torch.float32
     assert t[-1].item() == pytest.approx(1000, rel=1e-5)
     assert bool((t.diff() > 0).all())
@@ -72,9 +73,9 @@ def test_a_wall_attracts_the_samples(distance: float, seed: int | None) -> None:
     assert 0 <= float(s.min()) <= float(s.max()) <= 1
     assert [h.s.shape for h in history] == [(5, 65), (5, 33)]
     assert [h.w.shape for h in history] == [(5, 64), (5, 32)]
-    t = to_distance(s, CONFIG)
+    t = s_to_t(s, CONFIG)
     near = ((t - distance).abs() < 0.25 * distance).double().mean().item()
-    even = to_distance(torch.linspace(0, 1, 2001)[None], CONFIG)
+    even = s_to_t(torch.linspace(0, 1, 2001)[None], CONFIG)
     near_if_even = ((even - distance).abs() < 0.25 * distance).double().mean().item()
     assert near_if_even < 0.2 < 0.5 < near
 
@@ -86,7 +87,7 @@ def test_annealing_flattens_the_histogram() -> None:
     shares = []
     for anneal in (0.05, 0.5, 1.0):
         s, _ = sample_along_rays(make_rays(1), [wall_in_fog] * 2, CONFIG, anneal, None)
-        shares.append(((to_distance(s, CONFIG) - 3).abs() < 0.75).double().mean().item())
+        shares.append(((s_to_t(s, CONFIG) - 3).abs() < 0.75).double().mean().item())
     assert shares == sorted(shares)
     assert shares[-1] > shares[0] + 0.05
 
@@ -97,7 +98,7 @@ def test_samples_follow_the_annealed_weights_of_the_round_before(anneal: float) 
     for before, found in ((first, second.s), (second, s)):
         u = stratified_levels(2, found.shape[1], None, s)
         torch.testing.assert_close(found, resample_edges(before.s, before.w**anneal, u, CONFIG.padding))
-    t = to_distance(first.s, CONFIG)
+    t = s_to_t(first.s, CONFIG)
     torch.testing.assert_close(first.w, weights_from_density(wall(3.0)(make_rays(2), t), t))
 
 

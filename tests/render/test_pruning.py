@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from tests.support.oracle import one_camera
 
 from plnerf.errors import ConfigError
-from plnerf.field.density import DensityConfig
-from plnerf.field.radiance import RadianceConfig
-from plnerf.ops.dispatch import Backend
+from plnerf.field.config import DensityConfig, RadianceConfig
+from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays
-from plnerf.render import look, look_cpu
+from plnerf.render import field_samples, field_samples_cpu
+from plnerf.render.config import ModelConfig, SamplerConfig
+from plnerf.render.field_samples import heaviest
 from plnerf.render.images import RenderedView, default_chunk, render_view
-from plnerf.render.look import heaviest
-from plnerf.render.model import ModelConfig, PLNeRF
-from plnerf.render.proposals import SamplerConfig
+from plnerf.render.model import PLNeRF
 from plnerf.render.pruning import Pruning, render_pruned
+from plnerf.render.ray_ops import ray_ops
 
 COLUMNS = ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals")
 
@@ -84,33 +84,33 @@ def agreement_db(a: RenderedView, b: RenderedView) -> float:
 weights = st.lists(
     st.one_of(st.just(0.0), st.floats(1e-6, 1.0), st.floats(1e-3, 0.05)), min_size=1, max_size=30
 )
-lights = st.one_of(st.floats(0.01, 0.9), st.just(1 / 24))
+budgets = st.one_of(st.floats(0.01, 0.9), st.just(1 / 24))
 
 
-@given(weights, lights)
-def test_groups_are_neighbours_led_by_the_heaviest(found: list[float], light: float) -> None:
+@given(weights, budgets)
+def test_groups_are_neighbours_led_by_the_heaviest(found: list[float], budget: float) -> None:
     """By brute force over the definition."""
     w = torch.tensor([found], dtype=torch.float64)
     w = w / max(1.0, float(w.sum()) * 1.0001)
-    leaders = heaviest(w, light)[0]
+    leaders = heaviest(w, budget)[0]
     own = w[0].clone()
     own[-1] += 1 - own.sum()
     middles = own.cumsum(0) - own / 2
-    slots = [int(np.floor(float(m) / light + 1e-12)) for m in middles]
-    sure = all(abs(float(m) / light - round(float(m) / light)) > 1e-9 for m in middles)
+    slots = [int(np.floor(float(m) / budget + 1e-12)) for m in middles]
+    sure = all(abs(float(m) / budget - round(float(m) / budget)) > 1e-9 for m in middles)
     if sure:  # rounding decides nothing
         for i, slot in enumerate(slots):
             group = [j for j, other in enumerate(slots) if other == slot]
             assert int(leaders[i]) == max(group, key=lambda j: (float(own[j]), -j))
     assert bool((leaders.diff() >= 0).all())
     assert torch.equal(leaders[leaders], leaders)
-    assert len(leaders.unique()) <= 1 / light + 1.001
+    assert len(leaders.unique()) <= 1 / budget + 1.001
     assert torch.equal(heaviest(w, 0.0)[0], torch.arange(len(found)))
 
 
 @pytest.mark.parametrize("config", [BASE, ODD, BARE], ids=["base", "odd", "bare"])
-@pytest.mark.parametrize("light", [0.0, 0.05, 0.3])
-def test_the_fused_kernels_are_the_equations(config: ModelConfig, light: float) -> None:
+@pytest.mark.parametrize("budget", [0.0, 0.05, 0.3])
+def test_the_fused_kernels_are_the_equations(config: ModelConfig, budget: float) -> None:
     model, rays = make_model(config).double(), make_rays(61, torch.float64)
     t = 0.05 + torch.rand(
         61, config.sampler.final + 1, generator=torch.Generator().manual_seed(7), dtype=torch.float64
@@ -119,13 +119,16 @@ def test_the_fused_kernels_are_the_equations(config: ModelConfig, light: float) 
     normals = config.field.normals
     with torch.no_grad():
         for field in model.proposals:
-            a, b = (module.densities(model, field, rays, t) for module in (look, look_cpu))
+            a, b = (module.densities(model, field, rays, t) for module in (field_samples, field_samples_cpu))
             torch.testing.assert_close(a, b, rtol=1e-9, atol=0)
-        a, b = (module.look(model, rays, t, vectors, light, normals) for module in (look, look_cpu))
+        a, b = (
+            module.sample_field(model, rays, t, vectors, None, weight_budget=budget, normals=normals)
+            for module in (field_samples, field_samples_cpu)
+        )
     torch.testing.assert_close(b.density, a.density, rtol=1e-9, atol=0)
     torch.testing.assert_close(b.colours, a.colours, rtol=0, atol=1e-9)
     assert a.computed == b.computed
-    assert (a.computed == a.density.numel()) == (light == 0)
+    assert (a.computed == a.density.numel()) == (budget == 0)
     assert (a.normals is None) == (b.normals is None) == (not normals)
     if normals:
         assert a.normals is not None and b.normals is not None
@@ -136,13 +139,16 @@ def test_the_fused_kernels_are_the_equations(config: ModelConfig, light: float) 
 def test_all_intervals_of_a_group_have_the_colour_of_its_heaviest(backend: Backend) -> None:
     model, rays = make_model(backend=backend), make_rays(50, torch.float32)
     options = {"appearance": torch.randn(50, 3), "normals": True}
-    twin = look_cpu if backend == "numba" else look
+    module = field_samples_cpu if backend == "numba" else field_samples
     with torch.no_grad():
         t = torch.linspace(0.05, 3, 25).expand(50, -1).contiguous()
         whole, pruned = (
-            twin.look(model, rays, t, options["appearance"], light, True) for light in (0.0, 0.1)
+            module.sample_field(
+                model, rays, t, options["appearance"], None, weight_budget=budget, normals=True
+            )
+            for budget in (0.0, 0.1)
         )
-        w = look.ray_ops(backend).weights_from_density(whole.density, t)
+        w = ray_ops(backend).weights_from_density(whole.density, t)
     leaders = heaviest(w, 0.1)[..., None].expand(-1, -1, 3)
     same = (whole.colours.gather(1, leaders) - pruned.colours).abs().amax(-1)
     assert whole.colours.std() > 0.02
@@ -178,7 +184,7 @@ def test_pruning_skips_most_colours_and_shows_the_same(backend: Backend) -> None
 
 def test_depth_does_not_depend_on_what_is_left_out() -> None:
     model = make_model()
-    views = [see(model, Pruning(light)) for light in (0.0, 0.04, 0.5)]
+    views = [see(model, Pruning(budget)) for budget in (0.0, 0.04, 0.5)]
     for view in views[1:]:
         for name in ("accumulation", "depth", "depth_median", "z_depth"):
             assert np.array_equal(getattr(view, name), getattr(views[0], name))
@@ -218,9 +224,9 @@ def test_points_that_are_not_numbers_end_in_no_crash() -> None:
 
 
 def test_what_cannot_be_is_refused() -> None:
-    for light in (-0.1, 1.0, float("nan")):
+    for budget in (-0.1, 1.0, float("nan")):
         with pytest.raises(ConfigError, match="0 or more and below 1"):
-            Pruning(light)
+            Pruning(budget)
     model, rays = make_model(BARE), make_rays(3, torch.float32)
     with pytest.raises(ConfigError, match="predicts no normals"):
         render_pruned(model, rays, appearance=torch.zeros(3, 0), pruning=Pruning(), normals=True)

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from plnerf.detect.curves import Curve, write_curves
 from tests.support.tiny_run import open_tiny, tiny_config
 
-from plnerf.detect.curves import Curve, write_curves
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.guidance import CURVES, curve_pixels, favoured_pixels, guides_for, run_curves
-from plnerf.train.loop import charged
+from plnerf.train.loop import billable_seconds
 
 CURVE = Curve((0.05, 0.1), (-0.25, 0.05, 0.2), (-0.4, 0.4), 0.002, 0.04, True)
 
@@ -87,7 +87,7 @@ def test_curve_pixels_have_their_share_of_the_draws(scene: Scene, config: RunCon
 
 def test_a_long_search_leaves_a_tenth_of_the_budget(config: RunConfig) -> None:
     by_time = dataclasses.replace(config, steps=None, seconds=20.0)
-    assert charged(7.0, by_time) == 7.0
+    assert billable_seconds(7.0, by_time) == 7.0
     with pytest.warns(UserWarning, match=r"took 50\.0 s of a budget of 20 s"):
-        assert charged(50.0, by_time) == 18.0
-    assert charged(50.0, config) == 50.0  # a budget in steps is not used up by time
+        assert billable_seconds(50.0, by_time) == 18.0
+    assert billable_seconds(50.0, config) == 50.0  # a budget in steps is not used up by time

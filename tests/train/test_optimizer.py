@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from plnerf.ops import cpu_adam, cpu_arrays, reference
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
 from plnerf.train.optimizer import TableAdam
 
 BACKENDS = pytest.mark.parametrize("backend", ["torch", "numba"])
@@ -109,7 +109,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     try:
         for threads, parts in [(1, 1), (numba.config.NUMBA_NUM_THREADS, 7)]:
             numba.set_num_threads(threads)
-            monkeypatch.setattr(cpu_arrays, "parts", lambda parts=parts: parts)
+            monkeypatch.setattr(cpu_arrays, "num_threads", lambda parts=parts: parts)
             tensors = make_table(1003, 4)
             cpu_adam.adam_rows(*tensors, step=3, **SETTINGS)
             runs.append(tensors)

@@ -18,7 +18,7 @@ from plnerf.scene.cameras import Cameras
 from plnerf.train.config import RunConfig
 from plnerf.train.pixels import PixelBatch, PixelSampler, detail_pools
 from plnerf.train.settings import override
-from plnerf.train.step import Finite, Training
+from plnerf.train.step import NonFiniteMonitor, Training
 
 CAMERAS, RAYS = 5, 64
 META = torch.device("meta")
@@ -38,7 +38,7 @@ def meta_training(*settings: str) -> Training:
     cameras = cameras.to(META)
     vars(cameras)["distorted"] = True  # what has no content cannot be asked for it
     optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
-    return Training(model, optimizer, cameras, config.train, Finite(META))
+    return Training(model, optimizer, cameras, config.train, NonFiniteMonitor(META))
 
 
 def meta_batch() -> PixelBatch:
@@ -120,7 +120,7 @@ def test_steps_learn_and_leave_their_inputs_alone(tiny_scene: Path, tmp_path: Pa
     model = PLNeRF(config.model, len(scene.names), "numba", generator)
     for value in model.parameters():
         value.grad = torch.zeros_like(value)
-    finite = Finite(torch.device("cpu"))
+    finite = NonFiniteMonitor(torch.device("cpu"))
     optimizer = torch.optim.Adam(model.parameters(), lr=0.01)
     training = Training(model, optimizer, scene.cameras, config.train, finite)
     batch = PixelSampler(scene.images, scene.train, detail_pools(scene.images, scene.train, 0.5, 0.1)).draw(
@@ -135,7 +135,7 @@ def test_steps_learn_and_leave_their_inputs_alone(tiny_scene: Path, tmp_path: Pa
 
 
 def test_finite_counts_up_to_the_first_loss_that_is_not() -> None:
-    finite = Finite(torch.device("cpu"))
+    finite = NonFiniteMonitor(torch.device("cpu"))
     for value in (1.0, -2.0, 0.0, float("nan"), 3.0, float("inf")):
         finite.add(torch.tensor(value))
     assert finite.count() == 3
@@ -153,7 +153,7 @@ def test_terms_carry_no_graph(tiny_scene: Path, tmp_path: Path) -> None:
         optimizer,
         scene.cameras,
         dataclasses.replace(config.train, loss=loss),
-        Finite(torch.device("cpu")),
+        NonFiniteMonitor(torch.device("cpu")),
     )
     batch = PixelSampler(scene.images, scene.train).draw(32, generator)
     terms = training.step(batch, 1.0, generator)
@@ -178,7 +178,7 @@ def test_a_step_with_triton_is_a_step_with_torch(tiny_scene: Path, tmp_path: Pat
         for value in model.parameters():
             value.grad = torch.zeros_like(value)
         optimizer = torch.optim.SGD(model.parameters(), lr=0.0)
-        training = Training(model, optimizer, scene.cameras, config.train, Finite(torch.device("cpu")))
+        training = Training(model, optimizer, scene.cameras, config.train, NonFiniteMonitor(torch.device("cpu")))
         terms = training.step(batch, 0.5, torch.Generator().manual_seed(2), refine_poses=True)
         found.append(terms | {name: value.grad for name, value in model.named_parameters()})
     for name, truth in found[0].items():

@@ -6,16 +6,17 @@ An op is added as one more `OpCase` in the list of its room: `hash_cases.py`, `r
 from plnerf.bench.case import OpCase
 from plnerf.bench.hash_cases import hash_cases
 from plnerf.bench.ray_cases import network_case, ray_cases
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import kernels
 
 RAYS, PROPOSALS, FINAL = 512, (64, 32), 24
 """Rays of a step, and intervals of the two proposal rounds and the final one."""
 
 
 def op_cases(backend: Backend, *, small: bool = False) -> list[OpCase]:
-    """All cases of a backend that has twins of its own.  small: shapes for tests."""
+    """All cases of a backend that has kernels of its own.  small: shapes for tests."""
     rays = 16 if small else RAYS
     cases = hash_cases(backend, rays, PROPOSALS[0], FINAL, small=small)
-    if backend == "numba":  # on a GPU plain torch is the twin, too
+    if kernels(backend).on_rays is not None:
         cases += [network_case(backend, rays, FINAL), *ray_cases(backend, rays, PROPOSALS[0], FINAL)]
     return cases

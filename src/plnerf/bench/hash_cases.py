@@ -14,11 +14,12 @@ from torch import Generator, Tensor
 from plnerf.bench.case import Op, OpCase, Work, leaf
 from plnerf.bench.ceilings import LINE_BYTES
 from plnerf.ops import dispatch, reference
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 from plnerf.rays.contraction import contract
 from plnerf.rays.stepfun import even_edges
-from plnerf.render.proposals import SamplerConfig, to_distance
+from plnerf.render.config import SamplerConfig
+from plnerf.render.proposals import s_to_t
 
 HIDDEN = 16
 
@@ -36,7 +37,7 @@ def hash_cases(
         _hash_encode("along rays", points_along_rays(rays, final), training, backend),
         _hash_position_gradient(points_along_rays(max(1, rays // 16), final), training, backend),
         _hash_mlp(points_along_rays(rays, proposals), proposal, backend),
-        *([_adam(points_along_rays(rays, final), training)] if backend == "numba" else []),
+        *_adam(points_along_rays(rays, final), training, backend),
     ]
 
 
@@ -98,10 +99,11 @@ def _hash_mlp(points: Float[Tensor, "n 3"], grid: GridShape, backend: Backend) -
     )
 
 
-def _adam(points: Float[Tensor, "n 3"], grid: GridShape) -> OpCase:
-    """A step on the rows that a backward pass of the points has touched."""
-    from plnerf.ops.cpu_adam import adam_rows as twin
-
+def _adam(points: Float[Tensor, "n 3"], grid: GridShape, backend: Backend) -> list[OpCase]:
+    """A step on the rows that a backward pass of the points has touched; none where there is no kernel."""
+    kernel = dispatch.kernels(backend).adam_rows
+    if kernel is reference.adam_rows:
+        return []
     table = torch.zeros(grid.rows, grid.features, requires_grad=True)
     (made,) = torch.autograd.grad(reference.hash_encode(points, table, grid).sum(), table)
     touched = int((made != 0).any(-1).sum())
@@ -121,16 +123,17 @@ def _adam(points: Float[Tensor, "n 3"], grid: GridShape) -> OpCase:
         grad.copy_(made)
 
     row = 4 * grid.features
-    return OpCase(
+    case = OpCase(
         name="Adam on a table",
         shape=f"{words(grid)}, {touched:,} of {grid.rows:,} rows touched",
         setup=setup,
         truth=step(reference.adam_rows),
-        twin=step(twin),
+        twin=step(kernel),
         # Every gradient is read; of the touched rows four arrays are written and three more read.
         forward=Work(row * (grid.rows + 7 * touched), flops=12 * grid.features * touched),
         prepare=prepare,
     )
+    return [case]
 
 
 def encoding_flops(n: int, grid: GridShape) -> int:
@@ -151,7 +154,7 @@ def points_along_rays(rays: int, intervals: int) -> Float[Tensor, "{rays}*{inter
     generator = torch.Generator().manual_seed(2)
     origins = torch.rand(rays, 1, 3, generator=generator) * 0.6 - 0.3
     directions = torch.nn.functional.normalize(torch.randn(rays, 1, 3, generator=generator), dim=-1)
-    t = to_distance(even_edges(rays, intervals, generator, origins), SamplerConfig())
+    t = s_to_t(even_edges(rays, intervals, generator, origins), SamplerConfig())
     middle = (t[:, 1:] + t[:, :-1])[..., None] / 2
     return ((contract(origins + middle * directions) + 2) / 4).reshape(-1, 3)
 

@@ -35,7 +35,8 @@ from plnerf.bench.span_suite import measure_spans, span_table
 from plnerf.bench.tables import Table
 from plnerf.bench.train_suite import measure_training, train_json, train_tables
 from plnerf.errors import ConfigError, PlnerfError
-from plnerf.ops.dispatch import resolve_backend
+from plnerf.ops import reference
+from plnerf.ops.dispatch import kernels, resolve_backend
 from plnerf.pipeline import bar, choose_device, find_preset
 from plnerf.render.files import write_text
 from plnerf.train.protocol import plain
@@ -87,7 +88,7 @@ def run_ops(bench: BenchConfig) -> SuiteResult:
     """The suite `ops`.  Raises ConfigError for the backend that is the truth itself."""
     device = torch.device(choose_device(bench.device))
     backend = resolve_backend(bench.backend, device)
-    if backend == "torch":
+    if kernels(backend).hash_encode is reference.hash_encode:
         raise ConfigError(
             "The suite ops compares a backend with plain torch, but the backend is torch. Choose another "
             "--backend, or other suites with --suite train render."

@@ -1,28 +1,14 @@
 """The proposal field: density only, coarse and cheap.  Mip-NeRF 360, section 3; nerfacto."""
 
-from dataclasses import dataclass
 
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
-from plnerf.errors import ConfigError
+from plnerf.field.config import DensityConfig
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp
-from plnerf.ops.dispatch import Backend, hash_mlp
-from plnerf.ops.grid import GridShape
-
-
-@dataclass(frozen=True)
-class DensityConfig:
-    """Sizes of a proposal field."""
-
-    grid: GridShape
-    hidden: int = 16
-    """Width of the only hidden layer."""
-
-    def __post_init__(self) -> None:
-        if self.hidden < 1:
-            raise ConfigError(f"A proposal field needs hidden of 1 or more, but got {self.hidden}.")
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import hash_mlp
 
 
 class DensityField(nn.Module):

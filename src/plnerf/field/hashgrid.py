@@ -1,6 +1,6 @@
 """A trainable multi-resolution hash grid over the unit cube.  Instant-NGP, section 3.
 
-Letters: L levels of N_l cells an axis, F features a level; sigma the size of what is looked at.
+Letters: L levels of N_l cells an axis, F features a level; sigma the size of the sampled ball.
 """
 
 import math
@@ -9,7 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
-from plnerf.ops.dispatch import Backend, hash_encode, hash_position_gradient
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import hash_encode, hash_position_gradient
 from plnerf.ops.grid import GridShape
 
 
@@ -42,7 +43,7 @@ class HashGrid(nn.Module):
 
             erf(1 / (sqrt(8) sigma N_l))      zip-NeRF, section 2
         the share of a ball, along one axis, within a cell's length around its centre: 1 for points, towards
-        0 where cells are finer than what is looked at, so that they do not alias.
+        0 where cells are finer than the ball, so that they do not alias.
         """
         return torch.erf((1 / (math.sqrt(8) * size))[..., None] * self.cell)
 

@@ -9,7 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
-from plnerf.ops.dispatch import Backend, ray_mlp
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import ray_mlp
 
 
 def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:

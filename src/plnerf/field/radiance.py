@@ -10,62 +10,17 @@ A bare direction has no frustum to integrate over, so the `direction_encoding`
     both  is the IPE of the frustum beside the spherical harmonics
 """
 
-from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
+from plnerf.field.config import RadianceConfig
 from plnerf.field.encodings import positional_encoding, spherical_harmonics
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp, run_on_rays
-from plnerf.ops.dispatch import Backend
-from plnerf.ops.grid import GridShape
-
-DirectionEncoding = Literal["ipe", "sh", "both"]
-
-
-@dataclass(frozen=True)
-class RadianceConfig:
-    """Sizes and switches of the PL-NeRF field."""
-
-    grid: GridShape
-    hidden: int = 64
-    """Width of the hidden layers of both networks."""
-    feature: int = 15
-    """Length of the feature vector from the density network to the others."""
-    colour_layers: int = 2
-    """Hidden layers of the colour network."""
-    direction_encoding: DirectionEncoding = "ipe"
-    ipe_octaves: int = 6
-    """Octaves of the frustum's IPE, in contracted units."""
-    direction_octaves: int = 4
-    """Octaves of the view direction's positional encoding (NeRF 2020: 4)."""
-    appearance: int = 16
-    """Length of the appearance vector of an image; 0 turns it off."""
-    normals: bool = True
-    """Whether the field predicts normals."""
-    damping: bool = False
-    """Whether levels of the grid that are finer than a frustum fade out (zip-NeRF)."""
-
-    def __post_init__(self) -> None:
-        if self.direction_encoding not in {"ipe", "sh", "both"}:
-            raise ConfigError(
-                f"direction_encoding must be ipe, sh or both, but got {self.direction_encoding!r}."
-            )
-        if min(self.hidden, self.feature, self.colour_layers) < 1:
-            raise ConfigError(
-                "A field needs hidden, feature and colour_layers of 1 or more, but got "
-                f"hidden={self.hidden}, feature={self.feature}, colour_layers={self.colour_layers}."
-            )
-        if min(self.ipe_octaves, self.direction_octaves) < 1 or self.appearance < 0:
-            raise ConfigError(
-                "A field needs ipe_octaves and direction_octaves of 1 or more and appearance of 0 or more, "
-                f"but got ipe_octaves={self.ipe_octaves}, direction_octaves={self.direction_octaves}, "
-                f"appearance={self.appearance}."
-            )
+from plnerf.ops.backends import Backend
 
 
 class RadianceField(nn.Module):
@@ -86,7 +41,7 @@ class RadianceField(nn.Module):
     ) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
         """Density in 1/length of the scene frame, and the feature vector.
 
-        size: of what is looked at, see `HashGrid.damping`; None for points.
+        size: of the sampled balls, see `HashGrid.damping`; None for points.
         """
         out = self._run(self.density_network, self.grid(unit, size), unit[..., :0], unit[:, 0, :0])
         return density_activation(out[..., 0]), out[..., 1:]

@@ -8,54 +8,19 @@ The encoding is that of a point (NeRF 2020), of a frustum (Mip-NeRF) or of a fru
 (Mip-NeRF 360, whose further directions of encoding, beside the axes, are left out).
 """
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
+from plnerf.field.config import VanillaConfig
 from plnerf.field.encodings import integrated_positional_encoding, positional_encoding
 from plnerf.field.networks import mlp
 from plnerf.rays.ball import contract_ball, contract_frustums_ball
 from plnerf.rays.frustums import ray_frustums
 from plnerf.rays.rays import Rays
-
-
-@dataclass(frozen=True)
-class VanillaConfig:
-    """Sizes and switches of the deep network; the defaults are NeRF 2020's."""
-
-    encoding: Literal["pe", "ipe"] = "pe"
-    """Of the position: that of a point, the near end of an interval (NeRF 2020), or of the whole interval's
-    frustum (Mip-NeRF)."""
-    octaves: int = 10
-    """Octaves of the position's encoding (Mip-NeRF: 16)."""
-    direction_octaves: int = 4
-    """Octaves of the view direction's encoding."""
-    depth: int = 8
-    """Hidden layers before the density."""
-    width: int = 256
-    """Their width, and that of the feature vector."""
-    skip: int = 5
-    """Hidden layers after which the encoding is joined again; 0 for none."""
-    colour_width: int = 128
-    """Width of the layer before the colour."""
-    contraction: bool = False
-    """Whether space is contracted into a ball first (Mip-NeRF 360)."""
-    appearance: int = 0
-    """Length of the appearance vector of an image (NeRF-W); 0 turns it off."""
-    normals: bool = False
-    """Whether the field predicts normals (Ref-NeRF)."""
-
-    def __post_init__(self) -> None:
-        least = min(self.octaves, self.direction_octaves, self.depth, self.width, self.colour_width)
-        if least < 1 or self.appearance < 0 or not 0 <= self.skip < self.depth:
-            raise ConfigError(
-                "A deep field needs octaves, direction_octaves, depth, width and colour_width of 1 or more, "
-                f"appearance of 0 or more and 0 <= skip < depth, but got {self}."
-            )
 
 
 class DeepDensity(nn.Module):
@@ -75,7 +40,7 @@ class DeepDensity(nn.Module):
     def encode(
         self, rays: Rays, t: Float[Tensor, "r E"], moved: Float[Tensor, "r E-1 3"] | None = None
     ) -> Float[Tensor, "r E-1 e"]:
-        """What the network is told of the position of each interval; e = 6 octaves.  Scene units, no pi.
+        """The encoded position of each interval, the network's input; e = 6 octaves.  Scene units, no pi.
 
         moved: offsets of the intervals, for gradients by position.
         """

@@ -1,1 +1,1 @@
-"""The numerical kernels: a plain torch truth, and faster twins that agree with it."""
+"""Numerical kernels: a reference of each op in plain torch, and faster kernels that agree with it."""

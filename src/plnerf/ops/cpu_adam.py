@@ -1,4 +1,4 @@
-"""Numba twin of `reference.adam_rows`: one pass over a table and its moments.
+"""Numba kernel of `reference.adam_rows`: one pass over a table and its moments.
 
 A step of training touches a third of the rows, and memory is what it waits for: of the others only the
 gradient is read, and the gradient is emptied on the way.  Letters as in `reference.adam_rows`.
@@ -80,7 +80,7 @@ def adam_rows(
     eps: float,
     step: int | Float[Tensor, ""],
 ) -> None:
-    """Twin of `reference.adam_rows`, for contiguous tensors of one type.  Raises ValueError for others."""
+    """Kernel of `reference.adam_rows`, for contiguous tensors of one type.  Raises ValueError for others."""
     tensors = (param, grad, m, v)
     if len({value.dtype for value in tensors}) > 1 or not all(value.is_contiguous() for value in tensors):
         raise ValueError("adam_rows works in place: it needs contiguous tensors of one type.")
@@ -91,5 +91,5 @@ def adam_rows(
         (1 - betas[1] ** steps) ** -0.5, eps,
     )  # fmt: skip
     _kernel(param.shape[1])(
-        flat(param), flat(grad), flat(m), flat(v), tuple(map(real, numbers)), cpu_arrays.parts()
+        flat(param), flat(grad), flat(m), flat(v), tuple(map(real, numbers)), cpu_arrays.num_threads()
     )

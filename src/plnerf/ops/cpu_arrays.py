@@ -10,8 +10,8 @@ FAST = {"contract", "nsz", "arcp"}
 """Fast-math flags of all kernels: fused multiply-add, but infinities and NaN keep their meaning."""
 
 
-def parts() -> int:
-    """Into how many parts a kernel splits its work.  Asked outside of kernels: else they are not cached."""
+def num_threads() -> int:
+    """Threads that share a kernel's work.  Called outside of kernels, which would not be cached otherwise."""
     return int(numba.get_num_threads())
 
 

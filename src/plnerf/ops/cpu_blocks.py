@@ -22,12 +22,13 @@ from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_products import add_products
 from plnerf.ops.cpu_vectors import add_scaled, load_record, scaled
 from plnerf.ops.grid import GridShape
+from plnerf.ops.layout import grid_layout
 
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
 
 
 class Grid(NamedTuple):
-    """A hash grid to a kernel; see `GridShape.layout`."""
+    """A hash grid to a kernel; see `grid_layout`."""
 
     table: np.ndarray
     """Its rows, each one record of F numbers: the array's type says how many."""
@@ -48,7 +49,7 @@ def grid_of(table: Float[Tensor, "rows F"], shape: GridShape) -> Grid:
     """A grid as the kernels take it; nothing is copied."""
     numbers = flat(table)
     row = np.dtype([(f"f{f}", numbers.dtype) for f in range(shape.features)])
-    return Grid(numbers.view(row), shape.layout, shape.interpolation == "cubic")
+    return Grid(numbers.view(row), grid_layout(shape), shape.interpolation == "cubic")
 
 
 def network_of(layers: Sequence[tuple[Tensor, Tensor]]) -> Network:

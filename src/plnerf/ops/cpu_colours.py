@@ -1,9 +1,9 @@
-"""Colours and normals of the intervals along rays, the networks asked once for a share of a ray's light.
+"""Colours and normals of the intervals along rays, the networks evaluated once for a share of a ray's weight.
 
-Twin of `render/look.py`.  Letters: r rays, S intervals, E = S + 1 edges t, w their weights; B points of a
-block, see `cpu_blocks.py`; K octaves, H units.  A ray's intervals form groups, whose heaviest one is looked
-at.  These, of one ray after the other, fill the blocks that go through the networks; a point's numbers do not
-depend on the block it is in.
+The reference is `render/field_samples.py`.  Letters: r rays, S intervals, E = S + 1 edges t, w their weights;
+B points of a block, see `cpu_blocks.py`; K octaves, H units; n intervals in tubes.  A ray's intervals form
+groups, of which the heaviest interval is evaluated.  These, of one ray after the other, fill the blocks that
+go through the networks; a point's numbers do not depend on the block it is in.
 
 What Numba compiles is marked no_type_check: a wrapper that checks annotations cannot be compiled.
 """
@@ -12,14 +12,15 @@ import math
 from typing import NamedTuple, no_type_check
 
 import numpy as np
-from jaxtyping import Float
+import torch
+from jaxtyping import Float, Int
 from numba import njit, prange
 from torch import Tensor
 
-from plnerf.ops.cpu_arrays import FAST, parts
+from plnerf.ops.cpu_arrays import FAST, array, num_threads
 from plnerf.ops.cpu_blocks import Grid, Network, add_layer, encode, finish_network, run_network
 from plnerf.ops.cpu_cells import BLOCK
-from plnerf.ops.cpu_math import decay, sin_cos
+from plnerf.ops.cpu_math import exp_and_expm1_neg, sin_cos
 from plnerf.ops.cpu_rays import gaussian
 from plnerf.ops.launch import arrays
 
@@ -38,6 +39,14 @@ class Field(NamedTuple):
     """On the feature vector."""
 
 
+class Replaced(NamedTuple):
+    """Feature vectors that another field gives to some intervals, in place of the radiance field's."""
+
+    row: Int[Tensor, "r S"]
+    """Of each interval its row in `feature`; below 0 where the radiance field's own stays."""
+    feature: Float[Tensor, "n G"]
+
+
 class Colours(NamedTuple):
     """Colours and normals of intervals."""
 
@@ -45,15 +54,15 @@ class Colours(NamedTuple):
     normals: Float[Tensor, "q S 3"]
     """Of no rays, q = 0, where none were asked for."""
     computed: int
-    """Intervals that were looked at."""
+    """Intervals for which the networks were evaluated."""
 
 
 @njit(**_FLAGS)
 @no_type_check
-def _group(w, light, at, end):
+def _group(w, weight_budget, at, end):
     """The groups of a ray's intervals: their heaviest and one past their last; returns their number.
 
-    The twin of `look.heaviest`.
+    As `field_samples.heaviest`.
     """
     S, real = w.size, w.dtype.type
     total, before, half, zero = real(0), real(0), real(0.5), real(0)
@@ -63,7 +72,7 @@ def _group(w, light, at, end):
     last, group, heaviest = -1, np.int64(-1), zero
     for i in range(S):
         own = w[i] + missed if i == S - 1 else w[i]
-        here = np.int64((before + half * own) / light) if light > zero else i
+        here = np.int64((before + half * own) / weight_budget) if weight_budget > zero else i
         before += own
         if here != group:
             last, group, heaviest = last + 1, here, own
@@ -89,7 +98,7 @@ def _encode_frustums(mean, variance, octaves, to, first):
         sines2, cosines2 = to[first + double * size :], to[first + (octaves + double) * size :]
         for j in range(size):
             sine, cosine = sin_cos(mean[j] * scale)
-            fade, _ = decay(max(variance[j], zero) * fineness)
+            fade, _ = exp_and_expm1_neg(max(variance[j], zero) * fineness)
             fade2 = fade * fade
             sines2[j] = two * sine * cosine * (fade2 * fade2)
             cosines2[j] = (one - two * sine * sine) * (fade2 * fade2)
@@ -121,11 +130,21 @@ def _write(values, ray_of, first, end, count, to):
 
 @njit(**_FLAGS)
 @no_type_check
+def _replace(replacing, row, count, x):
+    """Into the feature vectors of x (1 + G, B), after the log density, those of other fields."""
+    for p in range(count):
+        if row[p] >= 0:
+            for k in range(replacing.shape[1]):
+                x[(k + 1) * BLOCK + p] = replacing[row[p], k]
+
+
+@njit(**_FLAGS)
+@no_type_check
 def _sigmoid(y):
     one = y.dtype.type(1)
     for i in range(3 * BLOCK):
-        left, _ = decay(abs(y[i]))
-        y[i] = (one if y[i] > 0 else left) / (one + left)
+        exp_neg, _ = exp_and_expm1_neg(abs(y[i]))
+        y[i] = (one if y[i] > 0 else exp_neg) / (one + exp_neg)
 
 
 @njit(**_FLAGS)
@@ -141,9 +160,9 @@ def _normalise(y):
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _look(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    origins, directions, radius, t, w, light, stretch, contraction, octaves, grid, density, colour,
-    normal, base, colours, normals, computed, parts,
+def _colours(  # noqa: PLR0913 (a kernel's arrays, one by one)
+    origins, directions, radius, t, w, weight_budget, stretch, contraction, octaves, grid, density, colour,
+    normal, base, replaced, replacing, colours, normals, computed, parts,
 ):  # fmt: skip
     rays, S, real = w.shape[0], w.shape[1], t.dtype.type
     A0, A1, A2 = real(stretch[0]), real(stretch[1]), real(stretch[2])
@@ -152,8 +171,8 @@ def _look(  # noqa: PLR0913 (a kernel's arrays, one by one)
     widest = max(density.sizes.max(), colour.sizes.max(), normal.sizes.max()) * BLOCK
     for part in prange(parts):
         at, ends = np.empty(S, np.int64), np.empty(S, np.int64)
-        places = np.empty((3, BLOCK), np.int64)
-        ray_of, first, end = places[0], places[1], places[2]
+        places = np.empty((4, BLOCK), np.int64)
+        ray_of, first, end, row = places[0], places[1], places[2], places[3]
         mean, variance = np.zeros((3, BLOCK), t.dtype), np.zeros((3, BLOCK), t.dtype)
         unit = np.empty(3 * BLOCK, t.dtype)
         rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
@@ -164,11 +183,12 @@ def _look(  # noqa: PLR0913 (a kernel's arrays, one by one)
         for ray in range(rays * part // parts, stop):
             o0, o1, o2 = origins[ray, 0] * A0, origins[ray, 1] * A1, origins[ray, 2] * A2
             d0, d1, d2 = directions[ray, 0] * A0, directions[ray, 1] * A1, directions[ray, 2] * A2
-            groups = _group(w[ray], real(light), at, ends)
+            groups = _group(w[ray], real(weight_budget), at, ends)
             computed[part] += groups
             for g in range(groups):
                 i, p = at[g], filled
                 ray_of[p], first[p], end[p] = ray, ends[g - 1] if g > 0 else 0, ends[g]
+                row[p] = replaced[ray, i] if replaced.size else -1
                 m0, m1, m2, v0, v1, v2 = gaussian(
                     o0, o1, o2, d0, d1, d2, radius[ray], t[ray, i], t[ray, i + 1], A0, A1, A2,
                     contraction, tiny, real,
@@ -183,6 +203,8 @@ def _look(  # noqa: PLR0913 (a kernel's arrays, one by one)
                 encode(unit, 0, filled, grid, rows, shares, encoded)
                 y = run_network(density, encoded, 0, hidden, other)
                 x[: outputs * BLOCK] = y[: outputs * BLOCK]
+                if replaced.size:
+                    _replace(replacing, row, filled, x)
                 _encode_frustums(mean.reshape(-1), variance.reshape(-1), octaves, x, outputs * BLOCK)
                 _spread_base(base, ray_of, filled, units, hidden)
                 add_layer(colour.weights, 0, units, x, BLOCK, inputs, hidden)
@@ -202,28 +224,31 @@ def colours_along_rays(  # noqa: PLR0913 (rays, what they saw, and the field)
     radius: Float[Tensor, " r"],
     t: Float[Tensor, "r E"],
     w: Float[Tensor, "r S"],
-    light: float,
+    weight_budget: float,
     stretch: tuple[float, float, float],
     contraction: bool,
     octaves: int,
     field: Field,
     base: Float[Tensor, "r H"],
     normals: bool,
+    replaced: Replaced | None = None,
 ) -> Colours:
-    """Colours and, if asked for, unit normals of the intervals; light: see `render.pruning.Pruning`.
+    """Colours and, if asked for, unit normals of the intervals; weight_budget: see `render.pruning.Pruning`.
 
     base: what goes into the colour network's first layer from all that the intervals of a ray share, its bias
     among it.
     """
+    if replaced is None:
+        replaced = Replaced(torch.empty(0, 0, dtype=torch.int64), t.new_empty(0, 0))
     colours = t.new_empty(*w.shape, 3)
     found = t.new_empty(len(w) if normals else 0, w.shape[1], 3)
-    o, d, r, edges, weights, shared, out, out_normals = arrays(
-        origins, directions, radius, t, w, base, colours, found
+    o, d, r, edges, weights, shared, replacing, out, out_normals = arrays(
+        origins, directions, radius, t, w, base, replaced.feature, colours, found
     )
-    count = parts()
+    count = num_threads()
     computed = np.zeros(count, np.int64)
-    _look(
-        o, d, r, edges, weights, light, stretch, contraction, octaves, *field, shared, out,
-        out_normals, computed, count,
+    _colours(
+        o, d, r, edges, weights, weight_budget, stretch, contraction, octaves, *field, shared,
+        array(replaced.row), replacing, out, out_normals, computed, count,
     )  # fmt: skip
     return Colours(colours, found, int(computed.sum()))

@@ -1,4 +1,4 @@
-"""Numba twin of the hash encoding for a CPU: forward, and backward by the table.  By position: see
+"""Numba kernel of the hash encoding for a CPU: forward, and backward by the table.  By position: see
 `cpu_hash_normals.py`.
 
 Numba brings its own LLVM, so nothing is compiled at install time; a kernel is compiled on its first call and
@@ -29,6 +29,7 @@ from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_hash_normals import PositionGradient
 from plnerf.ops.cpu_vectors import add_scaled, load_row, scaled, store_row
 from plnerf.ops.grid import GridShape
+from plnerf.ops.layout import grid_layout
 
 
 class _Kernels(NamedTuple):
@@ -92,7 +93,7 @@ def add_table_gradient(
     """Adds the gradient of <g_out, hash_encode(x)> by the table to `g_table`, which must be contiguous."""
     cubic = grid.interpolation == "cubic"
     _kernels(grid.features).table_gradient(
-        flat(x), flat(g_out), grid.layout, cubic, flat(g_table), cpu_arrays.parts()
+        flat(x), flat(g_out), grid_layout(grid), cubic, flat(g_table), cpu_arrays.num_threads()
     )
 
 
@@ -102,7 +103,7 @@ class _HashEncode(torch.autograd.Function):
         out = x.new_empty(x.shape[0], grid.width)
         cubic = grid.interpolation == "cubic"
         _kernels(grid.features).forward(
-            flat(x), flat(table), grid.layout, cubic, flat(out), cpu_arrays.parts()
+            flat(x), flat(table), grid_layout(grid), cubic, flat(out), cpu_arrays.num_threads()
         )
         ctx.save_for_backward(x, table)
         ctx.grid = grid
@@ -141,7 +142,7 @@ class _TableGradient(torch.autograd.Function):
 def hash_encode(
     x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape
 ) -> Float[Tensor, "n LF"]:
-    """Twin of `reference.hash_encode`: same values and gradients, including those of the gradient of x.
+    """Kernel of `reference.hash_encode`: same values and gradients, including those of the gradient of x.
 
     Where `table.grad` is there already, a backward pass adds to it in place and hands autograd nothing.
     """
@@ -152,6 +153,6 @@ def hash_encode(
 def hash_position_gradient(
     x: Float[Tensor, "n 3"], g_out: Float[Tensor, "n LF"], table: Float[Tensor, "rows F"], grid: GridShape
 ) -> Float[Tensor, "n 3"]:
-    """Twin of `reference.hash_position_gradient`."""
+    """Kernel of `reference.hash_position_gradient`."""
     g_x: Tensor = PositionGradient.apply(x, g_out, table, grid)
     return g_x

@@ -1,4 +1,4 @@
-"""Numba twin of `reference.hash_mlp`: hash encoding and a network of one hidden layer in one pass.
+"""Numba kernel of `reference.hash_mlp`: hash encoding and a network of one hidden layer in one pass.
 
 A proposal's network is so small (10 inputs, 16 hidden, 1 output) that writing its layers out costs more than
 their arithmetic: here a block of points goes through both while it is in the first-level cache, as
@@ -21,7 +21,7 @@ from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_arrays import FAST, adds_in_place, array, flat, parts
+from plnerf.ops.cpu_arrays import FAST, adds_in_place, array, flat, num_threads
 from plnerf.ops.cpu_blocks import add_layer, encode, grid_of, network_of, run_network, spread_biases
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_hash import add_table_gradient
@@ -138,7 +138,7 @@ class _HashMLP(torch.autograd.Function):
         network = network_of(((w1, b1), (w2, b2)))
         encoded = x.new_empty(-(-len(x) // BLOCK), shape.width * BLOCK)
         out = x.new_empty(len(x))
-        _forward(flat(x), grid_of(table, shape), network, encoded.numpy(), out.numpy(), parts())
+        _forward(flat(x), grid_of(table, shape), network, encoded.numpy(), out.numpy(), num_threads())
         ctx.save_for_backward(x, table, encoded, *weights)
         ctx.shape = shape
         return out
@@ -175,7 +175,7 @@ def hash_mlp(
     grid: GridShape,
     weights: tuple[Tensor, Tensor, Tensor, Tensor],
 ) -> Float[Tensor, " n"]:
-    """Twin of `reference.hash_mlp`.  Points are constants: NotImplementedError where they need a gradient.
+    """Kernel of `reference.hash_mlp`.  Points are constants: NotImplementedError where they need a gradient.
 
     Where `table.grad` is there already, a backward pass adds to it in place and hands autograd nothing.
     """

@@ -1,4 +1,4 @@
-"""Numba twin of the hash encoding's gradient by position, and the backward of that, which normals need.
+"""Numba kernel of the hash encoding's gradient by position, and the backward of that, which normals need.
 
 Letters as in `reference.py`.  Per axis, s is the weight of the upper vertex, ds = s'(u) N its derivative by x
 and dds = s''(u) N^2 the second one.  With the eight rows t_c of a cell and their weights w_c = s_x s_y s_z:
@@ -23,6 +23,7 @@ from plnerf.ops.cpu_arrays import FAST, adds_in_place, flat
 from plnerf.ops.cpu_cells import curvature, locate, slope, vertex_row, weight
 from plnerf.ops.cpu_vectors import add_scaled, dot, load_row, scaled, store_row
 from plnerf.ops.grid import GridShape
+from plnerf.ops.layout import grid_layout
 
 
 class _Kernels(NamedTuple):
@@ -130,7 +131,7 @@ class PositionGradient(torch.autograd.Function):
         g_x = torch.zeros_like(x, memory_format=torch.contiguous_format)
         cubic = grid.interpolation == "cubic"
         _kernels(grid.features).position_gradient(
-            flat(x), flat(g_out), flat(table), grid.layout, cubic, flat(g_x), cpu_arrays.parts()
+            flat(x), flat(g_out), flat(table), grid_layout(grid), cubic, flat(g_x), cpu_arrays.num_threads()
         )
         ctx.save_for_backward(x, g_out, table)
         ctx.grid = grid
@@ -146,7 +147,7 @@ class PositionGradient(torch.autograd.Function):
         g_g_out = torch.empty_like(g_out, memory_format=torch.contiguous_format)
         g_table = table.grad if in_place else torch.zeros_like(table, memory_format=torch.contiguous_format)
         _kernels(grid.features).position_gradient_backward(
-            flat(x), flat(g_out), flat(table), grid.layout, grid.interpolation == "cubic", flat(q),
-            slabs_x.numpy(), flat(g_g_out), flat(g_table), cpu_arrays.parts(),
+            flat(x), flat(g_out), flat(table), grid_layout(grid), grid.interpolation == "cubic", flat(q),
+            slabs_x.numpy(), flat(g_g_out), flat(g_table), cpu_arrays.num_threads(),
         )  # fmt: skip
         return slabs_x.sum(0).view(x.shape), g_g_out, None if in_place else g_table, None

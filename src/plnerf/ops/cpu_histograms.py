@@ -1,6 +1,6 @@
-"""Numba twins of what keeps thin things in histograms: blur and dilation, each in one pass over a ray.
+"""Numba kernels of what keeps thin things in histograms: blur and dilation, each in one pass over a ray.
 
-The truths are in plain torch in `rays/histograms.py`; edges are constants here.  Letters as there: s the
+The references are in plain torch in `rays/histograms.py`; edges are constants here.  Letters as there: s the
 E = S + 1 edges, increasing; w the S weights.
 """
 
@@ -18,7 +18,7 @@ from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.launch import arrays, launch
 
 FLOOR = 1e-5
-"""As in the truth, which is above this room."""
+"""As in the reference, which is above this room."""
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -145,7 +145,7 @@ def blurred_interlevel_loss(
     w_proposal: Float[Tensor, "r P"],
     half_width: float,
 ) -> Float[Tensor, " r"]:
-    """Twin of `histograms.blurred_interlevel_loss`: differentiable by w_proposal; all else is a constant."""
+    """Kernel of `histograms.blurred_interlevel_loss`: differentiable by w_proposal alone."""
 
     def kernel(loss: Tensor, gradient: Tensor) -> None:
         *inputs, out, slope = arrays(s, w, s_proposal, w_proposal, loss, gradient)
@@ -159,7 +159,7 @@ def blurred_interlevel_loss(
 
 
 def dilate(s: Float[Tensor, "r E"], w: Float[Tensor, "r S"], half_width: float) -> Float[Tensor, "r S"]:
-    """Twin of `histograms.dilate`.  No gradient flows: samples are constants."""
+    """Kernel of `histograms.dilate`.  No gradient flows: samples are constants."""
     out = torch.empty_like(w, memory_format=torch.contiguous_format)
     s_array, w_array, out_array = arrays(s, w, out)
     launch(

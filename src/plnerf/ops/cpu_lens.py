@@ -1,8 +1,8 @@
-"""Numba twin of casting rays through pixels, the lens taken out.
+"""Numba kernel of casting rays through pixels, the lens taken out.
 
-The truths are in plain torch in `rays/rays.py` (`pixel_rays`) and `rays/lens.py` (`undistort_plane`, with the
-letters used here).  A ray is computed in float64, whatever the type of the cameras: it costs nothing beside
-fetching its camera.
+The references are in plain torch: `pixel_rays` in `rays/rays.py` and, with the letters used here,
+`undistort_plane` in `rays/lens.py`.  A ray is computed in float64, whatever the type of the cameras: it costs
+nothing beside fetching its camera.
 
 What Numba compiles is marked no_type_check: a wrapper that checks annotations cannot be compiled.
 """
@@ -16,7 +16,7 @@ from torch import Tensor
 
 from plnerf.ops.launch import arrays, launch
 
-_ITERATIONS, _LONGEST_STEP = 16, 1.0  # as the truth's
+_ITERATIONS, _LONGEST_STEP = 16, 1.0  # as the reference's
 _CONVERGED = 1e-15  # of a step on the plane z = 1
 
 

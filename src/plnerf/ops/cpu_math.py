@@ -32,14 +32,14 @@ _HALF_PI = (_f32(1.5703125), _f32(4.8375129699707031e-4), _f32(7.549789948768648
 
 
 @no_type_check
-def decay(x: Any) -> Any:
-    """(exp(-x), 1 - exp(-x)) for x >= 0, both within 1.5e-7 relatively; beyond x = 87 exactly (0, 1)."""
+def exp_and_expm1_neg(x: Any) -> Any:
+    """(exp(-x), -expm1(-x)) for x >= 0, both within 1.5e-7 relatively; beyond x = 87 exactly (0, 1)."""
     raise NotImplementedError("for use inside of Numba kernels")
 
 
 @njit(inline="always")
 @no_type_check
-def _decay32(x):
+def _exp_and_expm1_neg32(x):
     one = _f32(1)
     y = _LAST_EXPONENT if x > _LAST_EXPONENT else x
     rounded = y * -_LOG2_E + _ROUND
@@ -52,16 +52,16 @@ def _decay32(x):
     p = p * r + _f32(0.5)
     p = p * r * r + r  # exp(r) - 1
     scale = np.int32((_f32(rounded).view(np.int32) + np.int32(127)) << np.int32(23)).view(np.float32)  # 2^n
-    left = scale + scale * p
-    gone = (one - scale) - scale * p
-    return (_f32(0) if x > _LAST_EXPONENT else left), (one if x > _LAST_EXPONENT else gone)
+    exp_neg = scale + scale * p
+    alpha = (one - scale) - scale * p
+    return (_f32(0) if x > _LAST_EXPONENT else exp_neg), (one if x > _LAST_EXPONENT else alpha)
 
 
-@overload(decay, inline="always")
+@overload(exp_and_expm1_neg, inline="always")
 @no_type_check
-def _decay(x):
+def _exp_and_expm1_neg(x):
     if x == types.float32:
-        return lambda x: _decay32(x)  # noqa: PLW0108 (Numba wants a function of its own)
+        return lambda x: _exp_and_expm1_neg32(x)  # noqa: PLW0108 (Numba wants a function of its own)
     return lambda x: (math.exp(-x), -math.expm1(-x))
 
 
@@ -121,7 +121,7 @@ def _power32(x, exponent):
     p = p * f + _f32(3.3333331174e-1)
     octaves = _f32(e) - (_f32(24) if small else _f32(0))
     log = octaves * _LOG_2_LOW + (p * f * f * f - _f32(0.5) * f * f) + f + octaves * _LOG_2_HIGH
-    raised, _ = _decay32(-exponent * log)
+    raised, _ = _exp_and_expm1_neg32(-exponent * log)
     return _f32(0) if x == _f32(0) else raised
 
 

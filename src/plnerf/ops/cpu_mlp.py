@@ -1,4 +1,4 @@
-"""Numba twin of `reference.ray_mlp`: all layers of a small network in one pass over blocks of points.
+"""Numba kernel of `reference.ray_mlp`: all layers of a small network in one pass over blocks of points.
 
 At 64 units a layer does so little arithmetic that writing its output to memory costs as much.  Here a
 block of points goes through all layers while it is in the first-level cache, and the separate passes for
@@ -246,7 +246,7 @@ def ray_mlp(
     base: Float[Tensor, "r H"],
     weights: Sequence[Tensor],
 ) -> Float[Tensor, "r S O"]:
-    """Twin of `reference.ray_mlp`; the gradient by `const` is left out unless it is asked for."""
+    """Kernel of `reference.ray_mlp`; the gradient by `const` is left out unless it is asked for."""
     if const.requires_grad:
         x, const = torch.cat([x, const], -1), const[..., :0]
     out: Tensor = _RayMLP.apply(x, const, base, *weights)

@@ -1,10 +1,10 @@
-"""Numba twins of the geometry of rays: distances, and contracted frustums with their encoding.
+"""Numba kernels of the geometry of rays: distances, and contracted frustums with their encoding.
 
-The truths are in plain torch where the equations are: `rays/warp.py`, `rays/frustums.py`,
+The references are in plain torch where the equations are: `rays/warp.py`, `rays/frustums.py`,
 `rays/contraction.py` and `field/encodings.py`.  Nothing here has a gradient: what asks for one (refined
-poses) is refused and takes the truths.
+poses) is refused and takes the references.
 
-Letters: r rays, S intervals, E = S + 1 edges; o, d, t, the moments and J = a I + b e_k^T as in the truths.
+Letters: r rays, S intervals, E = S + 1 edges; o, d, t, the moments and J = a I + b e_k^T as there.
 A ray's samples lie side by side in scratch that stays in the first cache, so that LLVM computes 8 or 16 of
 them at once.
 
@@ -20,7 +20,7 @@ from numba import njit, prange
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST
-from plnerf.ops.cpu_math import decay, sin_cos
+from plnerf.ops.cpu_math import exp_and_expm1_neg, sin_cos
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 
@@ -36,9 +36,9 @@ def _distances(s, t, low, span, beyond, knee):
         t[i] = two * knee * g if g < half else knee / (two * rest)
 
 
-def to_distance(s: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
-    """Twin of `warp.to_distance`: distance t of warped distance s, near at 0 and far at 1."""
-    refuse_gradients("to_distance", s=s)
+def s_to_t(s: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
+    """Kernel of `warp.s_to_t`: distance t of warped distance s, near at 0 and far at 1."""
+    refuse_gradients("s_to_t", s=s)
     low, high = (t / (2 * knee) if t < knee else 1 - knee / (2 * t) for t in (near, far))
     t = torch.empty_like(s, memory_format=torch.contiguous_format)
     _distances(*arrays(s.reshape(-1), t.view(-1)), low, high - low, 1 - high, knee)
@@ -144,7 +144,7 @@ def fill_features(  # noqa: PLR0913 (a kernel's arrays, one by one)
             double = min(k + 1, octaves - 1)  # of an odd number of octaves the last is written twice
             for j in range(3 * S):
                 sine, cosine = sin_cos(mean[j] * scale)
-                fade, _ = decay(max(variance[j], zero) * fineness)
+                fade, _ = exp_and_expm1_neg(max(variance[j], zero) * fineness)
                 fade2 = fade * fade
                 sines[double, j] = two * sine * cosine * (fade2 * fade2)
                 cosines[double, j] = (one - two * sine * sine) * (fade2 * fade2)
@@ -179,7 +179,7 @@ def frustum_features(
 ) -> tuple[Float[Tensor, "r S 3"], Float[Tensor, "r S e"]]:
     """Where the frustums between the edges t lie in the unit cube, and how they are encoded; e = 6 octaves.
 
-    Twin of `ray_frustums`, then `contract_frustums` (or, without contraction, `clamp_frustums`), then
+    The reference is `ray_frustums`, then `contract_frustums` (`clamp_frustums` without contraction), then
     (mean + 2)/4 and `integrated_positional_encoding(mean, variance)`.
     """
     refuse_gradients("frustum_features", origins=origins, directions=directions, radius=radius, t=t)

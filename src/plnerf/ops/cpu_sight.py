@@ -17,10 +17,10 @@ from jaxtyping import Float
 from numba import njit, prange
 from torch import Tensor
 
-from plnerf.ops.cpu_arrays import FAST, parts
+from plnerf.ops.cpu_arrays import FAST, num_threads
 from plnerf.ops.cpu_blocks import Grid, Network, encode, run_network
 from plnerf.ops.cpu_cells import BLOCK
-from plnerf.ops.cpu_math import decay
+from plnerf.ops.cpu_math import exp_and_expm1_neg
 from plnerf.ops.cpu_rays import fill_features
 from plnerf.ops.launch import arrays
 
@@ -56,8 +56,8 @@ def _densities(  # noqa: PLR0913 (a kernel's arrays, one by one)
                 encode(points, begin, size, grid, rows, shares, encoded)
                 raw = run_network(network, encoded, 0, hidden, other)
                 for p in range(size):
-                    left, _ = decay(bound - min(raw[p], bound))
-                    sigma[first * S + begin + p] = densest * left
+                    exp_neg, _ = exp_and_expm1_neg(bound - min(raw[p], bound))
+                    sigma[first * S + begin + p] = densest * exp_neg
 
 
 def densities_along_rays(
@@ -72,10 +72,10 @@ def densities_along_rays(
 ) -> Float[Tensor, "r S"]:
     """Densities exp(network(hash encoding)) of the intervals between the edges t.
 
-    The twin of `render.ray_ops.frustum_features` without octaves, `reference.hash_mlp` and
+    The references are `render.ray_ops.frustum_features` without octaves, `reference.hash_mlp` and
     `field.networks.density_activation`.  The network may have any number of layers and one output.
     """
     sigma = t.new_empty(t.shape[0], t.shape[1] - 1)
     o, d, r, edges, out = arrays(origins, directions, radius, t, sigma.view(-1))
-    _densities(o, d, r, edges, stretch, contraction, grid, network, out, parts())
+    _densities(o, d, r, edges, stretch, contraction, grid, network, out, num_threads())
     return sigma

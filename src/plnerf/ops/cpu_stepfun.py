@@ -1,7 +1,7 @@
-"""Numba twins of the step functions along rays: resampling in one pass, losses with closed-form gradients.
+"""Numba kernels of the step functions along rays: resampling in one pass, losses with closed-form gradients.
 
-The truths are in plain torch in `rays/stepfun.py`; edges are constants here.  Letters as there: s the
-E = S + 1 edges, increasing; w the S weights.  Where one sorted list is looked up in another, two fingers walk
+The references are in plain torch in `rays/stepfun.py`; edges are constants here.  Letters as there: s the
+E = S + 1 edges, increasing; w the S weights.  Where one sorted list is searched in another, two fingers walk
 along both.
 """
 
@@ -174,7 +174,7 @@ def resample_edges(
     padding: float,
     anneal: float | Tensor = 1.0,
 ) -> Float[Tensor, "r n"]:
-    """Twin of `stepfun.resample_edges`: edges at levels u of the distribution of w^anneal, 0 < anneal <= 1.
+    """Kernel of `stepfun.resample_edges`: edges at levels u of the distribution of w^anneal, 0 < anneal <= 1.
 
     Levels increase along a ray.  No gradient flows: samples are constants.
     """
@@ -193,13 +193,13 @@ def interlevel_loss(
     s_proposal: Float[Tensor, "r F"],
     w_proposal: Float[Tensor, "r P"],
 ) -> Float[Tensor, " r"]:
-    """Twin of `stepfun.interlevel_loss`: differentiable by w_proposal, once; all else is a constant."""
+    """Kernel of `stepfun.interlevel_loss`: differentiable by w_proposal, once; all else is a constant."""
     loss: Tensor = _Interlevel.apply(s.detach(), w.detach(), s_proposal.detach(), w_proposal)
     return loss
 
 
 def distortion_loss(s: Float[Tensor, "r E"], w: Float[Tensor, "r S"]) -> Float[Tensor, " r"]:
-    """Twin of `stepfun.distortion_loss`: differentiable by w, once."""
+    """Kernel of `stepfun.distortion_loss`: differentiable by w, once."""
     refuse_gradients("distortion_loss", s=s)
     loss: Tensor = _Distortion.apply(s, w)
     return loss

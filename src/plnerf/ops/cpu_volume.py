@@ -1,16 +1,16 @@
-"""Numba twins of the volume rendering equations, with closed-form gradients in linear time.
+"""Numba kernels of the volume rendering equations, with closed-form gradients in linear time.
 
-The truths are in plain torch in `render/volume.py`; edges t are constants here.
+The references are in plain torch in `render/volume.py`; edges t are constants here.
 
 Letters: r rays, S intervals, E = S + 1 edges t, sigma the density, d_i = sigma_i (t_{i+1} - t_i), w the
-weights, T_i the transmittance in front of interval i; `behind` is T_{i+1}.  Multiplied up along the ray,
+weights, T_i the transmittance at the start of interval i; `T_next` is T_{i+1}.  Multiplied up along the ray,
     T_{i+1} = T_i exp(-d_i),   w_i = T_i (1 - exp(-d_i))
 so that with G_i, the gradient by w_i of whatever is minimised, that by the density is
     dL/dsigma_k = (t_{k+1} - t_k) (G_k T_{k+1} - sum_{i>k} G_i w_i).
 """
 
 import math
-from typing import Any, NamedTuple, no_type_check
+from typing import Any, no_type_check
 
 import numpy as np
 import torch
@@ -20,59 +20,50 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST
-from plnerf.ops.cpu_math import decay
+from plnerf.ops.cpu_math import exp_and_expm1_neg
 from plnerf.ops.launch import arrays, launch, refuse_gradients
-
-
-class Rendered(NamedTuple):
-    """What rays see; the depths carry no gradient."""
-
-    w: Float[Tensor, "r S"]
-    colour: Float[Tensor, "r 3"]
-    accumulation: Float[Tensor, " r"]
-    depth: Float[Tensor, " r"]
-    depth_median: Float[Tensor, " r"]
+from plnerf.ops.rendered import Rendered
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _weights(sigma, t, w, behind, start, stop):
+def _weights(sigma, t, w, T_next, start, stop):
     S, real = sigma.shape[1], sigma.dtype.type
-    left, gone = np.empty(S, sigma.dtype), np.empty(S, sigma.dtype)
+    exp_neg, alpha = np.empty(S, sigma.dtype), np.empty(S, sigma.dtype)
     for ray in range(start, stop):
         for i in range(S):
-            left[i], gone[i] = decay(sigma[ray, i] * (t[ray, i + 1] - t[ray, i]))
-        front = real(1)
+            exp_neg[i], alpha[i] = exp_and_expm1_neg(sigma[ray, i] * (t[ray, i + 1] - t[ray, i]))
+        transmittance = real(1)
         for i in range(S):
-            w[ray, i] = front * gone[i]
-            front *= left[i]
-            behind[ray, i] = front
+            w[ray, i] = transmittance * alpha[i]
+            transmittance *= exp_neg[i]
+            T_next[ray, i] = transmittance
 
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _weights_parallel(sigma, t, w, behind, rays, parts):
+def _weights_parallel(sigma, t, w, T_next, rays, parts):
     for part in prange(parts):
-        _weights(sigma, t, w, behind, rays * part // parts, rays * (part + 1) // parts)
+        _weights(sigma, t, w, T_next, rays * part // parts, rays * (part + 1) // parts)
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _weights_backward(t, w, behind, g_w, g_sigma, start, stop):
+def _weights_backward(t, w, T_next, g_w, g_sigma, start, stop):
     S, real = w.shape[1], w.dtype.type
     for ray in range(start, stop):
         later = real(0)
         for k in range(S - 1, -1, -1):
-            g_sigma[ray, k] = (t[ray, k + 1] - t[ray, k]) * (g_w[ray, k] * behind[ray, k] - later)
+            g_sigma[ray, k] = (t[ray, k + 1] - t[ray, k]) * (g_w[ray, k] * T_next[ray, k] - later)
             later += g_w[ray, k] * w[ray, k]
 
 
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _weights_backward_parallel(t, w, behind, g_w, g_sigma, rays, parts):
+def _weights_backward_parallel(t, w, T_next, g_w, g_sigma, rays, parts):
     for part in prange(parts):
         start, stop = rays * part // parts, rays * (part + 1) // parts
-        _weights_backward(t, w, behind, g_w, g_sigma, start, stop)
+        _weights_backward(t, w, T_next, g_w, g_sigma, start, stop)
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -81,10 +72,10 @@ def _median(w, t, ray, before, inside, real, eps):
     """`volume.median_depth`: `inside` the interval where the sum of weights reaches 1/2, `before` it."""
     if inside == w.shape[1]:
         return t[ray, inside]
-    left = max(real(1) - before, eps)
-    alpha = max(min(w[ray, inside] / left, real(1) - eps), real(0))
+    transmittance = max(real(1) - before, eps)
+    alpha = max(min(w[ray, inside] / transmittance, real(1) - eps), real(0))
     optical = max(-math.log1p(-alpha), eps)
-    share = min(max(math.log(real(2) * left), real(0)) / optical, real(1))
+    share = min(max(math.log(real(2) * transmittance), real(0)) / optical, real(1))
     return t[ray, inside] + share * (t[ray, inside + 1] - t[ray, inside])
 
 
@@ -118,26 +109,26 @@ def _composite(t, w, colours, colour, rest, start, stop):
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _render_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    sigma, t, colours, w, behind, colour, rest, rays, parts
+    sigma, t, colours, w, T_next, colour, rest, rays, parts
 ):
     for part in prange(parts):
         start, stop = rays * part // parts, rays * (part + 1) // parts
-        _weights(sigma, t, w, behind, start, stop)
+        _weights(sigma, t, w, T_next, start, stop)
         _composite(t, w, colours, colour, rest, start, stop)
 
 
 @no_type_check
 def _render(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    sigma, t, colours, w, behind, colour, rest, start, stop
+    sigma, t, colours, w, T_next, colour, rest, start, stop
 ):
-    _weights(sigma, t, w, behind, start, stop)
+    _weights(sigma, t, w, T_next, start, stop)
     _composite(t, w, colours, colour, rest, start, stop)
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _render_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    t, colours, w, behind, g_w, g_colour, g_total, g_sigma, g_colours, start, stop
+    t, colours, w, T_next, g_w, g_colour, g_total, g_sigma, g_colours, start, stop
 ):
     S, real = w.shape[1], w.dtype.type
     for ray in range(start, stop):
@@ -151,7 +142,7 @@ def _render_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
             share = w[ray, k]
             seen = red * colours[ray, k, 0] + green * colours[ray, k, 1] + blue * colours[ray, k, 2]
             G = g_w[ray, k] + base + seen
-            g_sigma[ray, k] = (t[ray, k + 1] - t[ray, k]) * (G * behind[ray, k] - later)
+            g_sigma[ray, k] = (t[ray, k + 1] - t[ray, k]) * (G * T_next[ray, k] - later)
             later += G * share
             total += share
             g_colours[ray, k, 0] = share * red
@@ -166,31 +157,31 @@ def _render_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
 @njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _render_backward_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    t, colours, w, behind, g_w, g_colour, g_total, g_sigma, g_colours, rays, parts
+    t, colours, w, T_next, g_w, g_colour, g_total, g_sigma, g_colours, rays, parts
 ):
     for part in prange(parts):
         start, stop = rays * part // parts, rays * (part + 1) // parts
-        _render_backward(t, colours, w, behind, g_w, g_colour, g_total, g_sigma, g_colours, start, stop)
+        _render_backward(t, colours, w, T_next, g_w, g_colour, g_total, g_sigma, g_colours, start, stop)
 
 
 class _Weights(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, sigma: Tensor, t: Tensor) -> Tensor:
-        w, behind = (torch.empty_like(sigma, memory_format=torch.contiguous_format) for _ in range(2))
+        w, T_next = (torch.empty_like(sigma, memory_format=torch.contiguous_format) for _ in range(2))
         launch(
-            _weights, _weights_parallel, *arrays(sigma, t, w, behind),
+            _weights, _weights_parallel, *arrays(sigma, t, w, T_next),
             rays=len(sigma), samples=sigma.numel(), ns=1.0,
         )  # fmt: skip
-        ctx.save_for_backward(t, w, behind)
+        ctx.save_for_backward(t, w, T_next)
         return w
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor, None]:
-        t, w, behind = ctx.saved_tensors
+        t, w, T_next = ctx.saved_tensors
         g_sigma = torch.empty_like(w)
         launch(
-            _weights_backward, _weights_backward_parallel, *arrays(t, w, behind, *g_outputs, g_sigma),
+            _weights_backward, _weights_backward_parallel, *arrays(t, w, T_next, *g_outputs, g_sigma),
             rays=len(w), samples=w.numel(), ns=1.0,
         )  # fmt: skip
         return g_sigma, None
@@ -199,13 +190,13 @@ class _Weights(torch.autograd.Function):
 class _Render(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, sigma: Tensor, t: Tensor, colours: Tensor) -> tuple[Tensor, ...]:
-        w, behind = (torch.empty_like(sigma, memory_format=torch.contiguous_format) for _ in range(2))
+        w, T_next = (torch.empty_like(sigma, memory_format=torch.contiguous_format) for _ in range(2))
         colour, rest = sigma.new_empty(len(sigma), 3), sigma.new_empty(3, len(sigma))
         launch(
-            _render, _render_parallel, *arrays(sigma, t, colours, w, behind, colour, rest),
+            _render, _render_parallel, *arrays(sigma, t, colours, w, T_next, colour, rest),
             rays=len(sigma), samples=sigma.numel(), ns=2.5,
         )  # fmt: skip
-        ctx.save_for_backward(t, colours, w, behind)
+        ctx.save_for_backward(t, colours, w, T_next)
         total, depth, median = (row.clone() for row in rest)
         ctx.mark_non_differentiable(depth, median)
         return w, colour, total, depth, median
@@ -213,18 +204,18 @@ class _Render(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *g_outputs: Tensor) -> tuple[Tensor, None, Tensor]:
-        t, colours, w, behind = ctx.saved_tensors
+        t, colours, w, T_next = ctx.saved_tensors
         g_sigma, g_colours = torch.empty_like(w), w.new_empty(*w.shape, 3)
         launch(
             _render_backward, _render_backward_parallel,
-            *arrays(t, colours, w, behind, *g_outputs[:3], g_sigma, g_colours),
+            *arrays(t, colours, w, T_next, *g_outputs[:3], g_sigma, g_colours),
             rays=len(w), samples=w.numel(), ns=2.5,
         )  # fmt: skip
         return g_sigma, None, g_colours
 
 
 def weights_from_density(sigma: Float[Tensor, "r S"], t: Float[Tensor, "r E"]) -> Float[Tensor, "r S"]:
-    """Twin of `volume.weights_from_density`: differentiable by sigma >= 0, once."""
+    """Kernel of `volume.weights_from_density`: differentiable by sigma >= 0, once."""
     refuse_gradients("weights_from_density", t=t)
     w: Tensor = _Weights.apply(sigma, t)
     return w
@@ -233,10 +224,10 @@ def weights_from_density(sigma: Float[Tensor, "r S"], t: Float[Tensor, "r E"]) -
 def render_rays(
     sigma: Float[Tensor, "r S"], t: Float[Tensor, "r E"], colours: Float[Tensor, "r S 3"]
 ) -> Rendered:
-    """Weights, colour, accumulation and depths of rays at once: the twin of what `PLNeRF.forward` does.
+    """Weights, colour, accumulation and depths of rays at once: the kernel of `ray_ops.render_rays`.
 
-    The colour is sum_i w_i c_i, and what is left takes the last interval's.  Differentiable by sigma >= 0
-    and colours, once; the depths are `volume.expected_depth` and `volume.median_depth`.
+    The colour is sum_i w_i c_i, and the remaining transmittance takes the last interval's.  Differentiable by
+    sigma >= 0 and colours, once; the depths are `volume.expected_depth` and `volume.median_depth`.
     """
     refuse_gradients("render_rays", t=t)
     return Rendered(*_Render.apply(sigma, t, colours))

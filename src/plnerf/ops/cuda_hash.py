@@ -1,4 +1,4 @@
-"""Triton twins of the hash encoding for a GPU: forward, backward, and the backward of the backward.
+"""Triton kernels of the hash encoding for a GPU: forward, backward, and the backward of the backward.
 
 Triton comes with PyTorch's Linux builds for GPUs and compiles a kernel on its first call.  With
 TRITON_INTERPRET=1 in the environment, before Triton is imported, the same kernels are interpreted on a CPU.
@@ -23,6 +23,7 @@ from torch.autograd.function import once_differentiable
 
 from plnerf.ops import cuda_kernels
 from plnerf.ops.grid import GridShape
+from plnerf.ops.layout import grid_layout
 
 BLOCK = 128  # points of a program
 _SUMS = (torch.float32, torch.float64)  # what gradients are summed up in
@@ -31,7 +32,7 @@ _SUMS = (torch.float32, torch.float64)  # what gradients are summed up in
 @cache
 def _layout(grid: GridShape, device: torch.device) -> Tensor:
     """The grid's layout on a device, copied there once."""
-    return torch.from_numpy(grid.layout).to(device)
+    return torch.from_numpy(grid_layout(grid)).to(device)
 
 
 def _launch(kernel: Any, grid: GridShape, inputs: tuple[Tensor, ...], outputs: tuple[Tensor, ...]) -> None:
@@ -127,7 +128,7 @@ class _PositionGradient(torch.autograd.Function):
 def hash_encode(
     x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape
 ) -> Float[Tensor, "n LF"]:
-    """Twin of `reference.hash_encode`: same values and gradients, including those of the gradient of x.
+    """Kernel of `reference.hash_encode`: same values and gradients, including those of the gradient of x.
 
     Of the type of x.  Where `table.grad` is there already, a backward pass adds to it in place and hands
     autograd nothing.
@@ -139,6 +140,6 @@ def hash_encode(
 def hash_position_gradient(
     x: Float[Tensor, "n 3"], g_out: Float[Tensor, "n LF"], table: Float[Tensor, "rows F"], grid: GridShape
 ) -> Float[Tensor, "n 3"]:
-    """Twin of `reference.hash_position_gradient`."""
+    """Kernel of `reference.hash_position_gradient`."""
     g_x: Tensor = _PositionGradient.apply(x, g_out, table, grid)
     return g_x

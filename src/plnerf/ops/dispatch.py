@@ -1,21 +1,117 @@
-"""Which implementation of an op runs.  Chosen once, printed, written into the run; never changed silently."""
+"""Which implementation of an op runs: the only place that knows one backend from another.
+
+The backend is chosen once, printed and written into the run; it never changes silently.  Everything else asks
+`kernels` for the functions of a backend.
+"""
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from importlib.util import find_spec
-from types import ModuleType
-from typing import Literal
+from typing import NamedTuple
 
 from jaxtyping import Float
 from torch import Tensor, device
 
 from plnerf.errors import ConfigError
 from plnerf.ops import reference
+from plnerf.ops.backends import Backend, BackendChoice
 from plnerf.ops.grid import GridShape
+from plnerf.ops.rendered import Rendered
 
-Backend = Literal["torch", "numba", "triton"]
-BackendChoice = Literal["auto", "torch", "numba", "triton"]
+
+class RayKernels(NamedTuple):
+    """Fused kernels on rays.  The reference of each is where its equation is: `rays/`, `render/volume.py`."""
+
+    cast_rays: Callable[..., tuple[Tensor, Tensor, Tensor]]
+    s_to_t: Callable[[Tensor, float, float, float], Tensor]
+    frustum_features: Callable[..., tuple[Tensor, Tensor]]
+    weights_from_density: Callable[[Tensor, Tensor], Tensor]
+    resample_edges: Callable[[Tensor, Tensor, Tensor, float, float | Tensor], Tensor]
+    render_rays: Callable[[Tensor, Tensor, Tensor], Rendered]
+    interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+    distortion_loss: Callable[[Tensor, Tensor], Tensor]
+    blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor]
+    dilate: Callable[[Tensor, Tensor, float], Tensor]
+
+
+class Kernels(NamedTuple):
+    """What a backend runs; see `reference.py` for what each function computes."""
+
+    hash_encode: Callable[[Tensor, Tensor, GridShape], Tensor]
+    hash_position_gradient: Callable[[Tensor, Tensor, Tensor, GridShape], Tensor]
+    hash_mlp: Callable[[Tensor, Tensor, GridShape, tuple[Tensor, Tensor, Tensor, Tensor]], Tensor]
+    ray_mlp: Callable[[Tensor, Tensor, Tensor, Sequence[Tensor]], Tensor]
+    adam_rows: Callable[..., None]
+    on_rays: RayKernels | None = None
+    """None where the references in plain torch run."""
+    supports_graphs: bool = False
+    """Whether a CUDA graph can hold a training step."""
+
+
+@cache
+def kernels(backend: Backend) -> Kernels:
+    """The functions of a backend.  Numba and Triton take time to import, so each is imported here only."""
+    if backend == "numba":
+        return _numba_kernels()
+    if backend == "triton":
+        from plnerf.ops import cuda_hash
+
+        def hash_mlp(
+            x: Tensor, table: Tensor, grid: GridShape, weights: tuple[Tensor, Tensor, Tensor, Tensor]
+        ) -> Tensor:
+            return reference.mlp_on(cuda_hash.hash_encode(x, table, grid), weights)
+
+        return Kernels(
+            cuda_hash.hash_encode,
+            cuda_hash.hash_position_gradient,
+            hash_mlp,
+            reference.ray_mlp,  # on a GPU plain torch is what is fast
+            reference.adam_rows,
+            supports_graphs=True,
+        )
+    return Kernels(
+        reference.hash_encode,
+        reference.hash_position_gradient,
+        reference.hash_mlp,
+        reference.ray_mlp,
+        reference.adam_rows,
+    )
+
+
+def _numba_kernels() -> Kernels:
+    from plnerf.ops import (
+        cpu_adam,
+        cpu_hash,
+        cpu_hash_mlp,
+        cpu_histograms,
+        cpu_lens,
+        cpu_mlp,
+        cpu_rays,
+        cpu_stepfun,
+        cpu_volume,
+    )  # fmt: skip
+
+    return Kernels(
+        cpu_hash.hash_encode,
+        cpu_hash.hash_position_gradient,
+        cpu_hash_mlp.hash_mlp,
+        cpu_mlp.ray_mlp,
+        cpu_adam.adam_rows,
+        RayKernels(
+            cpu_lens.cast_rays,
+            cpu_rays.s_to_t,
+            cpu_rays.frustum_features,
+            cpu_volume.weights_from_density,
+            cpu_stepfun.resample_edges,
+            cpu_volume.render_rays,
+            cpu_stepfun.interlevel_loss,
+            cpu_stepfun.distortion_loss,
+            cpu_histograms.blurred_interlevel_loss,
+            cpu_histograms.dilate,
+        ),
+    )
 
 
 def resolve_backend(choice: BackendChoice, on: device) -> Backend:
@@ -70,8 +166,7 @@ def hash_encode(
     x: Float[Tensor, "n 3"], table: Float[Tensor, "rows F"], grid: GridShape, backend: Backend
 ) -> Float[Tensor, "n LF"]:
     """Multi-resolution hash encoding of points in [0, 1]^3; see `reference.hash_encode`."""
-    encoded: Tensor = _twin(backend).hash_encode(x, table, grid)
-    return encoded
+    return kernels(backend).hash_encode(x, table, grid)
 
 
 def hash_position_gradient(
@@ -82,8 +177,7 @@ def hash_position_gradient(
     backend: Backend,
 ) -> Float[Tensor, "n 3"]:
     """Gradient of <g_out, hash_encode(x)> with respect to x; see `reference.hash_position_gradient`."""
-    g_x: Tensor = _twin(backend).hash_position_gradient(x, g_out, table, grid)
-    return g_x
+    return kernels(backend).hash_position_gradient(x, g_out, table, grid)
 
 
 def hash_mlp(
@@ -94,11 +188,7 @@ def hash_mlp(
     backend: Backend,
 ) -> Float[Tensor, " n"]:
     """A hash encoding and a network of one hidden layer on top; see `reference.hash_mlp`."""
-    if backend == "numba":
-        from plnerf.ops import cpu_hash_mlp
-
-        return cpu_hash_mlp.hash_mlp(x, table, grid, weights)
-    return reference.mlp_on(_twin(backend).hash_encode(x, table, grid), weights)
+    return kernels(backend).hash_mlp(x, table, grid, weights)
 
 
 def ray_mlp(
@@ -108,21 +198,5 @@ def ray_mlp(
     weights: Sequence[Tensor],
     backend: Backend,
 ) -> Float[Tensor, "r S O"]:
-    """A network on the samples of rays; see `reference.ray_mlp`.  On a GPU plain torch is what is fast."""
-    if backend == "numba":
-        from plnerf.ops import cpu_mlp
-
-        return cpu_mlp.ray_mlp(x, const, base, weights)
-    return reference.ray_mlp(x, const, base, weights)
-
-
-def _twin(backend: Backend) -> ModuleType:
-    if backend == "torch":
-        return reference
-    if backend == "triton":
-        from plnerf.ops import cuda_hash  # Triton is there on Linux only
-
-        return cuda_hash
-    from plnerf.ops import cpu_hash  # Numba takes a third of a second to import: only where it is used
-
-    return cpu_hash
+    """A network on the samples of rays; see `reference.ray_mlp`."""
+    return kernels(backend).ray_mlp(x, const, base, weights)

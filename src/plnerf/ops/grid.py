@@ -1,4 +1,4 @@
-"""The shape of a multi-resolution hash grid, shared by the reference and its twins.  Instant-NGP, section 3.
+"""The shape of a multi-resolution hash grid, shared by reference and kernels.  Instant-NGP, section 3.
 
 Letters: L levels, N_l cells along each axis of level l, F features of a vertex, T entries of a hashed level.
 A level is a dense array while its (N_l + 1)^3 vertices fit into T entries, and hashed beyond.
@@ -8,9 +8,8 @@ All levels lie one after another in one table of shape (rows, F).
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Literal
-
-import numpy as np
 
 from plnerf.errors import ConfigError
 
@@ -28,11 +27,17 @@ class GridShape:
     """
 
     levels: int
+    """L."""
     coarsest: int
+    """N_min: cells along an axis of the first level."""
     finest: int
+    """N_max: cells along an axis of the last level."""
     features: int
+    """F: numbers of a vertex."""
     log2_table: int
+    """Logarithm of T, the entries of a hashed level, to base 2."""
     interpolation: Interpolation = "linear"
+    """Between vertices: linear, or cubic Hermite weights, whose first derivative is continuous."""
 
     def __post_init__(self) -> None:
         if (
@@ -71,7 +76,7 @@ class GridShape:
     @cached_property
     def starts(self) -> tuple[int, ...]:
         """First row of every level."""
-        return tuple(int(start) for start in np.cumsum((0, *self.sizes[:-1])))
+        return tuple(accumulate(self.sizes[:-1], initial=0))
 
     @property
     def rows(self) -> int:
@@ -82,10 +87,3 @@ class GridShape:
     def width(self) -> int:
         """Length of an encoded vector, L F."""
         return self.levels * self.features
-
-    @cached_property
-    def layout(self) -> np.ndarray:
-        """What a kernel must know, int64 (L, 4): cells an axis, first row, 1 if dense, hash mask (T - 1)."""
-        mask = (1 << self.log2_table) - 1
-        rows = zip(self.resolutions, self.starts, self.dense, strict=True)
-        return np.array([(n, start, int(dense), mask) for n, start, dense in rows], dtype=np.int64)

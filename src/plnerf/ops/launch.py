@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from plnerf.ops.cpu_arrays import parts
+from plnerf.ops.cpu_arrays import num_threads
 
 _WORTH_WAKING_NS = 120_000
 
@@ -30,7 +30,7 @@ def arrays(*tensors: Tensor) -> tuple[np.ndarray, ...]:
 
 def launch(plain: Any, parallel: Any, *arguments: Any, rays: int, samples: int, ns: float) -> None:
     """Runs a kernel over all rays; `ns` is about what one thread needs for a sample, in nanoseconds."""
-    count = parts() if samples * ns > _WORTH_WAKING_NS else 1
+    count = num_threads() if samples * ns > _WORTH_WAKING_NS else 1
     if count == 1:
         plain(*arguments, 0, rays)
     else:

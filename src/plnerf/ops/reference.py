@@ -1,4 +1,4 @@
-"""The truth: every op in plain torch, for any float dtype, differentiable to any order.  Slow, to be read.
+"""The reference: every op in plain torch, for any float dtype, differentiable to any order; slow.
 
 Letters: n points, L levels, F features, N_l cells an axis of level l.
 """
@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from plnerf.ops.grid import HASH_PRIMES, GridShape, Interpolation
+from plnerf.ops.layout import grid_layout
 
 
 def interpolation_weight(u: Float[Tensor, "*n"], interpolation: Interpolation) -> Float[Tensor, "*n"]:
@@ -24,7 +25,7 @@ def interpolation_weight(u: Float[Tensor, "*n"], interpolation: Interpolation) -
 
 def vertex_row(vertex: Int[Tensor, "*n 3"], level: int, grid: GridShape) -> Int[Tensor, "*n"]:
     """Row of the table that holds a vertex of a level.  Instant-NGP eq. 4 where the level is hashed."""
-    n, start, dense, mask = (int(value) for value in grid.layout[level])
+    n, start, dense, mask = (int(value) for value in grid_layout(grid)[level])
     x, y, z = vertex.unbind(-1)
     if dense:
         return start + x + (n + 1) * (y + (n + 1) * z)

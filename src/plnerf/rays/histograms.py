@@ -70,7 +70,7 @@ def blurred_interlevel_loss(
 def dilate(s: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"], half_width: float) -> Float[Tensor, "r E-1"]:
     """Weights of the histogram whose density is everywhere the largest within `half_width`, on its own edges.
 
-    Max-dilation of Mip-NeRF 360, supplement A, which looks beside what it found since a proposal may be off
+    Max-dilation of Mip-NeRF 360, supplement A, which samples beside what it found since a proposal may be off
     by a part of an interval.  The dilated density is integrated over the intervals there are, instead of
     given new edges, and scaled to the total weight there was: `padding` keeps its meaning.
     """

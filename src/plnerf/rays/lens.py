@@ -26,7 +26,7 @@ def undistort_plane(
     A step is taken if it stays where the lens is invertible and comes nearer, else it is halved.  Where the
     lens maps no such point to the given one (its polynomial folds back before the image's corner), the result
     is a point a little inside the edge of the invertible part, on that side: finite, and about as far as the
-    lens can be believed.  Computed in float64, without a look at the values: nothing waits for a GPU.
+    lens can be believed.  Computed in float64, without reading the values: nothing waits for a GPU.
     """
     k1, k2, p1, p2, k3 = distortion.double().unbind(-1)
     dx, dy = distorted.double().unbind(-1)

@@ -12,7 +12,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import kernels
 from plnerf.rays.lens import undistort_plane
 from plnerf.scene.cameras import Cameras
 
@@ -43,8 +44,12 @@ def pixel_rays(
     cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"], backend: Backend = "torch"
 ) -> Rays:
     """Rays through pixel positions of cameras, lens distortion taken out (no image is resampled)."""
-    if backend == "numba":
-        return Rays(*_cast_on_cpu(cameras, camera, pixel_px), camera)
+    if (fused := kernels(backend).on_rays) is not None:
+        cast = fused.cast_rays(
+            cameras.R_scene_camera, cameras.centre, cameras.focal_px, cameras.principal_px,
+            cameras.distortion, camera, pixel_px,
+        )  # fmt: skip
+        return Rays(*cast, camera)
     focal = cameras.focal_px[camera]
     plane = undistort(cameras, camera, pixel_px)
     direction = torch.cat([plane, torch.ones_like(plane[:, :1])], -1)
@@ -64,12 +69,3 @@ def undistort(
     """
     plane = (pixel_px - cameras.principal_px[camera]) / cameras.focal_px[camera]
     return undistort_plane(plane, cameras.distortion[camera]) if cameras.distorted else plane
-
-
-def _cast_on_cpu(cameras: Cameras, camera: Tensor, pixel_px: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    from plnerf.ops.cpu_lens import cast_rays  # Numba takes time to import: only where it is used
-
-    return cast_rays(
-        cameras.R_scene_camera, cameras.centre, cameras.focal_px, cameras.principal_px, cameras.distortion,
-        camera, pixel_px,
-    )  # fmt: skip

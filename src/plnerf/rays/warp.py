@@ -14,7 +14,7 @@ def warp(t: float, knee: float) -> float:
     return t / (2 * knee) if t < knee else 1 - knee / (2 * t)
 
 
-def to_distance(s: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
+def s_to_t(s: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
     """Distance t of warped distance s: near at 0, far at 1."""
     low, high = warp(near, knee), warp(far, knee)
     g = low + s * (high - low)
@@ -22,8 +22,8 @@ def to_distance(s: Float[Tensor, "*n"], near: float, far: float, knee: float) ->
     return torch.where(g < 0.5, 2 * knee * g, knee / (2 * rest))
 
 
-def to_warped(t: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
-    """Warped distance s of a distance t: the inverse of `to_distance`, clamped to [0, 1]."""
+def t_to_s(t: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Float[Tensor, "*n"]:
+    """Warped distance s of a distance t: the inverse of `s_to_t`, clamped to [0, 1]."""
     low, high = warp(near, knee), warp(far, knee)
     g = torch.where(t < knee, t / (2 * knee), 1 - knee / (2 * t.clamp_min(knee)))
     return ((g - low) / (high - low)).clamp(0, 1)

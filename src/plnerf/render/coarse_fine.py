@@ -1,63 +1,36 @@
-"""Hierarchical sampling: what a coarse look finds decides where a fine look samples.
+"""Hierarchical sampling: the weights of a coarse pass decide where a fine pass samples.
 
-    NeRF 2020 (paper 4.2.1): points, stratified; a network for each look; the fine one sees the points of both
-    Mip-NeRF: intervals; one network for both looks; the fine one sees intervals of its own, spread a little
+    NeRF 2020 (paper 4.2.1): points, stratified; a network for each pass; the fine one has the points of both
+    Mip-NeRF: intervals; one network for both passes; the fine one has intervals of its own, spread a little
 
-Both looks have a colour, and both are trained on it.
+Both passes render a colour, and both are trained on it.
 
 Letters: r rays, N coarse intervals; s in [0, 1] warped distances; lengths in the scene frame.
 """
 
 import dataclasses
-from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
-from plnerf.errors import ConfigError
-from plnerf.field.vanilla import VanillaConfig, VanillaField
-from plnerf.ops.dispatch import Backend
+from plnerf.field.vanilla import VanillaField
+from plnerf.ops.backends import Backend
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges, resample_edges, stratified_levels
-from plnerf.render.deep import DeepNeRF
-from plnerf.render.proposals import Histogram, SamplerConfig
+from plnerf.render.config import CoarseFineConfig
+from plnerf.render.mlp_nerf import MLPNeRF
+from plnerf.render.proposals import Histogram
 
 
-@dataclass(frozen=True)
-class CoarseFineConfig:
-    """Everything that decides the shape of the system and of its checkpoint."""
-
-    kind: Literal["coarse-fine"] = "coarse-fine"
-    field: VanillaConfig = dataclasses.field(default_factory=VanillaConfig)
-    sampler: SamplerConfig = dataclasses.field(
-        default_factory=lambda: SamplerConfig(proposals=(64,), final=128, padding=1e-5)
-    )
-    """One proposal round: the coarse look; none: there is only one look, of `final` intervals."""
-    networks: int = 2
-    """1: one network for both looks (Mip-NeRF); 2: one for each (NeRF 2020)."""
-
-    def __post_init__(self) -> None:
-        if self.networks not in {1, 2} or len(self.sampler.proposals) > 1:
-            raise ConfigError(
-                "Coarse and fine looks need 1 or 2 networks and at most one proposal round, but got "
-                f"networks={self.networks}, sampler.proposals={list(self.sampler.proposals)}."
-            )
-        if min(self.sampler.proposals, default=3) < 3:
-            raise ConfigError(
-                f"A coarse look needs 3 intervals or more, but has {self.sampler.proposals[0]}."
-            )
-
-
-class CoarseFineNeRF(DeepNeRF):
+class CoarseFineNeRF(MLPNeRF):
     """NeRF 2020 and Mip-NeRF."""
 
     def __init__(self, config: CoarseFineConfig, images: int, backend: Backend, generator: Generator) -> None:
         super().__init__(config.field, config.sampler, images, backend, generator)
         self.config = config
         two = config.networks == 2 and config.sampler.proposals
-        # Normals are those of the fine look.
+        # Normals are those of the fine pass.
         plain = dataclasses.replace(config.field, normals=False)
         self.coarse = VanillaField(plain, generator) if two else None
 
@@ -68,11 +41,11 @@ class CoarseFineNeRF(DeepNeRF):
         anneal: float | Tensor,
         generator: Generator | None,
     ) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...], Float[Tensor, "r 3"] | None]:
-        """Those of the fine look, after the coarse one."""
+        """Those of the fine pass, after the coarse one."""
         if not self.sampler.proposals:
             return self._first_edges(rays, self.sampler.final, generator), (), None
         s = self._first_edges(rays, self.sampler.proposals[0], generator)
-        seen, _, _ = self.look(self.field if self.coarse is None else self.coarse, rays, s, appearance)
+        seen, _, _ = self.evaluate(self.field if self.coarse is None else self.coarse, rays, s, appearance)
         fine = self._fine_edges(s, seen.w.detach(), anneal, generator)
         return fine, (Histogram(s, seen.w),), seen.colour
 

@@ -1,45 +1,22 @@
-"""Mip-NeRF 360 (Barron et al. 2022): a small network proposes where along the ray the large one looks.
+"""Mip-NeRF 360 (Barron et al. 2022): a small network proposes where along the ray the large one is evaluated.
 
 Letters: r rays, S final intervals; lengths in the scene frame.
 """
 
 import dataclasses
-from dataclasses import dataclass
-from typing import Literal
 
 from jaxtyping import Float
 from torch import Generator, Tensor
 
-from plnerf.errors import ConfigError
-from plnerf.field.vanilla import DeepDensity, VanillaConfig
-from plnerf.ops.dispatch import Backend
+from plnerf.field.vanilla import DeepDensity
+from plnerf.ops.backends import Backend
 from plnerf.rays.rays import Rays
-from plnerf.render.deep import DeepNeRF
-from plnerf.render.proposals import Histogram, SamplerConfig, sample_along_rays
+from plnerf.render.config import DeepProposalsConfig
+from plnerf.render.mlp_nerf import MLPNeRF
+from plnerf.render.proposals import Histogram, sample_along_rays
 
 
-@dataclass(frozen=True)
-class DeepProposalsConfig:
-    """Everything that decides the shape of the system and of its checkpoint."""
-
-    kind: Literal["deep-proposals"] = "deep-proposals"
-    field: VanillaConfig = dataclasses.field(
-        default_factory=lambda: VanillaConfig(encoding="ipe", octaves=12, contraction=True)
-    )
-    proposal: VanillaConfig = dataclasses.field(
-        default_factory=lambda: VanillaConfig(
-            encoding="ipe", octaves=12, contraction=True, depth=4, width=64, skip=0
-        )
-    )
-    """One network for all rounds; of its settings only those before the density count."""
-    sampler: SamplerConfig = dataclasses.field(default_factory=SamplerConfig)
-
-    def __post_init__(self) -> None:
-        if not self.sampler.proposals:
-            raise ConfigError("A proposal network needs a round: sampler.proposals has none.")
-
-
-class DeepProposalsNeRF(DeepNeRF):
+class DeepProposalsNeRF(MLPNeRF):
     """Mip-NeRF 360, its networks at the sizes that the configuration gives."""
 
     def __init__(

@@ -35,7 +35,7 @@ class RenderedView:
     depth: Float[np.ndarray, "h w"]
     """Expected distance along the ray."""
     depth_median: Float[np.ndarray, "h w"]
-    """Distance at which half of the light is gone; the far end of the ray where that never happens."""
+    """Distance at which the transmittance is one half; the far end of the ray where that never happens."""
     z_depth: Float[np.ndarray, "h w"]
     """The median depth along the camera's z axis, as depth images have it."""
     normals: Float[np.ndarray, "h w 3"] | None

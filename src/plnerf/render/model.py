@@ -9,55 +9,26 @@ The paper, here and elsewhere: Sensors 2023, 23(23), 9537.  Its 4.2.2, figures 1
 Letters: r rays, S final intervals; lengths in the scene frame.
 """
 
-import dataclasses
-from dataclasses import dataclass
 from functools import partial
-from typing import Literal
 
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 
-from plnerf.errors import ConfigError
-from plnerf.field.density import DensityConfig, DensityField
+from plnerf.field.density import DensityField
 from plnerf.field.guides import Guides, Windows, windows
-from plnerf.field.radiance import RadianceConfig, RadianceField
-from plnerf.field.tubes import TubeConfig, TubeField
-from plnerf.ops.dispatch import Backend
+from plnerf.field.radiance import RadianceField
+from plnerf.field.tubes import TubeField
+from plnerf.ops.backends import Backend
 from plnerf.rays.contraction import ball_sizes
 from plnerf.rays.frustums import frustum_moments
 from plnerf.rays.rays import Rays
+from plnerf.render.config import ModelConfig
 from plnerf.render.normals import density_normals
-from plnerf.render.proposals import SamplerConfig, sample_along_rays, to_distance
+from plnerf.render.proposals import s_to_t, sample_along_rays
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
 from plnerf.render.volume import composite
-
-
-@dataclass(frozen=True)
-class ModelConfig:
-    """Everything that decides the shape of the model and of its checkpoint."""
-
-    field: RadianceConfig
-    proposals: tuple[DensityConfig, ...]
-    sampler: SamplerConfig = dataclasses.field(default_factory=SamplerConfig)
-    tubes: TubeConfig | None = None
-    """The field around found curves; None leaves them to the field of everything else."""
-    contraction: bool = True
-    """L-infinity contraction of unbounded space; without it, all beyond [-2, 2]^3 is clamped to its faces."""
-    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """Stretch of x, y and z before the contraction; a span wants more cells across (y, z) than along (x)."""
-    kind: Literal["pl-nerf"] = "pl-nerf"
-
-    def __post_init__(self) -> None:
-        if len(self.proposals) != len(self.sampler.proposals):
-            raise ConfigError(
-                "Every proposal round needs a proposal field, but sampler.proposals has "
-                f"{len(self.sampler.proposals)} rounds and proposals {len(self.proposals)} fields. "
-                "Give both the same number of entries."
-            )
-        if min(self.stretch) <= 0:
-            raise ConfigError(f"The stretch of every axis must be above 0, but got {self.stretch}.")
 
 
 class PLNeRF(RadianceSystem):
@@ -84,7 +55,7 @@ class PLNeRF(RadianceSystem):
 
     @property
     def predicts_normals(self) -> bool:
-        """As its field was told."""
+        """True if the field predicts normals."""
         return self.config.field.normals
 
     def forward(
@@ -98,12 +69,12 @@ class PLNeRF(RadianceSystem):
         normal_rays: int = 0,
         normals_shape_density: bool = True,
     ) -> RenderedRays:
-        # Poses are refined through the geometry, of which only the truths have a gradient.
+        # Poses are refined through the geometry, of which only the references have a gradient.
         ops = TORCH if rays.origins.requires_grad else ray_ops(self.backend)
         densities = [partial(self._proposal_density, ops, field) for field in self.proposals]
         near = self.windows(rays)
         s, history = sample_along_rays(rays, densities, self.sampler, anneal, generator, ops, near)
-        t = to_distance(s, self.sampler, ops)
+        t = s_to_t(s, self.sampler, ops)
         unit, ipe = self._features(ops, rays, t, self.field.octaves)
         size = self.frustum_sizes(rays, t, unit)
         density, feature = self.field.density(unit, size)

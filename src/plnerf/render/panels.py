@@ -88,7 +88,7 @@ def _fitting_font(label: str, width: int, text_px: int) -> ImageFont.FreeTypeFon
 
 
 def _fit(picture: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h2 w2 3"]:
-    """The picture at a width that can be looked at."""
+    """The picture, enlarged or reduced to a width between the two limits."""
     height, width = picture.shape[:2]
     if width < MIN_WIDTH_PX:
         times = -(-MIN_WIDTH_PX // width)

@@ -1,4 +1,4 @@
-"""What a backend does to rays, as one value: the torch truths, or their fused twins for a CPU.
+"""What a backend does to rays, as one value: the references in torch, or fused kernels for a CPU.
 
 Plain torch makes a pass over memory for every operation in an equation; for the few thousand samples of a
 step these passes, not the arithmetic, are what takes the time.  The equations stay where they are
@@ -13,13 +13,15 @@ from jaxtyping import Float
 from torch import Tensor
 
 from plnerf.field.encodings import integrated_positional_encoding
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import kernels
+from plnerf.ops.rendered import Rendered
 from plnerf.rays.contraction import clamp_frustums, contract_frustums
 from plnerf.rays.frustums import ray_frustums
 from plnerf.rays.histograms import blurred_interlevel_loss, dilate
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss, resample_edges
-from plnerf.rays.warp import to_distance
+from plnerf.rays.warp import s_to_t
 from plnerf.render.volume import (
     accumulation,
     composite,
@@ -29,22 +31,10 @@ from plnerf.render.volume import (
 )
 
 
-class Rendered(NamedTuple):
-    """What r rays with S intervals see."""
-
-    w: Float[Tensor, "r S"]
-    colour: Float[Tensor, "r 3"]
-    accumulation: Float[Tensor, " r"]
-    depth: Float[Tensor, " r"]
-    """Expected, a constant."""
-    depth_median: Float[Tensor, " r"]
-    """A constant."""
-
-
 class RayOps(NamedTuple):
-    """Functions on rays; see the truths below and in `TORCH` for what each one does."""
+    """Functions on rays; see the references below and in `TORCH` for what each one does."""
 
-    to_distance: Callable[[Tensor, float, float, float], Tensor]
+    s_to_t: Callable[[Tensor, float, float, float], Tensor]
     frustum_features: Callable[[Rays, Tensor, tuple[float, float, float], bool, int], tuple[Tensor, Tensor]]
     weights_from_density: Callable[[Tensor, Tensor], Tensor]
     resample_edges: Callable[[Tensor, Tensor, Tensor, float, float | Tensor], Tensor]
@@ -81,7 +71,7 @@ def render_rays(
 
 
 TORCH = RayOps(
-    to_distance,
+    s_to_t,
     frustum_features,
     weights_from_density,
     resample_edges,
@@ -96,28 +86,25 @@ TORCH = RayOps(
 @cache
 def ray_ops(backend: Backend) -> RayOps:
     """The functions of a backend: fused for a CPU; plain torch elsewhere, where CUDA graphs replay it."""
-    if backend != "numba":
+    fused = kernels(backend).on_rays
+    if fused is None:
         return TORCH
-    from plnerf.ops import cpu_histograms, cpu_rays, cpu_stepfun, cpu_volume  # Numba takes time to import
 
     def features(
         rays: Rays, t: Tensor, stretch: tuple[float, float, float], contraction: bool, octaves: int
     ) -> tuple[Tensor, Tensor]:
-        return cpu_rays.frustum_features(
+        return fused.frustum_features(
             rays.origins, rays.directions, rays.radius, t, stretch, contraction, octaves
         )
 
-    def rendered(density: Tensor, t: Tensor, colours: Tensor) -> Rendered:
-        return Rendered(*cpu_volume.render_rays(density, t, colours))
-
     return RayOps(
-        cpu_rays.to_distance,
+        fused.s_to_t,
         features,
-        cpu_volume.weights_from_density,
-        cpu_stepfun.resample_edges,
-        rendered,
-        cpu_stepfun.interlevel_loss,
-        cpu_stepfun.distortion_loss,
-        cpu_histograms.blurred_interlevel_loss,
-        cpu_histograms.dilate,
+        fused.weights_from_density,
+        fused.resample_edges,
+        fused.render_rays,
+        fused.interlevel_loss,
+        fused.distortion_loss,
+        fused.blurred_interlevel_loss,
+        fused.dilate,
     )

@@ -11,10 +11,11 @@ from torch import Generator, Tensor, nn
 
 from plnerf.field.guides import Guides
 from plnerf.field.poses import PoseCorrections
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
+from plnerf.ops.rendered import Rendered
 from plnerf.rays.rays import Rays
-from plnerf.render.proposals import Histogram, SamplerConfig
-from plnerf.render.ray_ops import Rendered
+from plnerf.render.config import SamplerConfig
+from plnerf.render.proposals import Histogram
 
 
 @dataclass(frozen=True)

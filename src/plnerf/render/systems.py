@@ -3,15 +3,18 @@
 from torch import Generator
 
 from plnerf.field.guides import Guides
-from plnerf.ops.dispatch import Backend
-from plnerf.render.coarse_fine import CoarseFineConfig, CoarseFineNeRF
-from plnerf.render.deep_proposals import DeepProposalsConfig, DeepProposalsNeRF
-from plnerf.render.model import ModelConfig, PLNeRF
-from plnerf.render.occupied import OccupiedConfig, OccupiedNeRF
+from plnerf.ops.backends import Backend
+from plnerf.render.coarse_fine import CoarseFineNeRF
+from plnerf.render.config import (
+    CoarseFineConfig,
+    ModelConfig,
+    OccupancyGridConfig,
+    SystemConfig,
+)
+from plnerf.render.deep_proposals import DeepProposalsNeRF
+from plnerf.render.model import PLNeRF
+from plnerf.render.occupancy_grid import OccupancyGridNeRF
 from plnerf.render.system import RadianceSystem
-
-SystemConfig = ModelConfig | CoarseFineConfig | DeepProposalsConfig | OccupiedConfig
-"""Told apart in a run's config.json by their `kind`."""
 
 
 def build_system(
@@ -20,8 +23,8 @@ def build_system(
     """The untrained system; curves guide the samples of those that can be guided."""
     if isinstance(config, ModelConfig):
         return PLNeRF(config, images, backend, generator, guides)
-    if isinstance(config, OccupiedConfig):
-        return OccupiedNeRF(config, images, backend, generator)
+    if isinstance(config, OccupancyGridConfig):
+        return OccupancyGridNeRF(config, images, backend, generator)
     if isinstance(config, CoarseFineConfig):
         return CoarseFineNeRF(config, images, backend, generator)
     return DeepProposalsNeRF(config, images, backend, generator)

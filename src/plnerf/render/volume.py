@@ -44,10 +44,10 @@ def median_depth(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Float[
     inside = index.clamp(max=last)
     before = ended.gather(-1, inside) - w.gather(-1, inside)
     # Within the interval: (1 - before) exp(-share D) = 1/2 with D = -log(1 - alpha) its optical depth.
-    left = (1 - before).clamp_min(torch.finfo(w.dtype).eps)
-    alpha = (w.gather(-1, inside) / left).clamp(0, 1 - torch.finfo(w.dtype).eps)
+    transmittance = (1 - before).clamp_min(torch.finfo(w.dtype).eps)
+    alpha = (w.gather(-1, inside) / transmittance).clamp(0, 1 - torch.finfo(w.dtype).eps)
     optical = (-torch.log1p(-alpha)).clamp_min(torch.finfo(w.dtype).eps)
-    share = (torch.log(2 * left).clamp_min(0) / optical).clamp(0, 1)
+    share = (torch.log(2 * transmittance).clamp_min(0) / optical).clamp(0, 1)
     t0, t1 = t.gather(-1, inside), t.gather(-1, inside + 1)
     crossed = t0 + share * (t1 - t0)
     return torch.where(index > last, t[..., -1:], crossed)[..., 0]

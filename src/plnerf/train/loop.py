@@ -16,8 +16,9 @@ import torch
 from torch import Generator, Tensor
 
 from plnerf.errors import TrainingError
+from plnerf.ops.dispatch import kernels
 from plnerf.scene.scene import Scene
-from plnerf.train.batches import Ahead, pinned, to_device
+from plnerf.train.batches import Ahead, pinned
 from plnerf.train.checkpoint import (
     drop_old_checkpoints,
     kept_checkpoint,
@@ -27,13 +28,13 @@ from plnerf.train.checkpoint import (
 )
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.graph import GraphedStep
-from plnerf.train.guidance import favoured_pixels, guides_for, run_curves
+from plnerf.train.guidance import favoured_pixels, guides_for, run_wires
 from plnerf.train.metrics import validation_psnr
 from plnerf.train.optimizer import build_optimizer
 from plnerf.train.pixels import PixelBatch, PixelSampler
 from plnerf.train.report import LOG_EVERY, Report
-from plnerf.train.run import build_model, open_scene, write_config
-from plnerf.train.step import Finite, Training
+from plnerf.train.run import build_model, open_scene, write_run
+from plnerf.train.step import NonFiniteMonitor, Training
 
 VALIDATION_PIXELS = 4096
 CPU = torch.device("cpu")
@@ -47,10 +48,10 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     """
     scene = scene or open_scene(config, folder)
     cfg, checkpoints = config.train, folder / "checkpoints"
-    curves, searched = run_curves(config, scene, folder)
-    model = build_model(config, scene, guides_for(curves, config))
+    wires, searched = run_wires(config, scene, folder)
+    model = build_model(config, scene, guides_for(wires, scene, config))
     optimizer = build_optimizer(model, cfg)
-    step, seconds = 0, charged(searched, config)
+    step, seconds = 0, billable_seconds(searched, config)
     if saved := list_checkpoints(checkpoints):
         start = load_checkpoint(saved[-1], model, optimizer)
         step, seconds = start.step, start.seconds
@@ -58,11 +59,11 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     if progress >= 1:
         report.nothing_left(config, step, seconds)
         return folder
-    write_config(folder, config)
-    sampler = PixelSampler(scene.images, scene.train, favoured_pixels(config, scene, curves), cfg.unbias)
+    write_run(folder, config, scene)
+    sampler = PixelSampler(scene.images, scene.train, favoured_pixels(config, scene, wires), cfg.unbias)
     device = torch.device(config.device)
-    training = Training(model, optimizer, scene.cameras.to(device), cfg, Finite(device))
-    take, first = step_taker(training, config), step
+    training = Training(model, optimizer, scene.cameras.to(device), cfg, NonFiniteMonitor(device))
+    take_step, first = make_step(training, config), step
     check_every = 1 if device == CPU else LOG_EVERY  # asking a GPU waits for it
 
     def draw(step: int) -> tuple[PixelBatch, Generator]:
@@ -78,11 +79,14 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
             set_learning_rates(optimizer, cfg, step, progress)
             batch, generator = next(batches)
             model.update(step, generator)
-            terms = take(batch, generator, step, cfg.pose_refinement and progress >= cfg.pose_from)
+            if device != CPU:
+                generator = step_generator(config.seed, step, device)
+            refine_poses = cfg.pose_refinement and progress >= cfg.pose_from
+            terms = take_step(batch, anneal(step, cfg.anneal_steps), generator, refine_poses)
             if step % check_every == 0:
-                _check_finite(training.finite, first, step, terms, checkpoints)
+                _check_finite(training.monitor, first, step, terms, checkpoints)
             step += 1
-            # The first step of a process compiles the kernels: it is not charged to a budget in seconds.
+            # The first step of a process compiles the kernels: it does not count against a budget in seconds.
             seconds += time.perf_counter() - clock if report.steps else 0.0
             before, progress = progress, progress_of(config, step, seconds)
             report.step(step, seconds, progress, terms)
@@ -91,7 +95,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
                 psnr_db = validation_psnr(model, scene, VALIDATION_PIXELS, generator=same)
                 report.validation(step, seconds, psnr_db)
             if due(before, progress, cfg.checkpoints):
-                _check_finite(training.finite, first, step - 1, terms, checkpoints)
+                _check_finite(training.monitor, first, step - 1, terms, checkpoints)
                 frames = scene.frames.to_json()
                 save_checkpoint(checkpoints, model, optimizer, step=step, seconds=seconds, frames=frames)
                 drop_old_checkpoints(checkpoints, keep=2)
@@ -99,8 +103,8 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     return folder
 
 
-def charged(searched: float, config: RunConfig) -> float:
-    """The seconds of finding conductors that count as training: all, but a tenth of the budget is left."""
+def billable_seconds(searched: float, config: RunConfig) -> float:
+    """The seconds of finding conductors that count as training: at most nine tenths of the budget."""
     if config.seconds is None or searched <= (most := 0.9 * config.seconds):
         return searched
     warnings.warn(
@@ -111,29 +115,23 @@ def charged(searched: float, config: RunConfig) -> float:
     return most
 
 
-def step_taker(
+def make_step(
     training: Training, config: RunConfig
-) -> Callable[[PixelBatch, Generator, int, bool], dict[str, Tensor]]:
-    """How a step is taken: a replayed CUDA graph where all ops can be in one, else one op after the other.
-
-    Takes a batch, the generator that drew it, the step, and whether poses are refined.
-    """
-    device, anneal_steps = torch.device(config.device), config.train.anneal_steps
-
-    def plain(batch: PixelBatch, drawn: Generator, step: int, refine: bool) -> dict[str, Tensor]:
-        generator = drawn if device == CPU else step_generator(config.seed, step, device)
-        return training.step(to_device(batch, device), anneal(step, anneal_steps), generator, refine)
-
-    if device.type != "cuda" or config.backend != "triton" or not training.model.fixed_shapes:
-        return plain
-    generator = torch.Generator(device)
+) -> Callable[[PixelBatch, float, Generator, bool], dict[str, Tensor]]:
+    """A function that takes a step: a replayed CUDA graph where it can hold all ops, else `Training.step`."""
+    graphs_run = config.device == "cuda" and kernels(config.backend).supports_graphs
+    if not graphs_run or not training.model.fixed_shapes:
+        return training.step
+    on_device = Generator(config.device)
     graphs = {
-        refine: GraphedStep(partial(training.step, refine_poses=refine), generator)
+        refine: GraphedStep(partial(training.step, refine_poses=refine), on_device)
         for refine in (False, True)
     }
 
-    def graphed(batch: PixelBatch, drawn: Generator, step: int, refine: bool) -> dict[str, Tensor]:
-        return graphs[refine](batch, anneal(step, anneal_steps), step_seed(config.seed, step))
+    def graphed(
+        batch: PixelBatch, anneal: float, generator: Generator, refine_poses: bool
+    ) -> dict[str, Tensor]:
+        return graphs[refine_poses](batch, anneal, generator.initial_seed())
 
     return graphed
 
@@ -178,10 +176,10 @@ def step_seed(seed: int, step: int) -> int:
 
 
 def _check_finite(
-    finite: Finite, first: int, step: int, terms: Mapping[str, Tensor], checkpoints: Path
+    monitor: NonFiniteMonitor, first: int, step: int, terms: Mapping[str, Tensor], checkpoints: Path
 ) -> None:
     """Raises TrainingError if a loss from step `first` to `step` was not finite; `terms` are of the last."""
-    if (bad := first + finite.count()) <= step:
+    if (bad := first + monitor.count()) <= step:
         raise TrainingError(_not_finite(bad, terms, checkpoints))
 
 

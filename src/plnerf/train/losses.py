@@ -4,47 +4,15 @@ Letters: r rays, S intervals; p the importance weight of a ray, 1 where pixels a
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from jaxtyping import Float
 from torch import Tensor
 
-from plnerf.errors import ConfigError
 from plnerf.render.proposals import Histogram
 from plnerf.render.ray_ops import TORCH, RayOps
 from plnerf.render.system import NormalSamples, RenderedRays
-
-
-@dataclass(frozen=True)
-class LossWeights:
-    """What each term counts for; 0 turns it off."""
-
-    colour: float = 1.0
-    """Mean squared error of the colour (NeRF 2020)."""
-    coarse: float = 1.0
-    """The same of what coarse samples alone show, where a system renders it (Mip-NeRF: 0.1)."""
-    interlevel: float = 1.0
-    """Proposals must cover the final histogram (Mip-NeRF 360)."""
-    interlevel_blur: tuple[float, ...] = ()
-    """Half width, in s, of the box that blurs the final histogram for each proposal round, which must then
-    have as much weight everywhere (zip-NeRF: 0.03 and 0.003).  Empty: the bound of Mip-NeRF 360."""
-    distortion: float = 0.001
-    """Weight of a ray gathers in one place (Mip-NeRF 360)."""
-    normals: float = 3e-4
-    """Predicted normals follow the density's gradient (Ref-NeRF R_p, its value)."""
-    orientation: float = 1e-3
-    """Normals that face away from the camera (Ref-NeRF R_o)."""
-    normals_shape_density: bool = False
-    """Whether the losses on normals also move the density, as in Ref-NeRF, or only the predicted
-    normals, as in nerfacto.  They smooth surfaces, at 0.5 to 1 dB of held-out PSNR on the fox scene after
-    600 steps."""
-
-    def __post_init__(self) -> None:
-        values = (
-            self.colour, self.coarse, self.interlevel, self.distortion, self.normals, self.orientation,
-        )  # fmt: skip
-        if min(values) < 0 or min(self.interlevel_blur, default=0.0) < 0:
-            raise ConfigError(f"The weights of losses and interlevel_blur must be 0 or more, but are {self}.")
+from plnerf.train.config import LossWeights
 
 
 def loss_terms(

@@ -1,6 +1,6 @@
 """The optimiser: Adam as Instant-NGP sets it; rows of hash tables that no sample touched are left alone."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -9,8 +9,8 @@ from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.adam import adam
 
-from plnerf.ops import reference
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import kernels
 from plnerf.render.system import RadianceSystem
 from plnerf.train.config import TrainConfig
 
@@ -46,7 +46,7 @@ class TableAdam(Optimizer):
         super().__init__(
             groups, {"lr": 1e-3, "betas": (0.9, 0.99), "eps": 1e-15, "by_row": False, "fused": True}
         )
-        self._adam_rows = _adam_rows(backend)
+        self._adam_rows = kernels(backend).adam_rows
 
     @torch.no_grad()
     def step(self, closure: Any = None) -> Any:
@@ -101,11 +101,3 @@ def _one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
-
-
-def _adam_rows(backend: Backend) -> Callable[..., None]:
-    if backend == "numba":
-        from plnerf.ops import cpu_adam  # Numba takes a third of a second to import: only where it is used
-
-        return cpu_adam.adam_rows
-    return reference.adam_rows

@@ -1,4 +1,4 @@
-"""Which pixels a step looks at.
+"""Which pixels a step draws.
 
 A wire is a thousandth of an image, so a share of the pixels is drawn from the *detail pixels*: those of each
 training image that a map of ridges (thin bright or dark lines) puts first.  Importance weights keep the loss
@@ -9,7 +9,6 @@ unbiased: with N pixels in all and D detail pixels, a pixel is drawn with probab
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -19,9 +18,8 @@ from torch import Generator, Tensor
 from plnerf.detect.ridges import hessian, ridge_map
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
+from plnerf.train.config import DetailMap
 
-DetailMap = Literal["hessian", "ridge"]
-"""By what detail pixels are chosen: curvature alone, or the long thin lines of `wires/ridges.py`."""
 MOST_DETAIL_PIXELS = 1 << 24
 """128 MB of indices: the detail pixels of some hundred photos at full size."""
 

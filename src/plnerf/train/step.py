@@ -1,7 +1,7 @@
 """One training step: cast the rays of a batch, render them, weigh the losses, step the optimiser.
 
-The same on a CPU and on a GPU.  Nothing in it waits for the device or copies to it, so that a CUDA graph can
-hold it (`graph.py`): all that changes from step to step comes in tensors.
+The same on a CPU and on a GPU.  Nothing in it waits for the device, and with a batch that is there already
+nothing copies to it, so that a CUDA graph can hold it (`graph.py`): all that changes comes in tensors.
 """
 
 from dataclasses import dataclass
@@ -15,13 +15,14 @@ from plnerf.rays.rays import pixel_rays
 from plnerf.render.ray_ops import ray_ops
 from plnerf.render.system import RadianceSystem
 from plnerf.scene.cameras import Cameras
+from plnerf.train.batches import to_device
 from plnerf.train.config import TrainConfig
 from plnerf.train.losses import loss_terms
 from plnerf.train.pixels import PixelBatch
 
 
-class Finite:
-    """How many steps had a finite loss before the first that had not; the device counts, asking waits."""
+class NonFiniteMonitor:
+    """Counts the steps before the first loss that is not finite, on the device; reading the count waits."""
 
     def __init__(self, device: torch.device) -> None:
         self._all_so_far = torch.ones((), dtype=torch.bool, device=device)
@@ -45,7 +46,7 @@ class Training:
     optimizer: Optimizer
     cameras: Cameras
     config: TrainConfig
-    finite: Finite
+    monitor: NonFiniteMonitor
 
     def step(
         self,
@@ -54,8 +55,12 @@ class Training:
         generator: Generator,
         refine_poses: bool = False,
     ) -> dict[str, Tensor]:
-        """One step; returns the weighted loss terms.  `anneal` as in `proposals.sample_along_rays`."""
+        """One step; returns the weighted loss terms.  `anneal` as in `proposals.sample_along_rays`.
+
+        A batch on the host is copied to the device first.
+        """
         model, config, backend = self.model, self.config, self.model.backend
+        batch = to_device(batch, self.cameras.centre.device)
         rays = pixel_rays(self.cameras, batch.camera, batch.pixel_px, backend)
         if refine_poses:
             rays = model.poses(rays)
@@ -69,7 +74,7 @@ class Training:
         )
         terms = loss_terms(out, batch.colour, batch.importance, config.loss, ray_ops(backend))
         total = torch.stack(list(terms.values())).sum()
-        self.finite.add(total.detach())
+        self.monitor.add(total.detach())
         self.optimizer.zero_grad(set_to_none=False)  # the ops add to the gradients in place
         total.backward()
         self.optimizer.step()

@@ -8,17 +8,17 @@ from tests.render.test_coarse_fine import some_rays
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.field.occupancy import OccupancyConfig, OccupancyGrid
-from plnerf.field.radiance import RadianceConfig
+from plnerf.field.config import OccupancyConfig, RadianceConfig
+from plnerf.field.occupancy import OccupancyGrid
 from plnerf.ops.grid import GridShape
-from plnerf.render.occupied import OccupiedConfig, OccupiedNeRF
-from plnerf.render.proposals import SamplerConfig
+from plnerf.render.config import OccupancyGridConfig, SamplerConfig
+from plnerf.render.occupancy_grid import OccupancyGridNeRF
 
 FIELD = RadianceConfig(
     GridShape(3, 4, 16, 2, 12), hidden=16, direction_encoding="sh", appearance=2, normals=False
 )
-CONFIG = OccupiedConfig(
-    FIELD, SamplerConfig(proposals=(), final=64, near=0.05, far=50.0), OccupancyConfig(cells=16, looks=4096)
+CONFIG = OccupancyGridConfig(
+    FIELD, SamplerConfig(proposals=(), final=64, near=0.05, far=50.0), OccupancyConfig(cells=16, samples=4096)
 )
 
 MIDDLE = torch.tensor([0.3, 0.5, 0.7])
@@ -29,9 +29,9 @@ def ball(unit: Tensor) -> Tensor:
     return 100.0 * ((unit - MIDDLE).norm(dim=-1) < 0.2)
 
 
-def a_system() -> OccupiedNeRF:
+def a_system() -> OccupancyGridNeRF:
     """A field that is empty at most places, and a grid that knows it well."""
-    system = OccupiedNeRF(CONFIG, 3, "torch", torch.Generator().manual_seed(0))
+    system = OccupancyGridNeRF(CONFIG, 3, "torch", torch.Generator().manual_seed(0))
     with torch.no_grad():
         system.field.grid.table *= 3e4
         system.field.density_network[-1].bias[0] = -4.0
@@ -57,7 +57,7 @@ def test_the_grid_learns_where_something_is() -> None:
 
 
 def test_what_goes_away_is_forgotten_and_what_comes_is_seen_at_once() -> None:
-    grid, generator = OccupancyGrid(OccupancyConfig(cells=4, looks=2000)), torch.Generator().manual_seed(0)
+    grid, generator = OccupancyGrid(OccupancyConfig(cells=4, samples=2000)), torch.Generator().manual_seed(0)
     unit, t = torch.full((1, 2, 3), 0.5), torch.tensor([[0.0, 1.0, 2.0]])
     grid.update(lambda unit: torch.ones(len(unit)), generator)
     assert grid.full(unit, t)[0, 0]
@@ -68,8 +68,8 @@ def test_what_goes_away_is_forgotten_and_what_comes_is_seen_at_once() -> None:
     assert grid.full(unit, t)[0, 0]
 
 
-def test_a_field_that_is_empty_everywhere_can_be_looked_at_again() -> None:
-    grid, generator = OccupancyGrid(OccupancyConfig(cells=4, looks=2000)), torch.Generator().manual_seed(0)
+def test_a_field_that_is_empty_everywhere_can_be_sampled_again() -> None:
+    grid, generator = OccupancyGrid(OccupancyConfig(cells=4, samples=2000)), torch.Generator().manual_seed(0)
     for _ in range(3):
         grid.update(lambda unit: torch.zeros(len(unit)), generator)
     assert grid.met.all() and not grid.density.any()
@@ -106,7 +106,7 @@ def test_the_grid_is_part_of_the_checkpoint() -> None:
 
 def test_wrong_settings_are_told() -> None:
     with pytest.raises(ConfigError, match="no proposal rounds"):
-        OccupiedConfig(FIELD, SamplerConfig())
+        OccupancyGridConfig(FIELD, SamplerConfig())
     with pytest.raises(ConfigError, match="least > 0"):
         OccupancyConfig(least=0.0)
     with pytest.raises(ConfigError, match="it predicts none"):
@@ -116,7 +116,7 @@ def test_wrong_settings_are_told() -> None:
 def test_normals_are_those_of_what_is_seen() -> None:
     """With the normal network of its field; an interval that was passed over has none, and no weight."""
     config = replace(CONFIG, field=replace(FIELD, normals=True))
-    system, rays = OccupiedNeRF(config, 3, "torch", torch.Generator().manual_seed(0)), some_rays(50)
+    system, rays = OccupancyGridNeRF(config, 3, "torch", torch.Generator().manual_seed(0)), some_rays(50)
     assert system.predicts_normals and not a_system().predicts_normals
     system.update(0, torch.Generator().manual_seed(1))
     with torch.no_grad():

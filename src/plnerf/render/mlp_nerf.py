@@ -1,4 +1,4 @@
-"""Systems whose field is one deep network: NeRF 2020, Mip-NeRF and Mip-NeRF 360 differ in where they look.
+"""Systems whose field is one deep MLP: NeRF 2020, Mip-NeRF and Mip-NeRF 360 differ in how they sample rays.
 
 Letters: r rays, S final intervals; s in [0, 1] warped distances; lengths in the scene frame.
 """
@@ -7,17 +7,20 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
-from plnerf.field.vanilla import VanillaConfig, VanillaField, density_normals
-from plnerf.ops.dispatch import Backend
+from plnerf.field.config import VanillaConfig
+from plnerf.field.vanilla import VanillaField, density_normals
+from plnerf.ops.backends import Backend
+from plnerf.ops.rendered import Rendered
 from plnerf.rays.rays import Rays
-from plnerf.render.proposals import Histogram, SamplerConfig, to_distance
-from plnerf.render.ray_ops import Rendered, render_rays
+from plnerf.render.config import SamplerConfig
+from plnerf.render.proposals import Histogram, s_to_t
+from plnerf.render.ray_ops import render_rays
 from plnerf.render.system import NormalSamples, RadianceSystem, RenderedRays
 from plnerf.render.volume import composite
 
 
-class DeepNeRF(RadianceSystem):
-    """A deep field looked at where `edges` says."""
+class MLPNeRF(RadianceSystem):
+    """A deep field, sampled between the edges that `edges` returns."""
 
     def __init__(
         self,
@@ -32,7 +35,7 @@ class DeepNeRF(RadianceSystem):
 
     @property
     def predicts_normals(self) -> bool:
-        """As its field was told."""
+        """True if the field predicts normals."""
         return self.field.config.normals
 
     def edges(
@@ -42,7 +45,7 @@ class DeepNeRF(RadianceSystem):
         anneal: float | Tensor,
         generator: Generator | None,
     ) -> tuple[Float[Tensor, "r E"], tuple[Histogram, ...], Float[Tensor, "r 3"] | None]:
-        """Edges s of the final intervals, what was found on the way, and what a first look shows, if any."""
+        """Edges s of the final intervals, the proposal histograms, and a coarse pass's colour, if any."""
         raise NotImplementedError
 
     def forward(
@@ -57,7 +60,7 @@ class DeepNeRF(RadianceSystem):
         normals_shape_density: bool = True,
     ) -> RenderedRays:
         s, history, coarse_colour = self.edges(rays, appearance, anneal, generator)
-        seen, feature, t = self.look(self.field, rays, s, appearance)
+        seen, feature, t = self.evaluate(self.field, rays, s, appearance)
         samples = None
         if q := normal_rays:
             with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
@@ -73,10 +76,10 @@ class DeepNeRF(RadianceSystem):
             coarse_colour=coarse_colour,
         )
 
-    def look(
+    def evaluate(
         self, field: VanillaField, rays: Rays, s: Float[Tensor, "r E"], appearance: Float[Tensor, "r A"]
     ) -> tuple[Rendered, Float[Tensor, "r E-1 G"], Float[Tensor, "r E"]]:
-        """What a field shows between some edges, its feature vectors there, and the edges' distances."""
-        t = to_distance(s, self.sampler)
+        """Rendered rays of a field with the edges s, its feature vectors, and the edges' distances."""
+        t = s_to_t(s, self.sampler)
         density, feature = field.density(field.encode(rays, t))
         return render_rays(density, t, field.colour(feature, rays.directions, appearance)), feature, t
