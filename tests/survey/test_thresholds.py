@@ -1,11 +1,22 @@
 """Tables of clearances say what they say, for voltages they have, and nothing in between."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from tests.support.catenary_surveys import UTM, corridor
 
 from plnerf.errors import SurveyError
-from plnerf.survey.thresholds import GROUPS, load_table, own_requirement, required_clearance
+from plnerf.line.clearances import GROUPS
+from plnerf.survey.clearance import ClearanceConfig
+from plnerf.survey.thresholds import (
+    altitude_m,
+    load_table,
+    own_requirement,
+    required_clearance,
+    requirement,
+)
 
 FOOT = 0.3048
 TABLE = """
@@ -75,14 +86,14 @@ def test_a_table_of_the_user(tmp_path: Path) -> None:
         ('unit = "m"', "unit =", "is not valid TOML"),
     ],
 )
-def test_what_is_wrong_with_a_table_is_told(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_what_is_wrong_with_a_table_is_reported(tmp_path: Path, old: str, new: str, said: str) -> None:
     assert old in TABLE
-    with pytest.raises(SurveyError) as told:
+    with pytest.raises(SurveyError) as raised:
         load_table(own(tmp_path, TABLE.replace(old, new)))
-    assert said in str(told.value) and "own.toml" in str(told.value)
+    assert said in str(raised.value) and "own.toml" in str(raised.value)
 
 
-def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_table_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(SurveyError, match=r"none.toml cannot be read \(No such file or directory\)"):
         load_table(tmp_path / "none.toml")
 
@@ -101,3 +112,30 @@ def test_a_verdict_knows_its_uncertainty() -> None:
     assert required.verdict(4.9, 0.1) == required.verdict(5.1, 0.1) == "within its uncertainty"
     assert required.verdict(5.0, 0.0) == "within its uncertainty"
     assert required.verdict(4.999, 0.0) == "closer than required"
+
+
+def test_settings_that_require_nothing_meaningful_are_refused_before_a_survey(tmp_path: Path) -> None:
+    with pytest.raises(SurveyError, match="no voltage is given"):
+        ClearanceConfig(thresholds=own(tmp_path))
+    with pytest.raises(SurveyError, match="no class of 110 kV"):
+        ClearanceConfig(voltage_kv=110.0)
+    with pytest.raises(SurveyError, match="must be greater than 0 m"):
+        ClearanceConfig(clearance_m=-1.0)
+    ClearanceConfig(voltage_kv=110.0, thresholds=own(tmp_path))
+    ClearanceConfig(thresholds=tmp_path / "none.toml", clearance_m=2.0)  # the distance precedes the table
+
+
+def test_what_is_required_is_the_distance_given_or_the_table_s_at_the_line_s_altitude(tmp_path: Path) -> None:
+    """The highest end of a wire is 55 m above the LineFrame's origin."""
+    low = corridor(UTM, count=50)
+    high = corridor(UTM + np.array([0.0, 0.0, 980.0]), count=50)
+    in_local = replace(low, frame=replace(low.frame, origin_lon_lat_height=np.array([9.0, 51.0, 980.0])))
+    assert altitude_m(low) == pytest.approx(55, abs=0.1)
+    assert altitude_m(high) == altitude_m(in_local) == pytest.approx(1035, abs=0.1)
+    assert altitude_m(replace(low, lines=())) == 0.0
+    found = [requirement(one, 110.0, own(tmp_path), None) for one in (low, high, in_local)]
+    assert [one and one.distance_m for one in found] == [3.0, 3.5, 3.5]
+    assert requirement(low, 110.0, own(tmp_path), 9.0) == own_requirement(9.0)
+    assert requirement(low, None, None, None) is None
+    with pytest.raises(SurveyError, match="goes up to 2000 m above sea level, but the line is at 2055 m"):
+        requirement(corridor(UTM + np.array([0.0, 0.0, 2000.0]), count=50), 110.0, own(tmp_path), None)

@@ -1,116 +1,131 @@
-"""Classes of a run's surface: ground, supports, plants by their height, and conductors.
+"""Classes of a surface's points: ground, structures, plants by their height, and wires.
 
-Letters: n points, world units.
+Letters: n points; LineFrame, metres.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter, uniform_filter
 
-from plnerf.line.old_catenary import Catenary
-from plnerf.survey.field_surface import Surface
-from plnerf.survey.ground import CELL_M, Ground, find_ground, vegetation
-from plnerf.survey.model import (
-    CONDUCTOR,
-    GROUND,
-    NO_WIRE,
-    NOISE,
-    SHIELD,
-    TOWER,
-    UNCLASSIFIED,
-    Cloud,
-    Conductor,
-    Tower,
-)
-from plnerf.survey.obstacles import LOOSE_M
-from plnerf.survey.on_wires import NONE, on_wires
+from plnerf.errors import ConfigError
+from plnerf.findings import Finding, harms, note
+from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, NOISE, SHIELD, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.line import Structure
+from plnerf.line.wire import Wire
+from plnerf.survey.ground import Ground, GroundConfig, find_ground, vegetation
+from plnerf.survey.on_wires import NONE, OnWiresConfig, on_wires
+from plnerf.survey.surface import Surface
 
-AROUND_CELLS = 5
-CROWN_M, LEAST_LOW = 1.25, 0.3
-"""Of the points in so many cells, how many must be within so much (ground may rise) of the lowest: else
-they are a crown's, seen from the side."""
-NEAR_GROUND_M = 0.3
-"""A surface point this near to the ground, or twice its standard deviation, belongs to it."""
+
+@dataclass(frozen=True)
+class ClassifyConfig:
+    """How the points of a surface from images are classified."""
+
+    ground: GroundConfig = field(default_factory=GroundConfig)
+    on_wires: OnWiresConfig = field(default_factory=OnWiresConfig)
+    max_sigma_m: float = 1.0
+    """Points whose height has a greater standard deviation neither define the ground nor belong to it."""
+    near_sigmas: float = 2.0
+    """A point belongs to the ground within `ground.near_m` of it, or within this many standard deviations of
+    the point's height where that is more."""
+    crown_cells: int = 5
+    """Width, in cells of the ground's grid, of the square in which crowns are recognised."""
+    crown_height_m: float = 1.25
+    """Points within this height of the lowest in the square are low; the ground may rise so much in it."""
+    min_low_share: float = 0.3
+    """Where a smaller share of the points in the square is low, they belong to a crown that hides the ground,
+    seen from the side."""
+
+    def __post_init__(self) -> None:
+        if not self.max_sigma_m > 0 or self.near_sigmas < 0 or self.crown_cells < 1:
+            raise ConfigError(
+                "Classes need max_sigma_m > 0, near_sigmas >= 0 and crown_cells >= 1, but got "
+                f"max_sigma_m={self.max_sigma_m}, near_sigmas={self.near_sigmas}, "
+                f"crown_cells={self.crown_cells}."
+            )
 
 
 def ground_of(
-    surface: Surface, wires: Sequence[Catenary], of_tower: Bool[np.ndarray, " n"], metre: float = 1.0
+    surface: Surface, wires: Sequence[Wire], of_structure: Bool[np.ndarray, " n"], config: ClassifyConfig
 ) -> Ground | None:
-    """In metres, of the points that are known to a metre; None where they make none.
+    """The ground that the surface shows; None where it shows none.
 
-    The lowest of a crown that hides the ground is no ground.  metre: its length in the surface's units.
+    Points of structures, on wires, in crowns and of uncertain height do not take part.
     """
-    nearest, _ = on_wires(surface, wires, metre)
-    firm = (_upright(surface) <= LOOSE_M * metre) & ~of_tower & (nearest == NONE)
-    firm[firm] = ~_in_crowns(surface.xyz[firm] / metre, _upright(surface)[firm] / metre)
-    return find_ground(surface.xyz[firm] / metre) if firm.any() else None
+    nearest, _ = on_wires(surface, wires, config.on_wires)
+    upright = surface.upright_sigma_m
+    firm = (upright <= config.max_sigma_m) & ~of_structure & (nearest == NONE)
+    firm[firm] = ~_in_crowns(surface.xyz[firm], upright[firm], config)
+    return find_ground(surface.xyz[firm], config.ground) if firm.any() else None
 
 
-def _in_crowns(points: Float[np.ndarray, "n 3"], sigma: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Those around which few points are near to the lowest."""
+def _in_crowns(
+    points: Float[np.ndarray, "n 3"], sigma_m: Float[np.ndarray, " n"], config: ClassifyConfig
+) -> Bool[np.ndarray, " n"]:
+    """Points around which few are near to the lowest."""
     if not len(points):
         return np.zeros(0, np.bool_)
-    row, column = np.floor((points[:, :2] - points[:, :2].min(0)) / CELL_M).astype(np.int64).T
+    cell, width = config.ground.cell_m, config.crown_cells
+    row, column = np.floor((points[:, :2] - points[:, :2].min(0)) / cell).astype(np.int64).T
     shape = (int(row.max()) + 1, int(column.max()) + 1)
     lowest = np.full(shape, np.inf)
-    np.minimum.at(lowest, (row, column), points[:, 2] + sigma)
-    lowest = minimum_filter(lowest, AROUND_CELLS, mode="nearest")
+    np.minimum.at(lowest, (row, column), points[:, 2] + sigma_m)
+    lowest = minimum_filter(lowest, width, mode="nearest")
     every, low = np.zeros(shape), np.zeros(shape)
     np.add.at(every, (row, column), 1.0)
-    np.add.at(low, (row, column), points[:, 2] - sigma <= lowest[row, column] + CROWN_M)
-    low, every = (uniform_filter(counts, AROUND_CELLS, mode="constant") for counts in (low, every))
-    crowns: Bool[np.ndarray, " n"] = low[row, column] < LEAST_LOW * every[row, column]
+    np.add.at(low, (row, column), points[:, 2] - sigma_m <= lowest[row, column] + config.crown_height_m)
+    low, every = (uniform_filter(counts, width, mode="constant") for counts in (low, every))
+    crowns: Bool[np.ndarray, " n"] = low[row, column] < config.min_low_share * every[row, column]
     return crowns
 
 
-def standing_on(ground: Ground | None, towers: Sequence[Tower], metre: float = 1.0) -> tuple[Tower, ...]:
-    """The towers, each with its foot on the ground and its top where it was."""
+def standing_on(ground: Ground | None, structures: Sequence[Structure]) -> tuple[Structure, ...]:
+    """The structures, each with its foot on the ground and its top where it was."""
     if ground is None:
-        return tuple(towers)
+        return tuple(structures)
     stood = []
-    for tower in towers:
-        lower = metre * float(ground.above(tower.foot[None] / metre)[0])
-        stood.append(replace(tower, foot=tower.foot - [0, 0, lower], height_m=tower.height_m + lower))
+    for one in structures:
+        lower = float(ground.above(one.foot[None])[0])
+        stood.append(replace(one, foot=one.foot - [0, 0, lower], height_m=one.height_m + lower))
     return tuple(stood)
 
 
 def classified(
     surface: Surface,
     ground: Ground | None,
-    conductors: Sequence[Conductor],
-    of_tower: Bool[np.ndarray, " n"],
-    metre: float = 1.0,
-) -> tuple[Cloud, list[str]]:
-    """The surface's points with their classes and wires; and what is doubtful.
+    wires: Sequence[Wire],
+    of_structure: Bool[np.ndarray, " n"],
+    config: ClassifyConfig,
+) -> tuple[Cloud, tuple[Finding, ...]]:
+    """The surface's points with their classes and wires, and what a reader must know of the classes.
 
-    Buildings are not told from plants.  metre: its length in the surface's units.
+    Buildings are not distinguished from plants.
     """
     label = np.full(len(surface.xyz), UNCLASSIFIED, np.uint8)
     wire = np.full(len(surface.xyz), NO_WIRE, np.int64)
-    sigma, notes = surface.sigma, []
+    sigma = surface.sigma_m
     if ground is None:
-        notes.append("The field shows no ground: its points are not classified, and no heights are known.")
+        finding = harms(
+            "classes", "No ground is seen: the points are not classified, and heights above it are unknown."
+        )
     else:
-        above, upright = ground.above(surface.xyz / metre), _upright(surface)
-        on_it = np.abs(above) <= np.maximum(NEAR_GROUND_M, 2 * upright / metre)
-        on_it &= upright <= LOOSE_M * metre
+        above, upright = ground.above(surface.xyz), surface.upright_sigma_m
+        on_it = np.abs(above) <= np.maximum(config.ground.near_m, config.near_sigmas * upright)
+        on_it &= upright <= config.max_sigma_m
         label[on_it] = GROUND
         sigma = np.where(on_it, upright, sigma)
         higher = (above > 0) & ~on_it
-        label[higher] = vegetation(above[higher])
-        notes.append("Buildings and all else that stands are classified as vegetation, by height.")
-    label[of_tower] = TOWER
-    nearest, smeared = on_wires(surface, [conductor.fit.curve for conductor in conductors], metre)
+        label[higher] = vegetation(above[higher], config.ground)
+        finding = note(
+            "classes", "Buildings and all else that stands are classified as vegetation, by height."
+        )
+    label[of_structure] = TOWER
+    nearest, smeared = on_wires(surface, wires, config.on_wires)
     label[smeared] = NOISE
-    for k, conductor in enumerate(conductors):
-        wire[nearest == k] = conductor.id
-        label[nearest == k] = SHIELD if conductor.kind == "shield" else CONDUCTOR
-    return Cloud(surface.xyz, label, wire, surface.rgb, sigma), notes
-
-
-def _upright(surface: Surface) -> Float[np.ndarray, " n"]:
-    """Standard deviation upright: along flat ground a point may move as it will."""
-    return surface.sigma * np.abs(surface.sight[:, 2])
+    for k, one in enumerate(wires):
+        wire[nearest == k] = one.id
+        label[nearest == k] = SHIELD if one.kind == "shield" else CONDUCTOR
+    return Cloud(surface.xyz, label, wire, surface.rgb, sigma), (finding,)

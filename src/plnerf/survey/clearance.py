@@ -1,294 +1,251 @@
-"""How near the conductors come to the ground, to vegetation, to buildings and to all else, as surveyed.
+"""How near the wires come to the ground, to vegetation, to buildings and to all else, as surveyed.
 
-Letters: k stations along a wire; s horizontally from the wire's end A; world frame, metres, z up, float64.
+Letters: k stations along a wire; s along the wire's base from its first end; LineFrame, metres, z up.
 
-A distance's standard deviation is that of the wire along the line to the obstacle, from the covariance of its
-catenary, and of the obstacle's point where the cloud states one.  Along the wire itself, being nearest, the
-distance does not change to first order.
+The variance of a distance is that of the wire along the line to the obstacle, from the covariance of its
+curve, plus that of the obstacle's point where the cloud states one.  A shift along the wire does not change
+the distance to first order, since the line to the obstacle is square to the wire.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter1d
 
-from plnerf.errors import SurveyError
-from plnerf.survey.ground_section import ground_under
-from plnerf.survey.model import GROUND, NO_WIRE, Conductor, Kind, Survey
+from plnerf.errors import ConfigError, SurveyError
+from plnerf.findings import Finding, harms, note
+from plnerf.line.clearances import GROUPS, Clearances, Group, Place, Profile, Requirement, WireClearance
+from plnerf.line.cloud import GROUND, NO_WIRE, Cloud
+from plnerf.line.line import Span
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.survey.ground_section import GroundSectionConfig, ground_under
 from plnerf.survey.obstacles import (
     CLASSES,
-    LOOSE_M,
-    NEAR_SUPPORT_M,
     NO_THING,
-    REACH_M,
     Nearest,
+    ObstacleConfig,
     beside,
     nearest_along,
     obstacles,
     stations,
 )
-from plnerf.survey.thresholds import GROUPS, Group, Requirement, Verdict
+from plnerf.survey.thresholds import check_required, requirement
 
-STATION_M = 0.5
-"""Between the places along a wire where a profile says what is there."""
-CORRIDOR_M = 5.0
-"""Vegetation this near to the wire (horizontally) shows in its profile."""
-APART_M = 5.0
-"""Places of one wire and group are so far apart along it, and each is the nearest within this distance."""
-MOST_PLACES = 5
-STATE = "as surveyed"
-"""Of wires: not at their greatest temperature, not loaded, not swung."""
+STATE, KIND, REQUIRED = "state of the line", "clearances", "required clearance"
+"""Kinds of findings.  The first says at what load and temperature sag and clearances hold."""
 _Indices = dict[Group, Int[np.ndarray, " _"]]
 
 
-@dataclass(frozen=True, eq=False)
-class Place:
-    """Where a conductor comes near to something."""
+@dataclass(frozen=True)
+class ClearanceConfig:
+    """Which clearance is required, and how the clearances are measured.
 
-    conductor: int
-    """Its id."""
-    span: int
-    kind: Kind
-    to: Group
-    class_code: int
-    """Of the obstacle."""
-    measure: Literal["distance", "vertical"]
-    """In space, or straight down to the ground's surface."""
-    distance_m: float
-    sigma_m: float
-    s_m: float
-    wire: Float[np.ndarray, "3"]
-    obstacle: Float[np.ndarray, "3"]
-
-    @property
-    def vertical_m(self) -> float:
-        """How much higher the wire is than the obstacle."""
-        return float(self.wire[2] - self.obstacle[2])
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """A wire and what is below and beside it, for k stations; NaN where nothing is known."""
-
-    s_m: Float[np.ndarray, " k"]
-    wire: Float[np.ndarray, "k 3"]
-    sigma_z_m: Float[np.ndarray, " k"]
-    """Of the wire's height."""
-    ground_z: Float[np.ndarray, " k"]
-    vegetation_z: Float[np.ndarray, " k"]
-    """The highest within `CORRIDOR_M`."""
-    distance_m: dict[Group, Float[np.ndarray, " k"]]
-    """From the wire to the nearest obstacle beside the station."""
-
-
-@dataclass(frozen=True, eq=False)
-class ConductorClearance:
-    """All of one conductor."""
-
-    conductor: int
-    """Its id."""
-    span: int
-    kind: Kind
-    places: dict[Group, tuple[Place, ...]]
-    """Distinct places, the nearest first; empty where the group has no points near."""
-    vertical: Place | None
-    """The least height above the ground; None: no ground is known below."""
-    profile: Profile
-
-    def least(self, group: Group) -> Place | None:
-        """The least distance."""
-        return self.places[group][0] if self.places[group] else None
-
-
-@dataclass(frozen=True, eq=False)
-class Clearances:
-    """Of all conductors."""
-
-    conductors: tuple[ConductorClearance, ...]
-    temperature_c: float | None
-    """Of the conductors, if it is known."""
-    requirement: Requirement | None
-    notes: tuple[str, ...]
-    """What a reader must know."""
-    state: str = STATE
-
-    def verdict(self, place: Place) -> Verdict | None:
-        """None where nothing is required: of shield wires, and of what the requirement does not apply to."""
-        if self.requirement is None or place.kind != "phase" or place.to not in self.requirement.applies_to:
-            return None
-        return self.requirement.verdict(place.distance_m, place.sigma_m)
-
-    def all_places(self) -> tuple[Place, ...]:
-        """Of every conductor, by group and then by distance; last the height above the ground."""
-        found: list[Place] = []
-        for one in self.conductors:
-            for group in GROUPS:
-                found += one.places[group]
-            found += [one.vertical] if one.vertical is not None else []
-        return tuple(found)
-
-    def worst(self, group: Group, most: int = 10) -> tuple[Place, ...]:
-        """The nearest of all conductors, each obstacle (within `APART_M` horizontally) once."""
-        chosen: list[Place] = []
-        for place in sorted(
-            (place for one in self.conductors for place in one.places[group]),
-            key=lambda place: place.distance_m,
-        ):
-            apart = [np.linalg.norm((place.obstacle - other.obstacle)[:2]) > APART_M for other in chosen]
-            if all(apart) and len(chosen) < most:
-                chosen.append(place)
-        return tuple(chosen)
-
-
-def measure_clearances(survey: Survey, requirement: Requirement | None = None) -> Clearances:
-    """Distances of every conductor to every group of the cloud's classes (`obstacles.RULES`).
-
-    Raises SurveyError for a survey without scale, in which a clearance would be a number without meaning.
+    Raises SurveyError for a voltage that the table does not have, a table that is none, and a required
+    clearance that is not positive.
     """
-    if survey.unit != "m":
+
+    voltage_kv: float | None = None
+    """Nominal voltage of the line; None: it is not known, and no table applies."""
+    thresholds: Path | None = None
+    """A table of required clearances; None: the one that comes with the package."""
+    clearance_m: float | None = None
+    """A distance to be kept from everything, which precedes the table's."""
+    station_m: float = 0.5
+    """Spacing of the stations along a wire at which its profile is evaluated."""
+    corridor_m: float = 5.0
+    """Vegetation within this horizontal distance of the wire shows in its profile."""
+    apart_m: float = 5.0
+    """Places of one wire and group are farther apart along it than this, and each is the nearest within this
+    distance."""
+    max_places: int = 5
+    """Places that are listed of one wire and group, at most."""
+    obstacles: ObstacleConfig = field(default_factory=ObstacleConfig)
+    ground: GroundSectionConfig = field(default_factory=GroundSectionConfig)
+
+    def __post_init__(self) -> None:
+        check_required(self.voltage_kv, self.thresholds, self.clearance_m)
+        if not self.station_m > 0 or min(self.corridor_m, self.apart_m) < 0 or self.max_places < 1:
+            raise ConfigError(
+                "Clearances need station_m > 0, corridor_m and apart_m of 0 or more, and max_places >= 1, "
+                f"but got station_m={self.station_m}, corridor_m={self.corridor_m}, apart_m={self.apart_m}, "
+                f"max_places={self.max_places}."
+            )
+
+
+def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearances, tuple[Finding, ...]]:
+    """Distances of every wire to every group of the cloud's classes (`obstacles.rules`), and what a reader
+    must know of them.  A wire with an open end is measured up to it.
+
+    Raises SurveyError for a survey without scale, in which a clearance would be a number without meaning, and
+    for a line above the altitudes of the table of required clearances.
+    """
+    if survey.frame.unit != "m":
         raise SurveyError(
-            f"The survey {survey.source} has no scale, so that clearances in metres cannot be told. Give the "
-            "photos' positions or control points, and survey again."
+            f"The survey {survey.source} has no scale, so that clearances in metres cannot be measured. Give "
+            "the photos' positions or control points, and survey again."
         )
-    found = obstacles(survey)
-    conductors = tuple(_measure(conductor, survey, found) for conductor in survey.conductors)
-    notes = tuple(_notes(survey, found, requirement))
-    return Clearances(conductors, survey.temperature_c, requirement, notes)
+    required = requirement(survey, config.voltage_kv, config.thresholds, config.clearance_m)
+    found = obstacles(survey, config.obstacles)
+    wires = tuple(_measure(span, wire, survey.cloud, found, config) for span, wire in survey.wires_by_span())
+    clearances = Clearances(wires, required)
+    return clearances, tuple(_findings(survey, found, clearances, config.obstacles))
 
 
-def _measure(conductor: Conductor, survey: Survey, found: _Indices) -> ConductorClearance:
-    curve, cloud = conductor.fit.curve, survey.cloud
-    at = stations(curve, STATION_M)
-    wire, sigma = curve.points(at), conductor.fit.sigma_at(at / curve.span_m * conductor.fit.base.length_m)
-    beyond_m = REACH_M if cloud.sigma_m is None else 0.0
-    near = {group: nearest_along(curve, at, cloud.xyz, found[group], beyond_m) for group in GROUPS}
-    ground_z, ground_sigma = ground_under(curve, at, cloud.xyz, found["ground"], cloud.sigma_m)
+def _measure(span: Span, wire: Wire, cloud: Cloud, found: _Indices, config: ClearanceConfig) -> WireClearance:
+    at = stations(wire, config.station_m)
+    points, sigma = wire.points(at), wire.sigma_at(at)
+    reach_m = config.obstacles.reach_m
+    beyond_m = reach_m if cloud.sigma_m is None else 0.0
+    near = {group: nearest_along(wire, at, cloud.xyz, found[group], reach_m, beyond_m) for group in GROUPS}
+    ground_z, ground_sigma = ground_under(wire, at, cloud.xyz, found["ground"], cloud.sigma_m, config.ground)
     profile = Profile(
+        wire=wire.id,
         s_m=at,
-        wire=wire,
+        points=points,
         sigma_z_m=sigma[:, 1],
         ground_z=ground_z,
-        vegetation_z=_highest(conductor, at, survey, found["vegetation"]),
-        distance_m={
-            group: np.where(one.index < 0, np.nan, one.distance_m) for group, one in near.items()
-        },
+        vegetation_z=_highest(wire, at, cloud, found["vegetation"], config.corridor_m),
+        distance_m={group: np.where(one.index < 0, np.nan, one.distance_m) for group, one in near.items()},
     )
     vertical = None
     if np.isfinite(ground_z).any():
-        lowest = int(np.nanargmin(wire[:, 2] - ground_z))
+        lowest = int(np.nanargmin(points[:, 2] - ground_z))
         vertical = Place(
-            conductor.id, conductor.span, conductor.kind, "ground", GROUND, "vertical",
-            distance_m=float(wire[lowest, 2] - ground_z[lowest]),
+            wire.id, span.id, wire.kind, "ground", GROUND, "vertical",
+            distance_m=float(points[lowest, 2] - ground_z[lowest]),
             sigma_m=float(np.hypot(sigma[lowest, 1], ground_sigma[lowest])),
             s_m=float(at[lowest]),
-            wire=wire[lowest],
-            obstacle=np.array([*wire[lowest, :2], ground_z[lowest]]),
+            on_wire=points[lowest],
+            on_obstacle=np.array([*points[lowest, :2], ground_z[lowest]]),
         )  # fmt: skip
-    places = {group: _places(conductor, survey, group, near[group]) for group in GROUPS}
-    return ConductorClearance(conductor.id, conductor.span, conductor.kind, places, vertical, profile)
+    places = {group: _places(span, wire, cloud, group, near[group], config) for group in GROUPS}
+    return WireClearance(wire.id, span.id, wire.kind, places, vertical, profile)
 
 
-def _places(conductor: Conductor, survey: Survey, group: Group, near: Nearest) -> tuple[Place, ...]:
-    """The nearest of all within `APART_M` along the wire, of which the nearest ones."""
-    curve, cloud, found = conductor.fit.curve, survey.cloud, []
-    for station in _lowest(near.distance_m, curve.span_m / (len(near.s_m) - 1)):
+def _places(
+    span: Span, wire: Wire, cloud: Cloud, group: Group, near: Nearest, config: ClearanceConfig
+) -> tuple[Place, ...]:
+    """The nearest obstacles of those within `apart_m` along the wire; of these the nearest ones."""
+    found = []
+    for station in _lowest(near.distance_m, wire.base.length_m / (len(near.s_m) - 1), config):
         s, i = near.s_m[station : station + 1], near.index[station]
-        wire, obstacle = curve.points(s)[0], cloud.xyz[i]
-        towards = (wire - obstacle) / max(float(near.distance_m[station]), 1e-9)
-        across = towards[:2] @ np.array([-curve.direction[1], curve.direction[0]])
-        of_wire = conductor.fit.sigma_at(s / curve.span_m * conductor.fit.base.length_m)[0]
+        on_wire, obstacle = wire.points(s)[0], cloud.xyz[i]
+        towards = (on_wire - obstacle) / max(float(near.distance_m[station]), 1e-9)
+        by_theta = np.array([towards[:2] @ wire.base.n, towards[2]]) @ wire.by_theta(s)[0]
+        of_wire = float(np.sqrt(max(by_theta @ wire.covariance @ by_theta, 0.0)))
         of_point = 0.0 if cloud.sigma_m is None else float(cloud.sigma_m[i])
         place = Place(
-            conductor.id, conductor.span, conductor.kind, group, int(cloud.label[i]), "distance",
+            wire.id, span.id, wire.kind, group, int(cloud.label[i]), "distance",
             distance_m=float(near.distance_m[station]),
-            sigma_m=float(np.linalg.norm([across * of_wire[0], towards[2] * of_wire[1], of_point])),
+            sigma_m=float(np.hypot(of_wire, of_point)),
             s_m=float(s[0]),
-            wire=wire,
-            obstacle=obstacle.copy(),
+            on_wire=on_wire,
+            on_obstacle=obstacle.copy(),
         )  # fmt: skip
         found.append(place)
     return tuple(found)
 
 
-def _lowest(values: Float[np.ndarray, " k"], step_m: float) -> list[int]:
-    """Stations of the local minima, the least first; none within `APART_M` of a lesser one."""
-    reach = max(1, round(APART_M / step_m))
+def _lowest(values: Float[np.ndarray, " k"], step_m: float, config: ClearanceConfig) -> list[int]:
+    """Stations of the local minima, the least first; none within `apart_m` of a lesser one."""
+    reach = max(1, round(config.apart_m / step_m))
     least = minimum_filter1d(values, 2 * reach + 1, mode="nearest")
     chosen: list[int] = []
     for station in np.flatnonzero((values == least) & np.isfinite(values)):
         if all(abs(int(station) - other) > reach for other in chosen):  # of equal ones the first
             chosen.append(int(station))
-    return sorted(chosen, key=lambda station: values[station])[:MOST_PLACES]
+    return sorted(chosen, key=lambda station: values[station])[: config.max_places]
 
 
 def _highest(
-    conductor: Conductor, at: Float[np.ndarray, " k"], survey: Survey, index: Int[np.ndarray, " m"]
+    wire: Wire, at: Float[np.ndarray, " k"], cloud: Cloud, index: Int[np.ndarray, " m"], corridor_m: float
 ) -> Float[np.ndarray, " k"]:
-    """Of the vegetation within `CORRIDOR_M` of the wire, by station."""
-    curve, top = conductor.fit.curve, np.full(len(at), -np.inf)
-    for _, local in beside(curve, survey.cloud.xyz, index, CORRIDOR_M, 0.0):
-        inside: Bool[np.ndarray, " c"] = (local[:, 0] >= 0) & (local[:, 0] <= curve.span_m)
-        station = np.rint(local[inside, 0] / curve.span_m * (len(at) - 1)).astype(np.int64)
+    """Height of the highest vegetation within the corridor at each station; NaN where there is none."""
+    length, top = wire.base.length_m, np.full(len(at), -np.inf)
+    for _, local in beside(wire, cloud.xyz, index, corridor_m, 0.0):
+        inside: Bool[np.ndarray, " c"] = (local[:, 0] >= 0) & (local[:, 0] <= length)
+        station = np.rint(local[inside, 0] / length * (len(at) - 1)).astype(np.int64)
         np.maximum.at(top, station, local[inside, 2])
     return np.where(np.isfinite(top), top, np.nan)
 
 
-def _notes(survey: Survey, found: _Indices, requirement: Requirement | None) -> list[str]:
+def _findings(
+    survey: Survey, found: _Indices, clearances: Clearances, config: ObstacleConfig
+) -> list[Finding]:
     temperature = survey.temperature_c
-    notes = [
-        f"Sag and clearances are {STATE}"
-        + (
-            "; the conductors' temperature is not known."
-            if temperature is None
-            else f", with the conductors at {temperature:g} degrees Celsius."
+    findings = [
+        note(
+            STATE,
+            f"Sag and clearances are {clearances.state}"
+            + (
+                "; the conductors' temperature is not known."
+                if temperature is None
+                else f", with the conductors at {temperature:g} degrees Celsius."
+            )
+            + " At the greatest temperature, under ice or in wind they are less.",
         )
-        + " At the greatest temperature, under ice or in wind they are less."
     ]
     if survey.cloud.sigma_m is None:
-        notes.append(
-            "The cloud states no standard deviations: those of the clearances hold the wire's part only."
+        findings.append(
+            note(
+                KIND,
+                "The cloud states no standard deviations: those of the clearances hold the wire's part only.",
+            )
         )
-    notes += _left_out(survey, found)
-    absent = [group for group in GROUPS if not len(found[group])]
+    findings += _left_out(survey.cloud, found, config)
+    absent = ["other things" if group == "other" else group for group in GROUPS if not len(found[group])]
     if absent:
-        names = ["other things" if group == "other" else group for group in absent]
-        notes.append(f"No points of the cloud count as {', '.join(names)}: nothing is said of these.")
-    counts = np.bincount(survey.cloud.label, minlength=256)
-    noise = [f"{counts[code]} of class {code}" for code in NO_THING if counts[code]]
-    if noise:
-        notes.append(f"Points that were not looked at: {', '.join(noise)}.")
-    if requirement is not None:
-        notes.append(
-            f"Required: {requirement.distance_m:.2f} m to {', '.join(requirement.applies_to)} "
-            f"({requirement.name}; {requirement.source}"
-            + (f", {requirement.date})." if requirement.date else ").")
-            + " Asked of phase conductors, not of shield wires."
+        findings.append(
+            note(KIND, f"No points of the cloud count as {', '.join(absent)}: nothing is known of these.")
         )
-        notes += requirement.caveats
-    return notes
+    counts = np.bincount(survey.cloud.label, minlength=256)
+    noise = [f"{counts[code]:,} of class {code}" for code in NO_THING if counts[code]]
+    if noise:
+        findings.append(note(KIND, f"Points that are no obstacles by their class: {', '.join(noise)}."))
+    if clearances.requirement is not None:
+        findings += _of_requirement(clearances.requirement)
+    return findings
 
 
-def _left_out(survey: Survey, found: _Indices) -> list[str]:
-    """What is not looked at in clouds from images, whose points are uncertain."""
-    cloud = survey.cloud
+def _left_out(cloud: Cloud, found: _Indices, config: ObstacleConfig) -> list[Finding]:
+    """Which points of clouds from images do not count, because they are uncertain."""
     if cloud.sigma_m is None:
         return []
-    notes = []
+    findings = []
     counts = np.isin(cloud.label, [code for codes in CLASSES.values() for code in codes])
     counts &= cloud.wire == NO_WIRE
-    loose = counts & (cloud.sigma_m > LOOSE_M)
+    loose = counts & (cloud.sigma_m > config.max_sigma_m)
     if loose.any():
-        notes.append(
-            f"{loose.sum():,} of {counts.sum():,} points are no obstacles to the clearances: their standard "
-            f"deviation is more than {LOOSE_M:g} m. What they alone show may be nearer."
+        findings.append(
+            harms(
+                KIND,
+                f"{loose.sum():,} of {counts.sum():,} points are no obstacles to the clearances: their "
+                f"standard deviation is more than {config.max_sigma_m:g} m. What they alone show may be "
+                "nearer.",
+            )
         )
     plants = counts & ~loose & np.isin(cloud.label, CLASSES["vegetation"])
     near = int(plants.sum()) - len(found["vegetation"])
     if near:
-        notes.append(
-            f"{near:,} points of vegetation within {NEAR_SUPPORT_M:g} m of supports and wires' ends are no "
-            "obstacles to the clearances, as images do not tell them from the support: look there yourself."
+        findings.append(
+            harms(
+                KIND,
+                f"{near:,} points of vegetation within {config.plant_support_m:g} m of structures and wires' "
+                "ends are no obstacles to the clearances, since images do not separate them from the "
+                "structure.",
+                "Look there yourself.",
+            )
         )
-    return notes
+    return findings
+
+
+def _of_requirement(required: Requirement) -> list[Finding]:
+    dated = f", {required.date}" if required.date else ""
+    text = (
+        f"Required: {required.distance_m:.2f} m to {', '.join(required.applies_to)} ({required.name}; "
+        f"{required.source}{dated}). It applies to phase conductors only."
+    )
+    return [note(REQUIRED, text), *(note(REQUIRED, caveat) for caveat in required.caveats)]

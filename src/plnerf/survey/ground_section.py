@@ -1,73 +1,110 @@
 """The ground under a wire: a triangulated surface through means of the ground's points.
 
-Letters: n points, m those of the ground, k stations along the wire, c cells, e crossed edges; s, y and z as
-in `obstacles.py`.
+Letters: n points, m those of the ground, k stations along the wire, c cells, e crossed edges; s along the
+wire's base from its first end, v horizontally to the left of the wire, z up; LineFrame, metres.
+
+v is counted from the wire at the same s, so that v = 0 is the line straight below it, swung or not.  Where a
+wire runs at an angle to its base or is swung, s and v are not quite square; heights on planes are exact.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from plnerf.line.old_catenary import Catenary
+from plnerf.errors import ConfigError
+from plnerf.line.wire import Wire
 from plnerf.survey.obstacles import beside
 
-SIDE_M = 10.0
-"""Ground within this distance of the wire (horizontally) takes part."""
-CELL_M = 0.5
-"""Points within a square of this side count as their mean: that of points in a plane lies in it."""
-AROUND_M, LEAST_AROUND = 2.0, 6
-"""How much the ground is scattered about a plane counts within this distance of a station, of so many cells
-or more: stems and bushes that were taken for ground show so."""
-UNSEEN = 0.1
-"""Where the ground is not seen, it may be off by this share of the distance to where it is."""
-GAP_M = 10.0
-"""Where the nearest ground is farther (horizontally), the ground is not known."""
+PLANE = 3
+"""Numbers of a plane: so many of the cells' degrees of freedom it takes."""
+
+
+@dataclass(frozen=True)
+class GroundSectionConfig:
+    """How the height of the ground under a wire is interpolated, and how uncertain it is."""
+
+    side_m: float = 10.0
+    """Ground within this horizontal distance of the wire takes part."""
+    cell_m: float = 0.5
+    """Points within a square of this side are replaced by their mean: that of points of a plane lies on
+    it."""
+    scatter_radius_m: float = 2.0
+    """Radius about a station within which the scatter of the ground about a plane adds to its uncertainty:
+    stems and bushes that were taken for ground show in it."""
+    min_scatter_cells: int = 6
+    """Where fewer cells lie within `scatter_radius_m`, the scatter is not known and counts as 0."""
+    unseen_slope: float = 0.1
+    """Where the ground is not seen, its standard deviation grows by this share of the distance to where it
+    is."""
+    max_gap_m: float = 10.0
+    """Where the nearest ground is farther than this, horizontally, the ground is not known."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell_m <= self.side_m:
+            raise ConfigError(
+                "The ground's section needs 0 < cell_m <= side_m, but got "
+                f"cell_m={self.cell_m}, side_m={self.side_m}."
+            )
+        if self.min_scatter_cells <= PLANE:
+            raise ConfigError(
+                f"The ground's section needs min_scatter_cells of {PLANE + 1} or more, since fewer have no "
+                f"scatter about a plane, but got {self.min_scatter_cells}."
+            )
+        if min(self.scatter_radius_m, self.unseen_slope, self.max_gap_m) < 0:
+            raise ConfigError(
+                "The ground's section needs scatter_radius_m, unseen_slope and max_gap_m of 0 or more, but "
+                f"got {self.scatter_radius_m}, {self.unseen_slope} and {self.max_gap_m}."
+            )
 
 
 def ground_under(
-    curve: Catenary,
+    wire: Wire,
     at: Float[np.ndarray, " k"],
     xyz: Float[np.ndarray, "n 3"],
     index: Int[np.ndarray, " m"],
     sigma_m: Float[np.ndarray, " n"] | None,
+    config: GroundSectionConfig,
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Height of the ground under the wire at the stations `at`, and its standard deviation.
 
-    NaN where no ground lies on both sides, or none within `GAP_M`.  The deviation is that of the points of
-    the nearest cell (root mean square: neighbours share their error), 0 where none is stated, the
-    scatter of the cells around, and what the distance to that cell leaves open.
+    NaN where no ground lies on both sides, or none within `max_gap_m`.  The variance is the sum of that of
+    the nearest cell's points (their mean square, since neighbours share their error; 0 where none is stated),
+    the scatter of the cells around, and what the distance to that cell leaves open.
     """
-    cells, variance = _cells(curve, xyz, index, sigma_m)
+    cells, variance = _cells(wire, xyz, index, sigma_m, config)
     z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
     s, height = _section(cells)
     if not len(s):
         return z, sigma
     distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
     z = np.interp(at, s, height, left=np.nan, right=np.nan)
-    unseen = UNSEEN * np.maximum(distance - CELL_M, 0.0)
-    sigma = np.sqrt(variance[nearest] + _scatter(cells, at) ** 2 + unseen**2)
-    return np.where(distance <= GAP_M, z, np.nan), sigma
+    unseen = config.unseen_slope * np.maximum(distance - config.cell_m, 0.0)
+    sigma = np.sqrt(variance[nearest] + _scatter(cells, at, config) ** 2 + unseen**2)
+    return np.where(distance <= config.max_gap_m, z, np.nan), sigma
 
 
-def _scatter(cells: Float[np.ndarray, "c 3"], at: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """Standard deviation of the cells' heights about the plane that lies best through those around a station;
-    0 where they are few."""
-    scatter = np.zeros(len(at))
-    near = cKDTree(cells[:, :2]).query_ball_point(np.stack([at, np.zeros(len(at))], 1), AROUND_M)
+def _scatter(
+    cells: Float[np.ndarray, "c 3"], at: Float[np.ndarray, " k"], config: GroundSectionConfig
+) -> Float[np.ndarray, " k"]:
+    """Standard deviation of the cells' heights about the best plane through those around each station; 0
+    where they are few."""
+    scatter, stations = np.zeros(len(at)), np.stack([at, np.zeros(len(at))], 1)
+    near = cKDTree(cells[:, :2]).query_ball_point(stations, config.scatter_radius_m)
     for k, some in enumerate(near):
-        if len(some) >= LEAST_AROUND:
-            plane = np.column_stack([cells[some, :2] - [at[k], 0.0], np.ones(len(some))])
+        if len(some) >= config.min_scatter_cells:
+            plane = np.column_stack([cells[some, :2] - stations[k], np.ones(len(some))])
             off = cells[some, 2] - plane @ np.linalg.lstsq(plane, cells[some, 2], rcond=None)[0]
-            scatter[k] = np.sqrt((off**2).sum() / (len(some) - 3))
+            scatter[k] = np.sqrt((off**2).sum() / (len(some) - PLANE))
     return scatter
 
 
 def _section(cells: Float[np.ndarray, "c 3"]) -> tuple[Float[np.ndarray, " e"], Float[np.ndarray, " e"]]:
-    """Where the edges of the surface cross the wire's vertical plane y = 0: s in order, and z.
+    """Where the edges of the surface cross v = 0: s in order, and z.
 
-    Between them the section is straight, so that no point need be looked for in a triangle.  Empty where the
+    Between them the section is straight, so that no triangle need be searched for a point.  Empty where the
     cells make no triangle.
     """
     none = np.empty(0)
@@ -88,19 +125,25 @@ def _section(cells: Float[np.ndarray, "c 3"]) -> tuple[Float[np.ndarray, " e"], 
 
 
 def _cells(
-    curve: Catenary,
+    wire: Wire,
     xyz: Float[np.ndarray, "n 3"],
     index: Int[np.ndarray, " m"],
     sigma_m: Float[np.ndarray, " n"] | None,
+    config: GroundSectionConfig,
 ) -> tuple[Float[np.ndarray, "c 3"], Float[np.ndarray, " c"]]:
-    """Means of s, y and z by cell, and the mean variance; of cells that hold points."""
-    rows, columns = (math.ceil((side + 2 * SIDE_M) / CELL_M) + 1 for side in (curve.span_m, 0.0))
+    """Means of s, v and z by cell, and the mean variance, of the cells that hold points."""
+    side, cell = config.side_m, config.cell_m
+    rows, columns = (math.ceil((length + 2 * side) / cell) + 1 for length in (wire.base.length_m, 0.0))
     sums = np.zeros((5, rows * columns))
-    for some, local in beside(curve, xyz, index, SIDE_M, SIDE_M):
-        row, column = np.floor((local[:, :2] + SIDE_M) / CELL_M).astype(np.int64).T
+    for near, local in beside(wire, xyz, index, side, side):
+        s, y, z = local.T
+        v = y - wire.at(s)[:, 0]  # beyond the ends too, so that planes stay planes there
+        inside = np.abs(v) <= side
+        some, s, v, z = near[inside], s[inside], v[inside], z[inside]
+        row, column = (np.floor((place + side) / cell).astype(np.int64) for place in (s, v))
         variance = np.zeros(len(some)) if sigma_m is None else sigma_m[some] ** 2
-        for k, values in enumerate((np.ones(len(some)), *local.T, variance)):
+        for k, values in enumerate((np.ones(len(some)), s, v, z, variance)):
             sums[k] += np.bincount(row * columns + column, values, rows * columns)
     count, *totals = sums[:, sums[0] > 0]
-    s, y, z, variance = (total / count for total in totals)
-    return np.stack([s, y, z], 1), variance
+    s, v, z, variance = (total / count for total in totals)
+    return np.stack([s, v, z], 1), variance

@@ -1,7 +1,7 @@
 """What a wire may come near to, and the nearest of it at each place along the wire.
 
-Letters: n points, m those of one group, c of a chunk, k stations along the wire; s horizontally from the
-wire's end A towards B, y to the left of that line, z up; metres, float64.
+Letters: n points, m those of one group, c of a chunk, k stations along the wire; s along the wire's base from
+its first end, y to the left of the base, z up; LineFrame, metres.  Any swing of the wire is allowed.
 """
 
 import math
@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.line.old_catenary import Catenary
-from plnerf.line.polylines import onto_segments
-from plnerf.survey.model import (
+from plnerf.errors import ConfigError
+from plnerf.line.clearances import GROUPS, Group
+from plnerf.line.cloud import (
     BUILDING,
     CONDUCTOR,
     CONNECTOR,
@@ -25,53 +25,74 @@ from plnerf.survey.model import (
     SHIELD,
     TOWER,
     VEGETATION,
-    Survey,
 )
-from plnerf.survey.thresholds import GROUPS, Group
+from plnerf.line.polylines import onto_segments
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
 
 WATER, RAIL, ROAD = 9, 10, 11
 OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)
 NO_THING = (7, 18, 20, 22)
-"""Low and high noise, ignored ground, what was there for a time only."""
+"""Classes of low and high noise, of ignored ground, and of what was there for a time only."""
 _NAMED: dict[Group, tuple[int, ...]] = {
     "ground": (GROUND, WATER, RAIL, ROAD),
     "vegetation": (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION),
     "structures": (BUILDING,),
 }
-_TOLD = {*OWN, *NO_THING}.union(*_NAMED.values())
+_NOT_OTHER = {*OWN, *NO_THING}.union(*_NAMED.values())
 CLASSES: dict[Group, tuple[int, ...]] = _NAMED | {
-    "other": tuple(code for code in range(256) if code not in _TOLD)
+    "other": tuple(code for code in range(256) if code not in _NOT_OTHER)
 }
-"""By group, in the ASPRS classes of LAS 1.4.  What is unclassified or of an unknown class may be a crane."""
-SUPPORT_M = 8.0
-"""Structures and other points this near (horizontally) to a tower's foot or a wire's end are the tower's."""
-NEAR_SUPPORT_M = 4.0
-"""Likewise vegetation of clouds that state standard deviations, those from images: in them a lattice is as
-scattered as a crown."""
-LOOSE_M = 1.0
-"""Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the nearest to
-the wire is always a wrong one."""
-OWN_M = 0.5
-"""Other points this near to a wire are its own: spacers, dampers, and what was not labelled as wire."""
-REACH_M = 50.0
-"""Obstacles are looked for within this distance of the wire, horizontally."""
-SAMPLE_M = 0.1
-"""Between samples d apart a wire is straight to d^2 / 8p, here 0.1 mm for p as small as 12 m."""
+"""The ASPRS classes of LAS 1.4 of each group.  What is unclassified or of an unknown class may be a crane."""
 CHUNK = 500_000
+"""Points that are in work at a time, which bounds memory."""
 
-RULES = {
-    "distance": "the least in space from the wire between its supports, of obstacles within "
-    f"{REACH_M:g} m of it horizontally",
-    "ground": "ground, water, rails and roads (classes 2, 9, 10, 11)",
-    "vegetation": "low, medium and high vegetation (classes 3, 4, 5)",
-    "structures": f"buildings (class 6), not within {SUPPORT_M:g} m of a tower's foot or a wire's end",
-    "other": "unclassified points (class 1) and all further classes, not within "
-    f"{SUPPORT_M:g} m of a tower's foot or a wire's end, and not within {OWN_M:g} m of any wire",
-    "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
-    f"standard deviations points with more than {LOOSE_M:g} m, vegetation within {NEAR_SUPPORT_M:g} m of a "
-    "tower's foot or a wire's end, and what is not beside a wire but beyond its ends, which may be a support "
-    "that is not seen",
-}
+
+@dataclass(frozen=True)
+class ObstacleConfig:
+    """Which points of a cloud count as obstacles."""
+
+    support_m: float = 8.0
+    """Buildings and other points within this horizontal distance of a structure's foot or a wire's end belong
+    to the structure."""
+    plant_support_m: float = 4.0
+    """The same for vegetation in clouds that state standard deviations, those from images: in them a lattice
+    is as scattered as a crown."""
+    max_sigma_m: float = 1.0
+    """Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the
+    nearest to the wire is always a wrong one."""
+    own_m: float = 0.5
+    """Other points this near to a wire belong to it: spacers, dampers, and what was not labelled as wire."""
+    reach_m: float = 50.0
+    """Horizontal distance from the wire within which obstacles are searched."""
+
+    def __post_init__(self) -> None:
+        if not self.reach_m > 0 or min(self.support_m, self.plant_support_m, self.own_m) < 0:
+            raise ConfigError(
+                "Obstacles need reach_m > 0, and support_m, plant_support_m and own_m of 0 or more, but got "
+                f"reach_m={self.reach_m}, support_m={self.support_m}, "
+                f"plant_support_m={self.plant_support_m}, own_m={self.own_m}."
+            )
+        if not self.max_sigma_m > 0:
+            raise ConfigError(f"Obstacles need max_sigma_m > 0, but got {self.max_sigma_m}.")
+
+
+def rules(config: ObstacleConfig) -> dict[str, str]:
+    """What is measured, what counts as an obstacle of each group, and what does not, in words."""
+    at_support = f"within {config.support_m:g} m of a structure's foot or a wire's end"
+    return {
+        "distance": "the least distance in space from the wire between its ends, to obstacles within "
+        f"{config.reach_m:g} m of it horizontally",
+        "ground": "ground, water, rails and roads (classes 2, 9, 10, 11)",
+        "vegetation": "low, medium and high vegetation (classes 3, 4, 5)",
+        "structures": f"buildings (class 6), but not {at_support}",
+        "other": f"unclassified points (class 1) and all further classes, but not {at_support}, and not "
+        f"within {config.own_m:g} m of any wire",
+        "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
+        f"standard deviations also points of more than {config.max_sigma_m:g} m, vegetation within "
+        f"{config.plant_support_m:g} m of a structure's foot or a wire's end, and what lies beyond the ends "
+        "of a wire rather than beside it, which may be a structure that is not seen",
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,44 +107,38 @@ class Nearest:
     """Where on the wire it is nearest."""
 
 
-def obstacles(survey: Survey) -> dict[Group, Int[np.ndarray, " _"]]:
-    """Indices of the points that count, by group; `RULES` says in words which."""
-    cloud = survey.cloud
-    curves = [conductor.fit.curve for conductor in survey.conductors]
-    places = [tower.foot[:2] for tower in survey.towers]
-    places += [np.array(end[:2]) for curve in curves for end in (curve.a, curve.b)]
+def obstacles(survey: Survey, config: ObstacleConfig) -> dict[Group, Int[np.ndarray, " _"]]:
+    """Indices of the points that count, by group; `rules` describes them in words."""
+    cloud, all_wires = survey.cloud, survey.wires
+    places = [one.foot[:2] for one in survey.structures]
+    places += [end[:2] for wire in all_wires for end in wire.points(np.array([0.0, wire.base.length_m]))]
     supports = cKDTree(np.array(places)) if places else None
-    wires = cKDTree(np.concatenate([sampled(curve) for curve in curves])) if curves else None
+    wires = cKDTree(np.concatenate([wire.polyline() for wire in all_wires])) if all_wires else None
     found: dict[Group, Int[np.ndarray, " _"]] = {}
     for group in GROUPS:
         counts = np.isin(np.arange(256), CLASSES[group])
         counted = counts[cloud.label] & (cloud.wire == NO_WIRE)
         if cloud.sigma_m is not None:
-            counted &= cloud.sigma_m <= LOOSE_M
+            counted &= cloud.sigma_m <= config.max_sigma_m
         index = np.flatnonzero(counted)
         if group == "vegetation" and cloud.sigma_m is not None:
-            index = index[~_within(supports, cloud.xyz[:, :2], index, NEAR_SUPPORT_M)]
+            index = index[~_within(supports, cloud.xyz[:, :2], index, config.plant_support_m)]
         if group in {"structures", "other"}:
-            index = index[~_within(supports, cloud.xyz[:, :2], index, SUPPORT_M)]
+            index = index[~_within(supports, cloud.xyz[:, :2], index, config.support_m)]
         if group == "other":
-            index = index[~_within(wires, cloud.xyz, index, OWN_M)]
+            index = index[~_within(wires, cloud.xyz, index, config.own_m)]
         found[group] = index
     return found
 
 
-def sampled(curve: Catenary) -> Float[np.ndarray, "v 3"]:
-    """Points of a wire from A to B, `SAMPLE_M` apart horizontally or closer."""
-    count = max(1, math.ceil(curve.span_m / SAMPLE_M))
-    return curve.points(np.linspace(0.0, curve.span_m, count + 1))
-
-
-def stations(curve: Catenary, step_m: float) -> Float[np.ndarray, " k"]:
-    """s of places along the wire, evenly spaced from A to B and at most `step_m` apart."""
-    return np.linspace(0.0, curve.span_m, max(1, math.ceil(curve.span_m / step_m - 1e-9)) + 1)
+def stations(wire: Wire, step_m: float) -> Float[np.ndarray, " k"]:
+    """s of places along the wire, evenly spaced from end to end and at most `step_m` apart."""
+    length = wire.base.length_m
+    return np.linspace(0.0, length, max(1, math.ceil(length / step_m - 1e-9)) + 1)
 
 
 def beside(
-    curve: Catenary,
+    wire: Wire,
     xyz: Float[np.ndarray, "n 3"],
     index: Int[np.ndarray, " m"],
     reach_m: float,
@@ -131,43 +146,45 @@ def beside(
 ) -> Iterator[tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 3"]]]:
     """By chunks, indices and s, y, z of the points within `reach_m` across the wire and `beyond_m` beyond its
     ends, horizontally."""
-    ux, uy = curve.direction
-    ends = np.array([curve.a[:2], curve.b[:2]])
-    low, high = ends.min(0) - math.sqrt(2) * reach_m, ends.max(0) + math.sqrt(2) * reach_m
+    length, line = wire.base.length_m, wire.polyline(1.0)[:, :2]
+    low, high = line.min(0) - math.sqrt(2) * reach_m - 1.0, line.max(0) + math.sqrt(2) * reach_m + 1.0
     for first in range(0, len(index), CHUNK):
         some = index[first : first + CHUNK]
-        x, y, z = xyz[some].T
-        near = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])  # of a long line, few are
-        some, x, y = some[near], x[near] - ends[0, 0], y[near] - ends[0, 1]
-        local = np.stack([ux * x + uy * y, ux * y - uy * x, z[near]], 1)
-        near = (local[:, 0] >= -beyond_m) & (local[:, 0] <= curve.span_m + beyond_m)
-        near &= np.abs(local[:, 1]) <= reach_m
+        flat = xyz[some, :2]
+        some = some[((flat >= low) & (flat <= high)).all(1)]  # of a long line's points, few are
+        local = wire.base.local(xyz[some])
+        near = (local[:, 0] >= -beyond_m) & (local[:, 0] <= length + beyond_m)
+        some, local = some[near], local[near]
+        across = local[:, 1] - wire.at(np.clip(local[:, 0], 0.0, length))[:, 0]
+        near = np.abs(across) <= reach_m
         yield some[near], local[near]
 
 
 def nearest_along(
-    curve: Catenary,
+    wire: Wire,
     at: Float[np.ndarray, " k"],
     xyz: Float[np.ndarray, "n 3"],
     index: Int[np.ndarray, " m"],
-    beyond_m: float = REACH_M,
+    reach_m: float,
+    beyond_m: float,
 ) -> Nearest:
-    """Of the points beside each station, the nearest to the wire; those beyond an end, up to `beyond_m`, are
-    at its station.
+    """The obstacle nearest to the wire among the points beside each station, within `reach_m` horizontally;
+    points beyond an end, up to `beyond_m`, are beside the end's station.
 
-    A wire whose slope is nowhere greater than g is no nearer to a point that is dz above or below it than
-    dz / sqrt(1 + g^2), so that only points are compared exactly which could be the nearest of their station.
+    Let d be a point's distance from the wire's point at the same s, e how far it is beyond an end, and g the
+    greatest length of wire per length of base.  Since the wire moves across the base by sqrt(g^2 - 1) per
+    length of base at most, it is nowhere nearer to the point than sqrt(e^2 + (d / g)^2).  So only points that
+    could be the nearest of their station are compared exactly.
     """
-    length = curve.span_m
-    steep = math.hypot(1.0, math.sinh(max(abs(curve.s0_m), abs(length - curve.s0_m)) / curve.p_m))
+    length, g = wire.base.length_m, wire.stretch
     least = np.full(len(at), np.inf)
     kept: list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"], Float[np.ndarray, " c"]]] = []
-    for some, local in beside(curve, xyz, index, REACH_M, beyond_m):
+    for some, local in beside(wire, xyz, index, reach_m, beyond_m):
         s = np.clip(local[:, 0], 0.0, length)
-        along, up = np.abs(local[:, 0] - s), np.abs(local[:, 2] - curve.heights(s))
+        e, d = local[:, 0] - s, np.linalg.norm(local[:, 1:] - wire.at(s), axis=1)
         station = np.rint(s / length * (len(at) - 1)).astype(np.int64)
-        np.minimum.at(least, station, np.sqrt(along**2 + local[:, 1] ** 2 + up**2))
-        bound = np.hypot(local[:, 1], np.maximum(along, up / steep))
+        np.minimum.at(least, station, np.hypot(e, d))
+        bound = np.hypot(e, d / g)
         may = bound <= least[station]
         kept.append((some[may], station[may], bound[may]))
     found = Nearest(np.full(len(at), np.inf), np.full(len(at), -1), np.full(len(at), np.nan))
@@ -176,7 +193,7 @@ def nearest_along(
     some, station, bound = (np.concatenate(column) for column in zip(*kept, strict=True))
     may = bound <= least[station]
     some, station = some[may], station[may]
-    distance, s = onto_wire(curve, xyz[some])
+    distance, s = onto_wire(wire, xyz[some])
     order = np.lexsort((some, distance, station))
     reached, first = np.unique(station[order], return_index=True)
     best = order[first]
@@ -185,10 +202,10 @@ def nearest_along(
 
 
 def onto_wire(
-    curve: Catenary, points: Float[np.ndarray, "c 3"]
+    wire: Wire, points: Float[np.ndarray, "c 3"]
 ) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
     """Distance of each point from the wire, and the s where the wire is nearest to it."""
-    line = sampled(curve)
+    line = wire.polyline()
     _, nearest = cKDTree(line).query(points, workers=-1)
     best = np.full(len(points), np.inf)
     s = np.zeros(len(points))
@@ -198,14 +215,14 @@ def onto_wire(
         distance = np.linalg.norm(points - start - share[:, None] * (end - start), axis=1)
         closer = distance < best
         best[closer] = distance[closer]
-        s[closer] = ((first + share) * curve.span_m / (len(line) - 1))[closer]
+        s[closer] = ((first + share) * wire.base.length_m / (len(line) - 1))[closer]
     return best, s
 
 
 def _within(
     tree: cKDTree | None, points: Float[np.ndarray, "n d"], index: Int[np.ndarray, " m"], radius_m: float
 ) -> Bool[np.ndarray, " m"]:
-    """Which of some points are so near to one of the tree's."""
+    """Which of the indexed points lie within the radius of one of the tree's."""
     near = np.zeros(len(index), np.bool_)
     if tree is not None:
         for first in range(0, len(index), CHUNK):

@@ -1,44 +1,58 @@
-"""Which points of a surface are a conductor's, and which cannot be told from one.
+"""Which points of a surface lie on a wire, and which may lie on one.
 
-A point is uncertain along its line of sight: along it, what is seen of a wire is smeared.
+The place of a point is uncertain along its line of sight, and along it what images show of a wire is smeared.
 
-Letters: n points, w wires; s steps along a line of sight.
+Letters: n points, w wires; s steps along a line of sight; LineFrame, metres.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.line.old_catenary import Catenary
-from plnerf.survey.field_surface import Surface
-from plnerf.survey.obstacles import sampled
+from plnerf.errors import ConfigError
+from plnerf.line.wire import Wire
+from plnerf.survey.surface import Surface
 
-ON_WIRE_M = 0.25
-"""A point this near to a conductor is on it."""
-REACH_SIGMAS = 3.0
-"""A point may be so far along its line of sight from where it is said to be."""
-FARTHEST_M = 10.0
-"""No line of sight is followed further."""
 NONE = -1
+"""Index of the wire of points on no wire."""
+
+
+@dataclass(frozen=True)
+class OnWiresConfig:
+    """How near to a wire a point lies on it."""
+
+    near_m: float = 0.25
+    """Points within this distance of a wire lie on it."""
+    reach_sigmas: float = 3.0
+    """A point may lie this many of its standard deviations away along its line of sight."""
+    max_reach_m: float = 10.0
+    """No line of sight is followed farther than this from its point."""
+
+    def __post_init__(self) -> None:
+        if not self.near_m > 0 or self.reach_sigmas < 0 or self.max_reach_m < 0:
+            raise ConfigError(
+                "Points on wires need near_m > 0, reach_sigmas >= 0 and max_reach_m >= 0, but got "
+                f"near_m={self.near_m}, reach_sigmas={self.reach_sigmas}, max_reach_m={self.max_reach_m}."
+            )
 
 
 def on_wires(
-    surface: Surface, wires: Sequence[Catenary], metre: float = 1.0
+    surface: Surface, wires: Sequence[Wire], config: OnWiresConfig
 ) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Index of the wire that each point is on, `NONE` elsewhere; and which of the other points may be on one.
+    """The index of the wire that each point lies on, `NONE` elsewhere; and which other points may lie on one.
 
-    Those have a line of sight that comes as near to a wire within `REACH_SIGMAS`.  metre: its length in the
-    surface's units.
+    Those have a line of sight that passes a wire as near, within `reach_sigmas` of the point.
     """
     wire, doubtful = np.full(len(surface.xyz), NONE), np.zeros(len(surface.xyz), np.bool_)
     if not wires or not len(surface.xyz):
         return wire, doubtful
-    lines = [sampled(one) for one in wires]
+    lines = [one.polyline() for one in wires]
     owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    tree, near = cKDTree(np.concatenate(lines)), ON_WIRE_M * metre
-    reach: Float[np.ndarray, " n"] = np.minimum(REACH_SIGMAS * surface.sigma, FARTHEST_M * metre)
+    tree, near = cKDTree(np.concatenate(lines)), config.near_m
+    reach: Float[np.ndarray, " n"] = np.minimum(config.reach_sigmas * surface.sigma_m, config.max_reach_m)
     apart, at = tree.query(surface.xyz, distance_upper_bound=near + float(reach.max()), workers=-1)
     wire[apart <= near] = owner[at[apart <= near]]
     may = np.flatnonzero((apart > near) & (apart <= near + reach))

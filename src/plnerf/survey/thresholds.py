@@ -1,4 +1,4 @@
-"""The distance that a conductor must keep, out of a table with its source, and the verdict on one measured.
+"""The clearance that a conductor must keep: given by the user, or out of a table with its source.
 
 A table is a TOML file (`data/clearances/`, or the user's own in the same form): distances by voltage class
 and band of altitude.  Classes are never interpolated, because insulation is designed anew for each.
@@ -8,39 +8,18 @@ import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
+
+import numpy as np
 
 from plnerf.errors import SurveyError
-from plnerf.survey.model import Survey
+from plnerf.line.clearances import GROUPS, Group, Requirement
+from plnerf.line.survey import Survey
 
-Group = Literal["ground", "vegetation", "structures", "other"]
-"""What a conductor may come near to."""
-GROUPS: tuple[Group, ...] = get_args(Group)
-Verdict = Literal["closer than required", "within its uncertainty", "clear"]
-SIGMAS = 2.0
-"""A distance is told from the required one if they are so many standard deviations apart."""
 METRES = {"ft": 0.3048, "m": 1.0}
+"""Length of the units that a table may have."""
 DEFAULT_TABLE = "nerc-fac-003-4.toml"
 _KEYS = ("name", "source", "date", "applies_to", "unit", "altitude_up_to", "caveats", "class")
-
-
-@dataclass(frozen=True)
-class Requirement:
-    """A distance to be kept, and who says so."""
-
-    distance_m: float
-    applies_to: tuple[Group, ...]
-    name: str
-    source: str
-    date: str | None = None
-    caveats: tuple[str, ...] = ()
-
-    def verdict(self, distance_m: float, sigma_m: float) -> Verdict:
-        """On a distance and its standard deviation."""
-        spare = distance_m - self.distance_m
-        if abs(spare) <= SIGMAS * sigma_m:
-            return "within its uncertainty"
-        return "closer than required" if spare < 0 else "clear"
 
 
 @dataclass(frozen=True)
@@ -71,7 +50,7 @@ class Table:
 
 
 def own_requirement(distance_m: float) -> Requirement:
-    """One distance of the user's, to be kept from everything.  Raises SurveyError unless it is positive."""
+    """A distance given by the user, to be kept from everything.  Raises SurveyError unless it is positive."""
     if not 0 < distance_m < float("inf"):
         raise SurveyError(
             f"The clearance to be kept must be greater than 0 m, got {distance_m}. Give it in metres."
@@ -102,21 +81,53 @@ def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Re
     )
 
 
-def altitude_m(survey: Survey) -> float:
-    """Of the line's highest support, in the survey's heights.
+def check_required(voltage_kv: float | None, thresholds: Path | None, clearance_m: float | None) -> None:
+    """Raises SurveyError for a voltage that the table does not have, a table that is none or that no voltage
+    is given for, and a clearance that is not positive: before a line is surveyed."""
+    if thresholds is not None and voltage_kv is None and clearance_m is None:
+        raise SurveyError(
+            f"The table {thresholds} has distances by voltage, but no voltage is given. Give --voltage-kv."
+        )
+    if clearance_m is not None:
+        own_requirement(clearance_m)
+    elif voltage_kv is not None:
+        load_table(thresholds).of_class(voltage_kv)
 
-    Above the ellipsoid rather than the sea where the survey has an origin, or a CRS without heights of its
-    own: that is off by the geoid's height, 110 m at most.
+
+def requirement(
+    survey: Survey, voltage_kv: float | None, thresholds: Path | None, clearance_m: float | None
+) -> Requirement | None:
+    """The clearance that the conductors of a survey must keep; None where neither voltage nor distance is
+    given.
+
+    clearance_m, a distance to be kept from everything, precedes the table's.  thresholds: path of a table;
+    None: the one that comes with the package.  Raises SurveyError for a line above the table's altitudes.
     """
-    curves = [conductor.fit.curve for conductor in survey.conductors]
-    highest = max((end[2] for curve in curves for end in (curve.a, curve.b)), default=0.0)
-    return highest + (0.0 if survey.origin is None else float(survey.origin[2]))
+    if clearance_m is not None:
+        return own_requirement(clearance_m)
+    if voltage_kv is None:
+        return None
+    return required_clearance(voltage_kv, altitude_m(survey), load_table(thresholds))
+
+
+def altitude_m(survey: Survey) -> float:
+    """Height of the highest end of a wire in the world's heights, 0 without wires.
+
+    These are above the ellipsoid rather than the sea where the world has an origin, or a CRS without heights
+    of its own: off by the height of the geoid, 110 m at most.
+    """
+    ends = [wire.points(np.array([0.0, wire.base.length_m])) for wire in survey.wires]
+    if not ends:
+        return 0.0
+    origin = survey.frame.origin_lon_lat_height
+    highest = float(survey.frame.to_world(np.concatenate(ends))[:, 2].max())
+    return highest + (0.0 if origin is None else float(origin[2]))
 
 
 def load_table(path: Path | None = None) -> Table:
-    """A table out of a TOML file; None: the one that comes with the package.
+    """Reads a table from a TOML file; None: the one that comes with the package.
 
-    Raises SurveyError where the file is not there, or not of the form of `data/clearances/`.
+    Raises SurveyError where the file is missing, or not of the form of `data/clearances/`.
     """
     place = path or files("plnerf") / "data" / "clearances" / DEFAULT_TABLE
     try:
@@ -142,7 +153,7 @@ _ADVICE = f"Copy {DEFAULT_TABLE} of the package and change its numbers."
 
 
 def _table(data: dict[str, Any], path: str) -> Table:
-    """Raises ValueError for values that are none of a table."""
+    """The table of a TOML file's values.  Raises ValueError for values that make none."""
     if data["unit"] not in METRES:
         raise ValueError(f"its unit is {data['unit']!r}, but must be one of {', '.join(METRES)}")
     strange = [group for group in data["applies_to"] if group not in GROUPS]
