@@ -1,4 +1,4 @@
-"""What was written is read back and compared: a file that differs is never handed out as good."""
+"""What was written is read back and compared: a file that differs is not kept."""
 
 from pathlib import Path
 from typing import Any

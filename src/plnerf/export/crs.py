@@ -1,7 +1,8 @@
-"""The survey's coordinates in its CRS, and on the WGS 84 ellipsoid.
+"""From LineFrame coordinates to those of files, and back: the survey's CRS, and longitude and latitude.
 
-World is the survey's own frame (see `model.py`); map coordinates are metres or feet of a projected CRS, east
-before north, as files of the trade want them.
+Map coordinates are metres or feet of a projected CRS, east before north, as other programs expect them.
+Between the LineFrame and them lies the world (`line/frame.py`).  A survey without scale has no world of
+metres: its files hold LineFrame coordinates, labelled unscaled.
 """
 
 from dataclasses import dataclass
@@ -15,51 +16,71 @@ from pyproj.exceptions import CRSError
 
 from plnerf.capture.local_frame import GEOGRAPHIC, LocalFrame, local_frame
 from plnerf.errors import CaptureError, SurveyError
-from plnerf.survey.model import Survey
+from plnerf.line.frame import LineFrame
+from plnerf.line.survey import Survey
 
 UNIT_TOLERANCE = 0.01
-"""Maps of surveys are true to length within a part in a thousand; feet and Web Mercator's metres are not."""
+"""Projections of surveys keep lengths within a part in a thousand; feet and Web Mercator's metres do not."""
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """Turns world coordinates into those of files, and back.  Made by `places_of`."""
+class CrsTransform:
+    """Maps LineFrame coordinates to those of files, and back.  Made by `crs_transform`."""
 
+    frame: LineFrame
     crs: CRS | None
-    """Of map coordinates; None: they are the world's, whose place on the earth is not known."""
-    to_map_frame: LocalFrame | None
-    """None: map coordinates are the world's."""
+    """Of map coordinates; None: they are the world's, whose position on the earth is not known."""
+    projection: LocalFrame | None
+    """Between the world and map coordinates; None: they are the same."""
     earth: LocalFrame | None
-    """Metres east, north and up, from longitude and latitude; None: longitudes are not known."""
-    world_to_earth: LocalFrame | None
-    """From the world to the frame `earth`; None: the world is that frame."""
-    notes: tuple[str, ...]
+    """Between local metres and longitude, latitude and height; None: longitudes are not known."""
+    earth_of_world: LocalFrame | None
+    """Between those local metres and the world; None: they are the same."""
+    about: tuple[str, ...]
+    """What the coordinates mean, in sentences."""
 
-    def to_map(self, world: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    def to_world(self, line: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """World coordinates; of an unscaled survey its LineFrame coordinates as they are."""
+        return line if self.frame.unit == "unscaled" else self.frame.to_world(line)
+
+    def from_world(self, world: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """The inverse of `to_world`."""
+        return world if self.frame.unit == "unscaled" else self.frame.from_world(world)
+
+    def to_map(self, line: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Projected coordinates and heights, or the world's own."""
-        return world if self.to_map_frame is None or not len(world) else self.to_map_frame.to_crs(world)
+        world = self.to_world(line)
+        return world if self.projection is None or not len(world) else self.projection.to_crs(world)
 
-    def to_world(self, coordinates: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    def from_map(self, coordinates: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """The inverse of `to_map`."""
-        if self.to_map_frame is None or not len(coordinates):
-            return coordinates
-        return self.to_map_frame.to_local(coordinates)
+        if self.projection is not None and len(coordinates):
+            coordinates = self.projection.to_local(coordinates)
+        return self.from_world(coordinates)
 
-    def to_wgs84(self, world: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Longitude, latitude (degrees) and height above the ellipsoid."""
-        east = world if self.world_to_earth is None else self.world_to_earth.to_local(world)
+    def to_lon_lat(self, line: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Longitude, latitude (degrees) and height above the WGS 84 ellipsoid."""
+        world = self.to_world(line)
+        east = world if self.earth_of_world is None else self.earth_of_world.to_local(world)
         return self._earth.to_crs(east)
 
-    def from_wgs84(self, coordinates: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """The inverse of `to_wgs84`."""
+    def from_lon_lat(self, coordinates: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """The inverse of `to_lon_lat`."""
         east = self._earth.to_local(coordinates)
-        return east if self.world_to_earth is None else self.world_to_earth.to_crs(east)
+        return self.from_world(east if self.earth_of_world is None else self.earth_of_world.to_crs(east))
 
     @property
     def _earth(self) -> LocalFrame:
         if self.earth is None:
-            raise ValueError("where the survey lies on the earth is not known")
+            raise ValueError("the survey's position on the earth is not known")
         return self.earth
+
+    @property
+    def unit_name(self) -> str | None:
+        """Of map coordinates, as pyproj names it; None: unscaled."""
+        if self.crs is not None:
+            return str(self.crs.axis_info[0].unit_name)
+        return None if self.frame.unit == "unscaled" else "metre"
 
     @cached_property
     def crs_json(self) -> dict[str, Any] | None:
@@ -71,75 +92,88 @@ class Places:
         return {"type": "name", "properties": {"name": name}}
 
 
-def places_of(survey: Survey) -> Places:
-    """How the survey's coordinates become those of its CRS.
+def crs_transform(survey: Survey) -> CrsTransform:
+    """The transform from a survey's LineFrame to its CRS.
 
-    A CRS of longitudes and latitudes is no place for metres: the UTM zone takes its part, and a note says so.
-    Raises SurveyError for a CRS that pyproj does not know.
+    A geographic CRS has no metres: the UTM zone is used instead, and `about` says so.  Raises SurveyError for
+    a CRS that pyproj does not know.
     """
-    if survey.unit != "m":
-        return Places(None, None, None, None, (
-            "The survey has no scale: lengths are in units of its own, not in metres, and no file says where "
-            "on the earth it lies.",
-        ))  # fmt: skip
-    if survey.crs is None:
-        return Places(None, None, None, None, (
+    frame = survey.frame
+    if frame.unit == "unscaled":
+        return _without_crs(
+            frame,
+            "The survey has no scale: lengths and coordinates are unscaled, in units of the survey's own "
+            "frame and not in metres, and no file states a position on the earth.",
+        )
+    if frame.crs is None:
+        return _without_crs(
+            frame,
             "The survey's coordinate reference system is not known: coordinates are the survey's own metres.",
-        ))  # fmt: skip
+        )
     try:
-        crs = CRS.from_user_input(survey.crs)
+        crs = CRS.from_user_input(frame.crs)
     except CRSError as error:
         raise SurveyError(
-            f"The coordinate reference system {survey.crs!r} of {survey.source} is not known ({error}). Give "
+            f"The coordinate reference system {frame.crs!r} of {survey.source} is not known ({error}). Give "
             "an EPSG code such as EPSG:25832, a PROJ string or WKT."
         ) from error
-    if survey.origin is None:
-        return _of_crs(survey, crs)
-    longitude, latitude, height = (float(value) for value in survey.origin)
+    if frame.origin_lon_lat_height is None:
+        return _of_projected_world(survey, crs)
+    longitude, latitude, height = (float(value) for value in frame.origin_lon_lat_height)
     origin = (longitude, latitude, height)
     earth = LocalFrame(GEOGRAPHIC, origin)
     if crs.is_projected:
-        return Places(crs, LocalFrame(survey.crs, origin), earth, None, tuple(_of_heights(crs)))
+        return CrsTransform(
+            frame, crs, LocalFrame(frame.crs, origin), earth, None, tuple(_about_heights(crs))
+        )
     utm = _utm(longitude, latitude)
-    return Places(CRS(utm), LocalFrame(utm, origin), earth, None, (
-        f"{survey.crs} has longitudes and latitudes; files that want metres are in {utm} (UTM), with heights "
-        "above the WGS 84 ellipsoid.",
-    ))  # fmt: skip
+    about = (
+        f"{frame.crs} has longitudes and latitudes; files that need metres are in {utm} (UTM), with heights "
+        "above the WGS 84 ellipsoid."
+    )
+    return CrsTransform(frame, CRS(utm), LocalFrame(utm, origin), earth, None, (about,))
 
 
-def _of_crs(survey: Survey, crs: CRS) -> Places:
-    """World coordinates that are those of the CRS."""
+def _without_crs(frame: LineFrame, about: str) -> CrsTransform:
+    return CrsTransform(frame, None, None, None, None, (about,))
+
+
+def _of_projected_world(survey: Survey, crs: CRS) -> CrsTransform:
+    """The transform where world coordinates are those of the CRS itself."""
+    frame = survey.frame
     if not crs.is_projected:
         raise SurveyError(
-            f"The coordinates of {survey.source} are said to be those of {survey.crs}, which are degrees, so "
+            f"The coordinates of {survey.source} are said to be those of {frame.crs}, which are degrees, so "
             "that they hold no metres. Project the cloud (to UTM, for example) and survey it again."
         )
-    ends = [end for conductor in survey.conductors for end in (conductor.fit.curve.a, conductor.fit.curve.b)]
-    some = np.array(ends) if ends else survey.cloud.xyz[:: max(1, len(survey.cloud.xyz) // 1000)]
-    notes = _of_heights(crs)
+    ends = [wire.points(np.array([0.0, wire.base.length_m])) for wire in survey.wires]
+    cloud = survey.cloud.xyz
+    some = frame.to_world(np.concatenate(ends) if ends else cloud[:: max(1, len(cloud) // 1000)])
+    about = _about_heights(crs)
     try:
-        frame = local_frame(str(survey.crs), some) if len(some) else None
+        local = local_frame(str(frame.crs), some) if len(some) else None
     except CaptureError as error:
-        return Places(crs, None, None, None, (*notes, f"Longitudes and latitudes are not known: {error}"))
-    if frame is None:
-        return Places(crs, None, None, None, tuple(notes))
-    east, north = (_metres(frame, some[0], axis) for axis in np.eye(3)[:2])
+        about.append(f"Longitudes and latitudes are not known: {error}")
+        return CrsTransform(frame, crs, None, None, None, tuple(about))
+    if local is None:
+        return CrsTransform(frame, crs, None, None, None, tuple(about))
+    east, north = (_ground_length_m(local, some[0], axis) for axis in np.eye(3)[:2])
     if max(abs(east - 1), abs(north - 1)) > UNIT_TOLERANCE:
         raise SurveyError(
-            f"A unit of {survey.crs} is {east:.4g} m on the ground eastwards and {north:.4g} m northwards at "
+            f"A unit of {frame.crs} is {east:.4g} m on the ground eastwards and {north:.4g} m northwards at "
             f"{some[0].tolist()}, so that {survey.source} does not hold metres. Project the cloud to metres "
             "(to UTM, for example) and survey it again."
         )
-    return Places(crs, None, LocalFrame(GEOGRAPHIC, frame.origin), frame, tuple(notes))
+    return CrsTransform(frame, crs, None, LocalFrame(GEOGRAPHIC, local.origin), local, tuple(about))
 
 
-def _metres(frame: LocalFrame, place: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"]) -> float:
-    """Length on the ground of a unit along a horizontal axis, at a place."""
-    ends = frame.to_local(np.stack([place, place + 100 * axis]))
+def _ground_length_m(local: LocalFrame, at: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"]) -> float:
+    """Length on the ground of a unit along a horizontal axis of the CRS, at a point."""
+    ends = local.to_local(np.stack([at, at + 100 * axis]))
     return float(np.linalg.norm(ends[1] - ends[0])) / 100
 
 
-def _of_heights(crs: CRS) -> list[str]:
+def _about_heights(crs: CRS) -> list[str]:
     if len(crs.axis_info) > 2:
         return []
     return [

@@ -1,7 +1,7 @@
-"""Conductors, towers and clearances as three-dimensional polylines for CAD, a layer for each kind.
+"""Wires, structures and clearances as three-dimensional polylines for CAD, a layer for each kind.
 
-DXF knows no CRS: coordinates are map coordinates (see `places.py`).  A conductor's id is in its extended
-data, application PLNERF.
+DXF knows no CRS: coordinates are map coordinates (`crs.py`).  The extended data of each polyline, application
+PLNERF, hold its id and what is known of it in words.
 """
 
 from dataclasses import dataclass
@@ -18,26 +18,30 @@ from plnerf.scene.files import complete_file
 
 VERSION = "R2010"
 APPLICATION = "PLNERF"
-COLOURS = {"CONDUCTOR-PHASE": 1, "CONDUCTOR-SHIELD": 5, "TOWER": 8}
+COLOURS = {"CONDUCTOR-PHASE": 1, "CONDUCTOR-SHIELD": 5, "STRUCTURE": 8}
 """Of AutoCAD's index, by layer; of all others `COLOUR`."""
 COLOUR = 30
 UNITS = {"metre": units.M, "foot": units.FT, "US survey foot": 21}
 """DXF's $INSUNITS by the name of a CRS's unit; 0, none, for others."""
-_ID = 1071
-"""Group code of a 32-bit integer in extended data."""
+_ID, _TEXT = 1071, 1000
+"""Group codes of a 32-bit integer and of a text in extended data."""
+_TEXT_BYTES = 255
+"""Longest text that DXF allows there."""
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class Drawn:
     """A polyline in map coordinates."""
 
     layer: str
     id: int
     vertices: Float[np.ndarray, "v 3"]
+    about: tuple[str, ...] = ()
+    """What is known of it, in words."""
 
 
-def write_dxf(path: Path, lines: list[Line], unit: str | None) -> None:
-    """Writes lines and reads them back.  unit: of the coordinates, by its name; None: without.
+def write_dxf(path: Path, lines: list[Drawn], unit: str | None) -> None:
+    """Writes polylines and reads them back.  unit: of the coordinates, by its name; None: without.
 
     Raises SurveyError where they differ.
     """
@@ -49,13 +53,20 @@ def write_dxf(path: Path, lines: list[Line], unit: str | None) -> None:
     space = drawing.modelspace()
     for line in lines:
         drawn = space.add_polyline3d(line.vertices.tolist(), dxfattribs={"layer": line.layer})
-        drawn.set_xdata(APPLICATION, [(_ID, line.id)])
+        drawn.set_xdata(APPLICATION, _data(line))
     with complete_file(path) as beside:
         drawing.saveas(beside)
         found = [entity for entity in readfile(beside).modelspace() if isinstance(entity, Polyline)]
         check_same(path, len(lines), len(found), "the number of lines")
         for line, read in zip(lines, found, strict=True):
             check_same(path, line.layer, read.dxf.layer, "a layer")
-            check_same(path, line.id, read.get_xdata(APPLICATION)[-1].value, "a line's id")
+            said = [(tag.code, tag.value) for tag in read.get_xdata(APPLICATION)]
+            check_same(path, _data(line), said[1:], "a line's extended data")  # the first is the application
             vertices = np.array([list(vertex) for vertex in read.points()], dtype=np.float64)
             check_places(path, line.vertices, vertices.reshape(-1, 3), "vertices")
+
+
+def _data(line: Drawn) -> list[tuple[int, int | str]]:
+    """Extended data: the id, then the texts, each as far as DXF allows."""
+    texts = (text.encode()[:_TEXT_BYTES].decode(errors="ignore") for text in line.about)
+    return [(_ID, line.id), *((_TEXT, text) for text in texts)]

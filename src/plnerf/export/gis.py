@@ -23,10 +23,10 @@ METRE_DECIMALS = 4
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """A line or a point in the world frame, and what is known of it."""
+    """A line or a point in the LineFrame, and what is known of it."""
 
     kind: Literal["LineString", "Point"]
-    world: Float[np.ndarray, "_ 3"]
+    points: Float[np.ndarray, "_ 3"]
     properties: Row
 
 
@@ -39,15 +39,15 @@ def write_geojson(
 ) -> None:
     """Writes features and reads them back.
 
-    forward, backward: from world coordinates to the file's and back, so that what reads back is compared in
-    metres.  crs: None for longitudes and latitudes, else the name of the file's.  Raises SurveyError where a
-    vertex is more than 1 mm away.
+    forward, backward: from LineFrame coordinates to the file's and back, so that what reads back is compared
+    in metres.  crs: None for longitudes and latitudes, else the name of the file's.  Raises SurveyError where
+    a vertex is more than 1 mm away.
     """
     decimals = (DEGREE_DECIMALS, DEGREE_DECIMALS, METRE_DECIMALS) if crs is None else (METRE_DECIMALS,) * 3
     data: dict[str, Any] = {"type": "FeatureCollection"}
     if crs is not None:
         data["crs"] = crs
-    lines = [forward(feature.world) for feature in features]
+    lines = [forward(feature.points) for feature in features]
     data["features"] = [_feature(*pair, decimals) for pair in zip(features, lines, strict=True)]
     with complete_file(path) as beside:
         beside.write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
@@ -56,7 +56,7 @@ def write_geojson(
         check_same(path, len(features), len(found["features"]), "the number of features")
         for feature, line, read in zip(features, lines, found["features"], strict=True):
             check_same(path, feature.kind, read["geometry"]["type"], "a geometry")
-            check_same(path, feature.properties, read["properties"], "what is said of a feature")
+            check_same(path, feature.properties, read["properties"], "the properties of a feature")
             vertices = np.array(read["geometry"]["coordinates"], dtype=np.float64).reshape(-1, 3)
             check_places(path, backward(line), backward(vertices), "vertices")
 

@@ -1,7 +1,7 @@
 """The classified cloud as LAZ: LAS 1.4, point format 7, ASPRS classes, its CRS as WKT.
 
 Format 7 because classes of wires and towers are reserved in formats before 6.  The specification asks for
-the first WKT (OGC 01-009) there, which knows no three-dimensional projected CRS: of such a one the horizontal
+the first WKT (OGC 01-009) there, which has no three-dimensional projected CRS: of such a one the horizontal
 part is written.  Every point has its `wire_id`, and `sigma` (m) where the cloud states it.
 """
 
@@ -17,9 +17,9 @@ from pyproj.exceptions import CRSError
 
 from plnerf.errors import SurveyError
 from plnerf.export.check import check_all, check_places, check_same
-from plnerf.export.crs import Places
+from plnerf.export.crs import CrsTransform
+from plnerf.line.cloud import Cloud
 from plnerf.scene.files import complete_file
-from plnerf.survey.model import Cloud
 
 SCALE = 0.001
 CHUNK = 500_000
@@ -27,24 +27,24 @@ COLOUR_STEP = 257
 """LAS colours have 16 bits: 255 becomes 65535."""
 
 
-def write_las(path: Path, cloud: Cloud, places: Places, *, synthetic: bool) -> None:
+def write_las(path: Path, cloud: Cloud, transform: CrsTransform, *, synthetic: bool) -> None:
     """Writes a cloud and reads it back, by chunks.
 
     synthetic: sets that flag of every point, which is for points not observed directly, such as those from
-    images.  Raises SurveyError where the file differs, or the cloud is wider than LAS can say.
+    images.  Raises SurveyError where the file differs, or the cloud is wider than LAS can hold.
     """
-    header = _header(cloud, places)
+    header = _header(cloud, transform)
     with complete_file(path) as beside:
         try:
             with laspy.open(beside, mode="w", header=header) as file:
-                for part, at in _parts(cloud, places):
+                for part, at in _parts(cloud, transform):
                     file.write_points(_record(cloud, part, at, header, synthetic=synthetic))
         except OverflowError as error:
             raise SurveyError(
                 f"{path} cannot hold the cloud, which is wider than {SCALE * 2**31:.0f} m. Take out stray "
                 "points."
             ) from error
-        _check(path, beside, cloud, places, synthetic=synthetic)
+        _check(path, beside, cloud, transform, synthetic=synthetic)
 
 
 def wkt_of(crs: CRS) -> str:
@@ -56,25 +56,25 @@ def wkt_of(crs: CRS) -> str:
         return str(crs.to_wkt())
 
 
-def _header(cloud: Cloud, places: Places) -> laspy.LasHeader:
+def _header(cloud: Cloud, transform: CrsTransform) -> laspy.LasHeader:
     header = laspy.LasHeader(version="1.4", point_format=7)
     header.scales = np.full(3, SCALE)
-    header.offsets = np.floor(places.to_map(cloud.xyz[:1])[0]) if len(cloud.xyz) else np.zeros(3)
+    header.offsets = np.floor(transform.to_map(cloud.xyz[:1])[0]) if len(cloud.xyz) else np.zeros(3)
     header.generating_software = "plnerf"
-    header.add_extra_dim(laspy.ExtraBytesParams("wire_id", "int32", "conductor, 0: none"))
+    header.add_extra_dim(laspy.ExtraBytesParams("wire_id", "int32", "wire, 0: none"))
     if cloud.sigma_m is not None:
         header.add_extra_dim(laspy.ExtraBytesParams("sigma", "float32", "standard deviation, m"))
     header.global_encoding.wkt = True  # format 7 knows no other
-    if places.crs is not None:
-        header.vlrs.append(WktCoordinateSystemVlr(wkt_of(places.crs)))
+    if transform.crs is not None:
+        header.vlrs.append(WktCoordinateSystemVlr(wkt_of(transform.crs)))
     return header
 
 
-def _parts(cloud: Cloud, places: Places) -> Iterator[tuple[slice, Float[np.ndarray, "c 3"]]]:
+def _parts(cloud: Cloud, transform: CrsTransform) -> Iterator[tuple[slice, Float[np.ndarray, "c 3"]]]:
     """Chunks of the cloud, and their map coordinates."""
     for first in range(0, len(cloud.xyz), CHUNK):
         part = slice(first, first + CHUNK)
-        yield part, places.to_map(cloud.xyz[part])
+        yield part, transform.to_map(cloud.xyz[part])
 
 
 def _record(
@@ -93,15 +93,15 @@ def _record(
     return record
 
 
-def _check(path: Path, beside: Path, cloud: Cloud, places: Places, *, synthetic: bool) -> None:
+def _check(path: Path, beside: Path, cloud: Cloud, transform: CrsTransform, *, synthetic: bool) -> None:
     with laspy.open(beside) as file:
         header = file.header
         said = (str(header.version), header.point_format.id, bool(header.global_encoding.wkt))
         check_same(path, ("1.4", 7, True), said, "version, point format and the WKT bit")
         check_same(path, len(cloud.xyz), header.point_count, "the number of points")
         wkts = [vlr.string for vlr in header.vlrs if isinstance(vlr, WktCoordinateSystemVlr)]
-        check_same(path, [] if places.crs is None else [wkt_of(places.crs)], wkts, "the CRS")
-        for (part, at), read in zip(_parts(cloud, places), file.chunk_iterator(CHUNK), strict=True):
+        check_same(path, [] if transform.crs is None else [wkt_of(transform.crs)], wkts, "the CRS")
+        for (part, at), read in zip(_parts(cloud, transform), file.chunk_iterator(CHUNK), strict=True):
             found = np.stack([np.asarray(read[axis], dtype=np.float64) for axis in "xyz"], 1)
             check_places(path, at, found, "points")
             check_all(path, np.array_equal(read.classification, cloud.label[part]), "classes")

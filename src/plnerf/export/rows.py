@@ -1,7 +1,8 @@
-"""Conductors and clearances as rows, and rows as CSV.
+"""Wires and clearances as rows, and rows as CSV.
 
-Columns end in their unit (_m, _deg, _c for degrees Celsius).  x, y and z are map coordinates (see
-`places.py`).
+Columns end in their unit: _m, _deg, _c for degrees Celsius; _95_m is half the width of a length's 95 %
+interval.  x, y and z are map coordinates (`crs.py`).  What is not known is an empty cell; why a wire has no
+sag, span length and p is in the column `no_sag_because`.
 """
 
 import csv
@@ -14,83 +15,101 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.export.check import TOLERANCE_M, check_all, check_same
-from plnerf.export.crs import Places
+from plnerf.export.crs import CrsTransform
+from plnerf.line.clearances import Clearances
+from plnerf.line.cloud import CONDUCTOR, SHIELD
+from plnerf.line.ends import Attached, End, Quantity
+from plnerf.line.line import Line, Span
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
 from plnerf.scene.files import complete_file
-from plnerf.survey.clearance import STATE, Clearances
-from plnerf.survey.model import CONDUCTOR, SHIELD, Conductor, Survey
 
 Row = dict[str, str | float | int | None]
 """By column; None is an empty cell."""
 DECIMALS = 4
 
 
-def conductor_rows(survey: Survey, places: Places) -> list[Row]:
-    """A row for each conductor: `conductor_properties`, and where its ends and its lowest point are."""
+def wire_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
+    """A row for each wire: `wire_properties`, and coordinates of its ends and of its lowest point between
+    them."""
     rows = []
-    for conductor in survey.conductors:
-        curve = conductor.fit.curve
-        ends = _named(places, survey, {"a": curve.a, "b": curve.b, "lowest": curve.lowest})
-        rows.append(conductor_properties(conductor, survey) | ends)
+    for line in survey.lines:
+        for span in line.spans:
+            for wire in span.wires:
+                at = wire.points(np.array([0.0, wire.base.length_m, wire.lowest[0]]))
+                coordinates = _coordinates(transform, dict(zip(("a", "b", "lowest"), at, strict=True)))
+                rows.append(wire_properties(survey, line, span, wire, transform) | coordinates)
     return rows
 
 
-def conductor_properties(conductor: Conductor, survey: Survey) -> Row:
-    """What is known of a conductor, in plain values.
+def wire_properties(survey: Survey, line: Line, span: Span, wire: Wire, transform: CrsTransform) -> Row:
+    """What is known of a wire, as plain values; A is its first end and B its last.
 
-    sag_m: greatest vertical drop below the chord, at `sag_from_a_m` horizontally from A.  p_m: horizontal
-    tension / weight per length.  azimuth_deg: from A to B, clockwise from the world's north, its y axis.
-    Of a survey without scale, the columns end in _unscaled instead of _m.
+    sag_m: greatest vertical drop below the chord, at `sag_from_a_m` horizontally from A.  p_m: tension across
+    the load / load per length.  azimuth_deg: from A to B, clockwise from the world's y axis (north).  Of an
+    unscaled survey, the columns end in _unscaled instead of _m.
     """
-    fit, curve = conductor.fit, conductor.fit.curve
-    slope = (curve.b[2] - curve.a[2]) / curve.span_m
+    a, b = transform.to_world(wire.points(np.array([0.0, wire.base.length_m])))
+    lowest_95 = Quantity(0.0, float(wire.sigma_at(np.array([wire.lowest[0]]))[0, 1])).half_95
+    seen = wire.evidence
     row: Row = {
-        "id": conductor.id,
-        "span": conductor.span,
-        "kind": conductor.kind,
-        "class_code": CONDUCTOR if conductor.kind == "phase" else SHIELD,
-        "state": STATE,
+        "line": line.id,
+        "span": span.id,
+        "id": wire.id,
+        "name": wire.name,
+        "kind": wire.kind,
+        "bundle": wire.bundle,
+        "class_code": SHIELD if wire.kind == "shield" else CONDUCTOR,
+        "state": _state(survey),
         "temperature_c": survey.temperature_c,
-        "sag_m": curve.sag_m,
-        "sag_sigma_m": fit.sag_sigma_m,
-        "sag_from_a_m": curve.s0_m + curve.p_m * math.asinh(slope),
-        "span_m": curve.span_m,
-        "length_m": curve.length_m,
-        "p_m": curve.p_m,
-        "azimuth_deg": math.degrees(math.atan2(*curve.direction)) % 360,
-        "residual_across_m": fit.residual_across_m,
-        "residual_up_m": fit.residual_up_m,
-        "coverage": conductor.coverage,
-        "longest_gap_m": conductor.longest_gap_m,
-        "evidence": conductor.evidence,
-        "source": conductor.source,
-        "note": conductor.note,
+        **_quantity("sag", wire.sag),
+        "sag_from_a_m": wire.sag_at_m if wire.sag else None,
+        **_quantity("span", wire.span_m),
+        **_quantity("length", wire.arc_m),
+        **_quantity("p", wire.p_m),
+        "no_sag_because": wire.open,
+        "end_a": _held_by(wire.ends[0]),
+        "end_b": _held_by(wire.ends[1]),
+        "azimuth_deg": math.degrees(math.atan2(b[0] - a[0], b[1] - a[1])) % 360,
+        "swing_deg": math.degrees(wire.swing_rad),
+        "lowest_95_m": lowest_95,
+        "residual_across_m": seen.residual_across_m,
+        "residual_up_m": seen.residual_up_m,
+        "coverage": seen.coverage,
+        "longest_gap_m": seen.longest_gap_m,
+        "evidence": seen.source,
+        "evidence_count": seen.count,
+        "notes": " ".join(wire.notes) or None,
     }
     return {_unit(name, survey): _plain(value) for name, value in row.items()}
 
 
-def clearance_rows(survey: Survey, clearances: Clearances, places: Places) -> list[Row]:
-    """A row for each place where a conductor comes near to something, with the verdict on it."""
-    required, rows = clearances.requirement, []
+def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
+    """A row for each place where a wire comes near to something, with the verdict on it."""
+    clearances = survey.clearances or Clearances(())
+    line_of = {wire.id: line.id for line in survey.lines for wire in line.wires}
+    rows = []
     for place in clearances.all_places():
         verdict = clearances.verdict(place)
+        required = clearances.requirement if verdict else None
         row: Row = {
-            "conductor": place.conductor,
+            "line": line_of[place.wire],
             "span": place.span,
+            "wire": place.wire,
             "kind": place.kind,
             "to": place.to,
             "class_code": place.class_code,
             "measure": place.measure,
             "state": clearances.state,
-            "temperature_c": clearances.temperature_c,
-            "distance_m": place.distance_m,
-            "sigma_m": place.sigma_m,
+            "temperature_c": survey.temperature_c,
+            **_quantity("distance", Quantity(place.distance_m, place.sigma_m)),
             "vertical_m": place.vertical_m,
             "s_m": place.s_m,
-            "required_m": None if required is None or verdict is None else required.distance_m,
-            "required_by": None if required is None or verdict is None else required.name,
+            "required_m": required.distance_m if required else None,
+            "required_by": required.name if required else None,
             "verdict": verdict,
         }
-        ends = _named(places, survey, {"wire": tuple(place.wire), "obstacle": tuple(place.obstacle)})
+        ends = _coordinates(transform, {"on_wire": place.on_wire, "on_obstacle": place.on_obstacle})
         rows.append({name: _plain(value) for name, value in row.items()} | ends)
     return rows
 
@@ -116,9 +135,22 @@ def write_csv(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> None:
                     check_same(path, "" if value is None else str(value), cells[name], f"a cell of {name!r}")
 
 
-def _named(places: Places, survey: Survey, points: dict[str, tuple[float, ...]]) -> Row:
+def _quantity(name: str, one: Quantity | None) -> Row:
+    """Columns of a length and of half the width of its 95 % interval."""
+    return {f"{name}_m": one.value if one else None, f"{name}_95_m": one.half_95 if one else None}
+
+
+def _held_by(end: End) -> str:
+    return f"structure {end.structure}" if isinstance(end, Attached) else f"open: {end.reason}"
+
+
+def _state(survey: Survey) -> str:
+    return (survey.clearances or Clearances(())).state
+
+
+def _coordinates(transform: CrsTransform, points: dict[str, Float[np.ndarray, "3"]]) -> Row:
     """Columns of the points' map coordinates."""
-    at: Float[np.ndarray, "_ 3"] = places.to_map(np.array(list(points.values()), dtype=np.float64))
+    at = transform.to_map(np.array(list(points.values()), dtype=np.float64))
     return {
         f"{name}_{axis}": _plain(float(value))
         for name, point in zip(points, at, strict=True)
@@ -127,7 +159,9 @@ def _named(places: Places, survey: Survey, points: dict[str, tuple[float, ...]])
 
 
 def _unit(name: str, survey: Survey) -> str:
-    return name if survey.unit == "m" or not name.endswith("_m") else name.removesuffix("_m") + "_unscaled"
+    if survey.frame.unit == "m" or not name.endswith("_m"):
+        return name
+    return name.removesuffix("_m") + "_unscaled"
 
 
 def _plain(value: Any) -> str | float | int | None:

@@ -1,10 +1,10 @@
-"""Colours and names of classes, the same in every picture of a report.
+"""Colours and names of classes and of kinds of wires, the same in every drawing of a report.
 
-Told apart with colour-blind eyes by their lightness, not by hue alone: ground is brown, vegetation lighter
-the lower it is, conductors are vermilion and shield wires blue (Okabe and Ito's).
+They differ in lightness and not in hue alone, for colour-blind eyes: ground is brown, vegetation lighter the
+lower it is; wires have the colours of Okabe and Ito.
 """
 
-from plnerf.survey.model import (
+from plnerf.line.cloud import (
     BUILDING,
     CONDUCTOR,
     CONNECTOR,
@@ -16,6 +16,7 @@ from plnerf.survey.model import (
     UNCLASSIFIED,
     VEGETATION,
 )
+from plnerf.line.wire import Kind
 
 CLASSES: dict[int, tuple[str, str]] = {
     GROUND: ("ground", "#a07a4a"),
@@ -23,7 +24,7 @@ CLASSES: dict[int, tuple[str, str]] = {
     VEGETATION: ("medium vegetation", "#7fb055"),
     HIGH_VEGETATION: ("high vegetation", "#2c7a3d"),
     BUILDING: ("building", "#8a8fa3"),
-    TOWER: ("tower", "#3a3a3a"),
+    TOWER: ("structure", "#3a3a3a"),
     CONNECTOR: ("insulator, fitting", "#8e5aa8"),
     CONDUCTOR: ("conductor", "#d55e00"),
     SHIELD: ("shield wire", "#0072b2"),
@@ -31,7 +32,20 @@ CLASSES: dict[int, tuple[str, str]] = {
 }
 """Name and colour of each ASPRS class."""
 OTHER = ("other class", "#c9c9c9")
-KINDS = {"phase": CLASSES[CONDUCTOR][1], "shield": CLASSES[SHIELD][1]}
-"""Colour of a fitted wire."""
+KINDS: dict[Kind, tuple[str, str]] = {
+    "phase": ("phase conductor", CLASSES[CONDUCTOR][1]),
+    "shield": ("shield wire", CLASSES[SHIELD][1]),
+    "neutral": ("neutral conductor", "#009e73"),
+    "communication": ("communication cable", "#b3569a"),
+    "unknown": ("unclassified wire", "#5a4b00"),
+}
+"""Name and colour of each kind of wire."""
+DASHED: tuple[Kind, ...] = ("shield", "communication")
+"""Kinds that carry no current, drawn dashed."""
 MARK = "#a3195b"
 """Of the worst clearances."""
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue of #rrggbb."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

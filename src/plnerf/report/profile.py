@@ -1,14 +1,23 @@
-"""A span from the side, as SVG: its wires with what is below them, its supports and its worst clearances.
+"""A span from the side, as SVG: its wires with what is below them, its structures and its worst clearances.
 
-Letters as in `report_side.py`.
+Letters as in `side.py`; heights on the axis are the shown ones (`shown.py`).
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.report.colours import CLASSES, KINDS, MARK
-from plnerf.report.data import TWO_SIDED_95, Clearance, Report
-from plnerf.report.markup import Markup, bullets, safe, tag
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION, TOWER
+from plnerf.line.ends import TWO_SIDED_95, Attached
+from plnerf.line.line import Line, Span, Structure
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.report.colours import CLASSES, DASHED, KINDS, MARK
+from plnerf.report.figures import CERTAIN, MINUS, Units, counted
+from plnerf.report.nearest import Nearest, worst
+from plnerf.report.shown import height_shift
 from plnerf.report.side import (
     BOTTOM,
     LEFT,
@@ -22,80 +31,101 @@ from plnerf.report.side import (
     side_of,
     ticks,
 )
-from plnerf.report.words import CERTAIN, MINUS, Units, units_of
-from plnerf.survey.model import GROUND, HIGH_VEGETATION, TOWER, Conductor, Tower
+from plnerf.report.words import title_of
 
-NEAR_SPAN = 0.25
-"""A tower within this share of the span's length from its end is its support."""
 LINE_PX = 13
 """Height of a line of small text."""
+UNSEEN = 0.35
+"""Opacity of a wire where it was not seen."""
 
 
-def profile(report: Report, span: int) -> Markup:
-    """One span's drawing, with what its letters stand for below it."""
-    conductors, units = report.spans[span], units_of(report.survey)
-    side = side_of(conductors)
-    ids = {one.id for one in conductors}
-    under = below(side, conductors, [one for one in report.profiles if one.conductor in ids])
-    towers = [one for one in report.survey.towers if _supports(side, one)]
-    wires = {one.id: one.fit.curve.points(np.linspace(0, one.fit.curve.span_m, 121)) for one in conductors}
-    worst = report.worst(ids)
-    heights = np.concatenate([
-        *(wire[:, 2] for wire in wires.values()), under.lowest, under.highest, under.vegetation,
-        *([tower.foot[2], tower.foot[2] + tower.height_m] for tower in towers),
-        *([one.on_wire[2], one.on_obstacle[2]] for one in worst),
+@dataclass(frozen=True)
+class Drawing:
+    """A span's drawing and what belongs below it."""
+
+    title: str
+    svg: str
+    about: str
+    marks: tuple[tuple[str, str], ...]
+    """Letters in the drawing, and what they stand for."""
+
+
+def profile(survey: Survey, line: Line, span: Span, rows: list[Nearest]) -> Drawing:
+    """One span from the side.  rows: the survey's least clearances, by need."""
+    wires, units, up = span.wires, Units(survey.frame.unit), height_shift(survey.frame)
+    side, ids = side_of(wires), {wire.id for wire in wires}
+    measured = survey.clearances.wires if survey.clearances is not None else ()
+    profiles = [one.profile for one in measured if one.wire in ids]
+    under = below(side, profiles)
+    structures = [one for one in line.structures if one.id in span.structures]
+    marked = worst(rows, ids)
+    scale = _scale(side, wires, structures, [
+        under.lowest, under.highest, under.vegetation,
+        *(np.array([one.place.on_wire[2], one.place.on_obstacle[2]]) for one in marked),
     ])  # fmt: skip
-    feet = side.t(np.array([tower.foot for tower in towers]).reshape(-1, 3))
-    edges = np.array([0.0, side.length, *feet])
-    scale = fitting(edges.min(), edges.max(), np.nanmin(heights), np.nanmax(heights))
     brown, floor = CLASSES[GROUND][1], np.full_like(under.t, scale.bottom)
     parts = [
-        *_axes(scale, units),
+        *_axes(scale, units, up),
         *_filled(scale, under.t, under.lowest, under.vegetation, CLASSES[HIGH_VEGETATION][1], 0.45),
         *_filled(scale, under.t, floor, under.highest, brown, 0.35),
         *_filled(scale, under.t, floor, under.lowest, brown, 0.6),
     ]
     if not np.isfinite(under.lowest).any():
         x, y = LEFT + scale.width / 2, TOP + scale.height - 12
-        parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="middle">no ground known</text>')
-    parts += [_tower(scale, side, tower) for tower in towers]
-    parts += [part for one in conductors for part in _wire(scale, side, one, wires[one.id])]
-    parts += _names(scale, side, conductors)
-    letters = [chr(ord("A") + k) for k in range(len(worst))]
-    for k, one in enumerate(worst):
-        parts += _mark(scale, side, one, letters[k], (k + 1) / (len(worst) + 1))
-    length = units.with_unit(side.length)
-    title = f"Span {span + 1} from the side, {length} long, with {len(conductors)} conductors"
-    height = TOP + scale.height + BOTTOM
-    drawing = Markup(
-        f'<svg viewBox="0 0 {LEFT + scale.width + RIGHT:.0f} {height:.0f}" role="img" '
-        f'aria-label="{safe(title)}" font-size="12">{"".join(parts)}</svg>'
+        text = "no ground known" if profiles else "the ground was not measured"
+        parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{text}</text>')
+    parts += [_structure(scale, side, one) for one in structures]
+    parts += [part for wire in wires for part in _wire(scale, side, wire)]
+    parts += _names(scale, side, wires)
+    letters = [chr(ord("A") + k) for k in range(len(marked))]
+    for k, one in enumerate(marked):
+        parts += _mark(scale, side, one, letters[k], (k + 1) / (len(marked) + 1))
+    title = title_of(survey, line, span)
+    label = f"{title} from the side, with {counted(len(wires), 'wire')}"
+    svg = (
+        f'<svg viewBox="0 0 {LEFT + scale.width + RIGHT:.0f} {TOP + scale.height + BOTTOM:.0f}" role="img" '
+        f'aria-label="{label}" font-size="12">{"".join(parts)}</svg>'
     )
-    notes = [_told(one, letter, units) for letter, one in zip(letters, worst, strict=True)]
-    marks = tag("div", bullets(notes), class_="marks")
-    caption = tag("figcaption", about(scale, length), marks if notes else "")
-    return tag("figure", tag("div", drawing, class_="wide drawing", tabindex="0"), caption)
+    marks = tuple((letter, _about_mark(one, units)) for letter, one in zip(letters, marked, strict=True))
+    return Drawing(title, svg, about(scale, wires), marks)
 
 
-def about(scale: Scale, length: str) -> str:
+def _scale(
+    side: Side, wires: Sequence[Wire], structures: Sequence[Structure], heights: list[np.ndarray]
+) -> Scale:
+    """The drawing that holds all wires, structures and further heights."""
+    curves = [wire.points(np.linspace(0.0, wire.base.length_m, 121))[:, 2] for wire in wires]
+    tall = [np.array([one.foot[2], one.top[2]]) for one in structures]
+    z = np.concatenate([*curves, *tall, *heights])
+    feet = side.t(np.array([one.foot for one in structures]).reshape(-1, 3))
+    t = np.array([0.0, side.length, *feet])
+    return fitting(t.min(), t.max(), float(np.nanmin(z)), float(np.nanmax(z)))
+
+
+def about(scale: Scale, wires: Sequence[Wire]) -> str:
     """What a drawing shows, and by how much it is stretched."""
     stretched = (
-        "heights and lengths at the same scale"
+        "Heights and lengths at the same scale"
         if scale.exaggeration == 1
-        else f"heights exaggerated {scale.exaggeration:g} times"
+        else f"Heights exaggerated {scale.exaggeration:g} times"
     )
+    unseen = any(wire.evidence.seen_m is not None for wire in wires)
+    is_open = any(wire.open for wire in wires)
     return (
-        f"{length} long, {stretched}. Orange: conductors, blue dashed: shield wires, both with their "
-        f"{CERTAIN} band; numbers are ids. Brown: ground below the wires, paler between its lowest and "
-        "highest; green: the top of vegetation near them. Letters: worst clearances, whose lines are seen "
-        "from the side, and look shorter where the obstacle lies beside the wire."
+        f"{stretched}. Wires with their {CERTAIN} band, numbered at the right; shield wires are dashed"
+        + ", and stretches that were not seen are pale" * unseen
+        + ". A dot is an end that a structure holds"
+        + ", a ring an open end" * is_open
+        + ". Brown: ground below the wires, paler between its lowest and highest; green: the top of the "
+        "vegetation near them. Letters: worst clearances, seen from the side, and so shorter than they are "
+        "where the obstacle lies beside the wire."
     )
 
 
-def _axes(scale: Scale, units: Units) -> list[str]:
+def _axes(scale: Scale, units: Units, up: float) -> list[str]:
     right, floor, parts = LEFT + scale.width, TOP + scale.height, []
-    for z in ticks(scale.bottom, scale.top, scale.height / 55):
-        y = scale.y(z)
+    for z in ticks(scale.bottom + up, scale.top + up, scale.height / 55):
+        y = scale.y(z - up)
         parts.append(f'<line x1="{LEFT}" x2="{right:.1f}" y1="{y:.1f}" y2="{y:.1f}" class="grid"/>')
         parts.append(f'<text x="{LEFT - 7}" y="{y:.1f}" dy="4" text-anchor="end">{_tick(z)}</text>')
     for t in ticks(scale.first, scale.first + scale.width / scale.per_unit, scale.width / 90):
@@ -133,51 +163,56 @@ def _filled(
     return parts
 
 
-def _supports(side: Side, tower: Tower) -> bool:
-    along = tower.foot[:2] - side.o
-    t, across = float(along @ side.u), float(abs(along @ np.array([-side.u[1], side.u[0]])))
-    return min(abs(t), abs(t - side.length)) < NEAR_SPAN * side.length and across < NEAR_SPAN * side.length
-
-
-def _tower(scale: Scale, side: Side, tower: Tower) -> str:
+def _structure(scale: Scale, side: Side, one: Structure) -> str:
     """A mast that narrows upwards."""
-    x, foot = scale.x(float(side.t(tower.foot[None])[0])), scale.y(tower.foot[2])
-    top = scale.y(tower.foot[2] + tower.height_m)
+    x, foot, top = scale.x(float(side.t(one.foot[None])[0])), scale.y(one.foot[2]), scale.y(one.top[2])
     colour = CLASSES[TOWER][1]
     return (
         f'<path d="M{x - 7:.1f},{foot:.1f} L{x - 2:.1f},{top:.1f} H{x + 2:.1f} L{x + 7:.1f},{foot:.1f}" '
-        f'fill="{colour}" fill-opacity=".18" stroke="{colour}" stroke-width="1.5"><title>tower</title></path>'
+        f'fill="{colour}" fill-opacity=".18" stroke="{colour}" stroke-width="1.5">'
+        f"<title>structure {one.id}</title></path>"
+        f'<text x="{x:.1f}" y="{foot - 4:.1f}" text-anchor="middle" class="mast">{one.id}</text>'
     )
 
 
-def _wire(scale: Scale, side: Side, one: Conductor, wire: Float[np.ndarray, "k 3"]) -> list[str]:
-    """The catenary, its 95 % band, and dots where it is held."""
-    fit, colour = one.fit, KINDS[one.kind]
-    s = np.linspace(0.0, fit.base.length_m, 61)
-    yz, sigma = fit.base.at(fit.q, s), fit.sigma_at(s)[:, 1]
-    t = side.t(np.column_stack([fit.base.o + s[:, None] * fit.base.u + yz[:, :1] * fit.base.n, yz[:, 1]]))
-    half = np.nan_to_num(TWO_SIDED_95 * sigma)  # none where it is not known
-    around = np.concatenate([yz[:, 1] + half, (yz[:, 1] - half)[::-1]]).clip(scale.bottom, scale.top)
-    band = scale.path(np.concatenate([t, t[::-1]]), around)
-    dashes = ' stroke-dasharray="7 3"' if one.kind == "shield" else ""
-    ends = "".join(
-        f'<circle cx="{scale.x(x):.1f}" cy="{scale.y(z):.1f}" r="2.6" fill="{colour}"/>'
-        for x, z in zip(side.t(wire[[0, -1]]), wire[[0, -1], 2], strict=True)
-    )
-    return [
-        f'<polygon points="{band}" fill="{colour}" fill-opacity=".25"/>',
-        f'<polyline points="{scale.path(side.t(wire), wire[:, 2])}" fill="none" stroke="{colour}" '
-        f'stroke-width="1.6"{dashes}><title>conductor {one.id}, {one.kind}</title></polyline>{ends}',
+def _wire(scale: Scale, side: Side, wire: Wire) -> list[str]:
+    """The catenary, pale where it was not seen, its 95 % band, and marks at its ends."""
+    colour, length = KINDS[wire.kind][1], wire.base.length_m
+    s = np.linspace(0.0, length, 61)
+    points, sigma = wire.points(s), wire.sigma_at(s)[:, 1]
+    t, half = side.t(points), np.nan_to_num(TWO_SIDED_95 * sigma)  # none where it is not known
+    around = np.concatenate([points[:, 2] + half, (points[:, 2] - half)[::-1]])
+    band = scale.path(np.concatenate([t, t[::-1]]), around.clip(scale.bottom, scale.top))
+    parts = [f'<polygon points="{band}" fill="{colour}" fill-opacity=".25"/>']
+    seen = wire.evidence.seen_m
+    stretches = [
+        (0.0, length, 1.0 if seen is None else UNSEEN),
+        *((low, high, 1.0) for low, high in seen or ()),
     ]
+    dashes = ' stroke-dasharray="7 3"' if wire.kind in DASHED else ""
+    for low, high, opacity in stretches:
+        part = wire.points(np.linspace(low, high, 121))
+        parts.append(
+            f'<polyline points="{scale.path(side.t(part), part[:, 2])}" fill="none" stroke="{colour}" '
+            f'stroke-width="1.6" stroke-opacity="{opacity:g}"{dashes}>'
+            f"<title>wire {wire.id}, {wire.kind}</title></polyline>"
+        )
+    for end, x, z in zip(wire.ends, t[[0, -1]], points[[0, -1], 2], strict=True):
+        fill, radius = (colour, 2.6) if isinstance(end, Attached) else ("white", 3.6)
+        parts.append(
+            f'<circle cx="{scale.x(x):.1f}" cy="{scale.y(z):.1f}" r="{radius}" fill="{fill}" '
+            f'stroke="{colour}" stroke-width="1.4"/>'
+        )
+    return parts
 
 
-def _names(scale: Scale, side: Side, conductors: list[Conductor]) -> list[str]:
+def _names(scale: Scale, side: Side, wires: Sequence[Wire]) -> list[str]:
     """Ids beside the ends on the right; wires at one height share a line."""
     ends = []
-    for one in conductors:
-        points = np.array([one.fit.curve.a, one.fit.curve.b])
+    for wire in wires:
+        points = wire.points(np.array([0.0, wire.base.length_m]))
         last = points[side.t(points).argmax()]
-        ends.append((scale.y(last[2]), one.id))
+        ends.append((scale.y(last[2]), wire.id))
     groups: list[tuple[float, list[int]]] = []
     for y, id_ in sorted(ends):
         if groups and y - groups[-1][0] < 0.6 * LINE_PX:
@@ -193,13 +228,14 @@ def _names(scale: Scale, side: Side, conductors: list[Conductor]) -> list[str]:
     return parts
 
 
-def _mark(scale: Scale, side: Side, one: Clearance, letter: str, share: float) -> list[str]:
+def _mark(scale: Scale, side: Side, one: Nearest, letter: str, share: float) -> list[str]:
     """The line between wire and obstacle, as it shows from the side, and its letter.
 
     share: of the way to the obstacle where the letter is, unlike the others' that may begin beside it.
     """
-    x0, x1 = (scale.x(t) for t in side.t(np.array([one.on_wire, one.on_obstacle])))
-    y0, y1 = scale.y(one.on_wire[2]), scale.y(one.on_obstacle[2])
+    wire, obstacle = one.place.on_wire, one.place.on_obstacle
+    x0, x1 = (scale.x(t) for t in side.t(np.array([wire, obstacle])))
+    y0, y1 = scale.y(wire[2]), scale.y(obstacle[2])
     x, y = x0 + 13, y0 + share * (y1 - y0)
     return [
         f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}" stroke="{MARK}" stroke-width="2"/>',
@@ -209,10 +245,8 @@ def _mark(scale: Scale, side: Side, one: Clearance, letter: str, share: float) -
     ]
 
 
-def _told(one: Clearance, letter: str, units: Units) -> Markup:
-    distance = f"{units.known_to(one.distance_m, one.sigma_m)} {units.short} ({CERTAIN})"
-    text = (
-        f" least distance to {one.to}: {distance}, conductor {one.conductor}, "
-        f"at {units.with_unit(one.place_m, 1)}: {one.verdict}"
+def _about_mark(one: Nearest, units: Units) -> str:
+    return (
+        f"least distance to {one.to}: {units.interval_with_unit(one.distance)} ({CERTAIN}), "
+        f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}: {one.words}"
     )
-    return Markup(tag("b", letter, class_="letter") + safe(text))

@@ -6,79 +6,97 @@ drawing itself is `data/report/view.js`, a parallel projection.
 """
 
 import base64
-import json
-from importlib.resources import files
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.report.colours import CLASSES, KINDS, MARK, OTHER
-from plnerf.report.data import Report
-from plnerf.report.markup import Markup, joined, tag
-from plnerf.report.words import counted, listed, units_of
-from plnerf.survey.model import TOWER, Cloud, Tower
+from plnerf.line.cloud import TOWER, Cloud
+from plnerf.line.line import Structure
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.report.colours import CLASSES, DASHED, KINDS, MARK, OTHER
+from plnerf.report.figures import Units, counted, listed
+from plnerf.report.nearest import Nearest, worst
+from plnerf.report.shown import shown, shows_world
 
 MOST_POINTS = 60_000
 AROUND = 0.5
-"""Points farther from the wires, horizontally, than this share of the longest span are not drawn."""
+"""Points farther from the wires, horizontally, than this share of the longest wire are not drawn."""
 WIRE_VERTICES = 49
 GRID_STEPS = 65_535
 _FIRST_THIN = 8
 """Of more points than so many times MOST_POINTS about as many are drawn by lot, before the even thinning."""
 
 
-def view(report: Report) -> Markup:
-    """The drawing, its buttons, and a legend that hides and shows classes."""
-    data = scene(report)
+@dataclass(frozen=True)
+class ClassEntry:
+    """A class in the legend, whose points can be hidden."""
+
+    number: int
+    """Of its colour in the drawing's data."""
+    colour: str
+    text: str
+
+
+@dataclass(frozen=True)
+class LineEntry:
+    """What the legend says of a drawn line."""
+
+    colour: str
+    dashed: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class View:
+    """The drawing's data, its legend, and a sentence about it."""
+
+    data: dict[str, Any]
+    classes: list[ClassEntry]
+    lines: list[LineEntry]
+    about: str
+
+
+def view(survey: Survey, rows: list[Nearest]) -> View | None:
+    """The drawing of a survey and its least clearances; None where there is nothing to draw."""
+    data = scene(survey, rows)
     if not data["count"] and not data["wires"]:
-        return tag("p", "There are neither points nor conductors to draw.", class_="empty")
-    canvas = tag("canvas", id="view", tabindex="0", role="img", aria_label="The survey in space")
-    names = ("oblique", "side", "top", "along")
-    buttons = [tag("button", name, type="button", data_view=name) for name in names]
-    drawn, total = data["count"], len(report.survey.cloud.xyz)
-    share = counted(total, "point") if drawn == total else f"{drawn:,} of {total:,} points, thinned evenly"
+        return None
+    drawn, total = data["count"], len(survey.cloud.xyz)
     parts = [
-        share,
-        *["the fitted conductors with their ids"] * bool(data["wires"]),
-        *["towers"] * bool(data["towers"]),
-        *["the worst clearance to each class"] * bool(data["marks"]),
+        counted(total, "point") if drawn == total else f"{drawn:,} of {total:,} points, thinned evenly",
+        *["the fitted wires with their numbers"] * bool(data["wires"]),
+        *["structures"] * bool(data["structures"]),
+        *["the worst clearance to each group"] * bool(data["marks"]),
     ]
-    told = (
+    about = (
         f"Drawn are {listed(parts)}; in brackets: points of the cloud. Parallel projection. Drag to turn, "
         "Shift and drag or two fingers to move, pinch, + and - or (after a click) the wheel to zoom."
     )
-    # "<" could end the script: JSON may write it as an escape.
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    code = files("plnerf").joinpath("data/report/view.js").read_text(encoding="utf-8")
-    return joined([
-        tag("div", tag("div", *buttons, class_="buttons"), canvas, class_="view"),
-        _legend(report),
-        tag("p", told, class_="about"),
-        tag("noscript", "This drawing needs JavaScript, which the page brings along."),
-        Markup(f'<script type="application/json" id="view-data">{text}</script>'),
-        Markup(f"<script>{code}</script>"),
-    ])
+    return View(data, _classes(survey), _lines(survey, rows), about)
 
 
-def scene(report: Report) -> dict[str, Any]:
+def scene(survey: Survey, rows: list[Nearest]) -> dict[str, Any]:
     """What `view.js` draws, as plain values; points as base64 of little-endian numbers."""
-    survey = report.survey
-    places, reach = held(report)
-    low, high = places.min(0), places.max(0)
-    middle = (low + high) / 2
+    frame, units = survey.frame, Units(survey.frame.unit)
+    places, reach = anchors(survey, rows)
     kept, edge = thinned(survey.cloud, places, reach)
-    xyz = survey.cloud.xyz[kept]
+    at = shown(frame, places)
+    low, high = at.min(0), at.max(0)
+    middle = (low + high) / 2
+    xyz = shown(frame, survey.cloud.xyz[kept])
     corner = xyz.min(0) if len(xyz) else low
     step = np.maximum(np.ptp(xyz, axis=0) if len(xyz) else high - low, 1e-9) / GRID_STEPS
     order = {code: k for k, code in enumerate(CLASSES)}
     label = np.array([order.get(int(code), len(CLASSES)) for code in range(256)], np.uint8)
-    curves = [one.fit.curve for one in survey.conductors]
-    first = np.subtract(curves[0].b, curves[0].a) if curves else high - low
+    curves = [shown(frame, _curve(wire)) for wire in survey.wires]
+    first = curves[0][-1] - curves[0][0] if curves else high - low
     return {
-        "unit": units_of(survey).short,
-        "axes": ["E", "N", "up"] if survey.crs else ["x", "y", "z"],
+        "unit": units.short,
+        "axes": ["E", "N", "up"] if shows_world(frame) and frame.crs else ["x", "y", "z"],
         "low": _plain(low - middle),
         "high": _plain(high - middle),
         "azimuth": round(float(np.arctan2(first[1], first[0])), 4),
@@ -91,42 +109,40 @@ def scene(report: Report) -> dict[str, Any]:
         "colours": [colour for _, colour in (*CLASSES.values(), OTHER)],
         "wires": [
             {
-                "id": str(one.id),
-                "colour": KINDS[one.kind],
-                "dashed": one.kind == "shield",
-                "points": _plain(curve.points(np.linspace(0, curve.span_m, WIRE_VERTICES)) - middle),
+                "id": str(wire.id),
+                "colour": KINDS[wire.kind][1],
+                "dashed": wire.kind in DASHED,
+                "points": _plain(curve - middle),
             }
-            for one, curve in zip(survey.conductors, curves, strict=True)
+            for wire, curve in zip(survey.wires, curves, strict=True)
         ],
-        "towers": [_plain(_mast(one) - middle) for one in survey.towers],
-        "tower_colour": CLASSES[TOWER][1],
+        "structures": [_plain(shown(frame, _mast(one)) - middle) for one in survey.structures],
+        "structure_colour": CLASSES[TOWER][1],
         "marks": [
             {
-                "points": _plain(np.array([one.on_wire, one.on_obstacle]) - middle),
-                "text": f"{one.to} {units_of(survey).with_unit(one.distance_m)}",
+                "points": _plain(shown(frame, _gap(one)) - middle),
+                "text": f"{one.to} {units.interval_with_unit(one.distance)}",
             }
-            for one in report.worst()
+            for one in worst(rows)
         ],
         "mark_colour": MARK,
     }
 
 
-def held(report: Report) -> tuple[Float[np.ndarray, "h 3"], float]:
-    """Places on wires, towers and worst clearances, and how far around them points of the cloud are drawn.
+def anchors(survey: Survey, rows: list[Nearest]) -> tuple[Float[np.ndarray, "h 3"], float]:
+    """Points on wires, structures and worst clearances, and how far around them the cloud is drawn.
 
-    Where there are none, the corners of a box that holds nearly all points.
+    All in the LineFrame.  Where there are none, the corners of a box that holds nearly all points.
     """
-    survey = report.survey
-    curves = [one.fit.curve for one in survey.conductors]
-    places = [curve.points(np.linspace(0, curve.span_m, WIRE_VERTICES)) for curve in curves]
-    places += [_mast(one) for one in survey.towers]
-    places += [np.array([one.on_wire, one.on_obstacle]) for one in report.worst()]
-    if not places and len(survey.cloud.xyz):  # a few points far off do not make the drawing small
-        places = [np.percentile(survey.cloud.xyz, [0.5, 99.5], axis=0)]
-    found = np.concatenate(places) if places else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    if curves:
-        return found, AROUND * max(curve.span_m for curve in curves)
-    return found, float(np.linalg.norm(np.ptp(found, axis=0)))
+    found = [_curve(wire) for wire in survey.wires]
+    found += [_mast(one) for one in survey.structures]
+    found += [_gap(one) for one in worst(rows)]
+    if not found and len(survey.cloud.xyz):  # a few points far off do not make the drawing small
+        found = [np.percentile(survey.cloud.xyz, [0.5, 99.5], axis=0)]
+    points = np.concatenate(found) if found else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    if survey.wires:
+        return points, AROUND * max(wire.base.length_m for wire in survey.wires)
+    return points, float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def thinned(
@@ -156,32 +172,39 @@ def thinned(
         edge *= 1.2
 
 
-def _mast(one: Tower) -> Float[np.ndarray, "2 3"]:
+def _curve(wire: Wire) -> Float[np.ndarray, "k 3"]:
+    return wire.points(np.linspace(0.0, wire.base.length_m, WIRE_VERTICES))
+
+
+def _mast(one: Structure) -> Float[np.ndarray, "2 3"]:
     """From foot to top."""
-    return one.foot + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, one.height_m]])
+    return np.stack([one.foot, one.top])
 
 
-def _legend(report: Report) -> Markup:
-    """A box to tick for each class that has points, and what the lines mean."""
+def _gap(one: Nearest) -> Float[np.ndarray, "2 3"]:
+    """From the wire to the obstacle."""
+    return np.stack([one.place.on_wire, one.place.on_obstacle])
+
+
+def _classes(survey: Survey) -> list[ClassEntry]:
+    """An entry for each class that has points."""
     entries = []
-    counts = np.bincount(report.survey.cloud.label, minlength=256)
+    counts = np.bincount(survey.cloud.label, minlength=256)
     for k, (code, (name, colour)) in enumerate([*CLASSES.items(), (None, OTHER)]):
         count = int(counts[code] if code is not None else counts.sum() - counts[list(CLASSES)].sum())
         if count:
-            ticked = Markup(f'<input type="checkbox" checked data-class="{k}">')
-            entries.append(tag("label", ticked, _swatch(colour), f"{name} ({count:,})"))
-    entries += [
-        tag("span", tag("i", class_=f"line {kind}"), f"fitted {name}")
-        for kind, name in (("phase", "conductor"), ("shield", "shield wire"))
-        if any(one.kind == kind for one in report.survey.conductors)
+            entries.append(ClassEntry(k, colour, f"{name} ({count:,})"))
+    return entries
+
+
+def _lines(survey: Survey, rows: list[Nearest]) -> list[LineEntry]:
+    kinds = {wire.kind for wire in survey.wires}
+    entries = [
+        LineEntry(colour, kind in DASHED, f"fitted {name}")
+        for kind, (name, colour) in KINDS.items()
+        if kind in kinds
     ]
-    if report.clearances:
-        entries.append(tag("span", tag("i", class_="line mark"), "worst clearance to each class"))
-    return tag("div", *entries, class_="legend")
-
-
-def _swatch(colour: str) -> Markup:
-    return tag("i", class_="swatch", style=f"background:{colour}")
+    return entries + [LineEntry(MARK, False, "worst clearance to each group")] * bool(rows)
 
 
 def _plain(values: np.ndarray) -> Any:

@@ -1,23 +1,25 @@
 """A span seen from the side: its axis, what lies below its wires, and the scale of a drawing.
 
-Letters: t horizontal distance along the span's axis from where the first of its wires begins, in world
-units; z height; x and y pixels of the drawing, y down; g places along t.
+Letters: t horizontal distance along the span's axis from where the first of its wires begins; z height, both
+in the LineFrame; x and y pixels of the drawing, y down; g places along t.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.report.data import Profile
-from plnerf.survey.model import Conductor
+from plnerf.line.clearances import Profile
+from plnerf.line.wire import Wire
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1100, 64, 60, 14, 46
-"""Of a drawing and its margins, in pixels."""
+"""Width of a drawing and its margins, in pixels."""
 MOST_HEIGHT, LEAST_HEIGHT = 440, 200
-"""Of the plotting area."""
+"""Bounds on the height of the plotting area, in pixels."""
 EXAGGERATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
 PLACES = 400
+"""Along a span, where the heights below its wires are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +31,16 @@ class Side:
     length: float
 
     def t(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Place along the axis."""
+        """Distance along the axis."""
         return (points[:, :2] - self.o) @ self.u
 
 
 @dataclass(frozen=True)
 class Scale:
-    """World to pixels."""
+    """LineFrame to pixels."""
 
     per_unit: float
-    """Pixels per world unit along t."""
+    """Pixels per unit of length along t."""
     exaggeration: float
     first: float
     """t at the left edge."""
@@ -66,11 +68,11 @@ class Scale:
         return " ".join(f"{self.x(a):.1f},{self.y(b):.1f}" for a, b in zip(t, z, strict=True))
 
 
-def side_of(conductors: list[Conductor]) -> Side:
-    """The axis that the wires of a span share, from the mean of their ends A to that of their ends B."""
-    curves = [one.fit.curve for one in conductors]
-    a, b = np.array([curve.a[:2] for curve in curves]), np.array([curve.b[:2] for curve in curves])
-    # Wires may be fitted in either direction: all are turned as the first.
+def side_of(wires: Sequence[Wire]) -> Side:
+    """The axis that the wires of a span share, from the mean of their first ends to that of their last."""
+    ends = np.array([wire.points(np.array([0.0, wire.base.length_m]))[:, :2] for wire in wires])
+    a, b = ends[:, 0], ends[:, 1]
+    # Wires may run in either direction: all are turned as the first.
     turned = ((b - a) @ (b[0] - a[0])) < 0
     a[turned], b[turned] = b[turned], a[turned].copy()
     along = b.mean(0) - a.mean(0)
@@ -81,26 +83,25 @@ def side_of(conductors: list[Conductor]) -> Side:
 
 @dataclass(frozen=True, eq=False)
 class Below:
-    """Heights over all wires of a span at places t, NaN where none of the profiles knows any."""
+    """Heights at places t, over all wires of a span; NaN where none of the profiles knows any."""
 
     t: Float[np.ndarray, " g"]
     lowest: Float[np.ndarray, " g"]
-    """Of the ground."""
+    """Of the ground below the wires."""
     highest: Float[np.ndarray, " g"]
-    """Of the ground."""
+    """Of the ground below the wires."""
     vegetation: Float[np.ndarray, " g"]
     """Its highest top."""
 
 
-def below(side: Side, conductors: list[Conductor], profiles: list[Profile]) -> Below:
-    """What the profiles of a span's wires say together."""
-    curves = {one.id: one.fit.curve for one in conductors}
+def below(side: Side, profiles: Sequence[Profile]) -> Below:
+    """The heights of the profiles of a span's wires, taken together."""
     grid, nothing = np.linspace(0.0, side.length, PLACES), np.full(PLACES, np.nan)
     ground, vegetation = [nothing], [nothing]
     for one in profiles:
-        t = side.t(curves[one.conductor].points(one.place_m))
+        t = side.t(one.points)
         order = np.argsort(t)
-        for rows, z in ((ground, one.ground_m), (vegetation, one.vegetation_m)):
+        for rows, z in ((ground, one.ground_z), (vegetation, one.vegetation_z)):
             rows.append(np.interp(grid, t[order], z[order], left=np.nan, right=np.nan))
     lowest, highest = np.fmin.reduce(ground), np.fmax.reduce(ground)  # which pass over NaN
     return Below(grid, lowest, highest, np.fmax.reduce(vegetation))

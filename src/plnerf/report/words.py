@@ -1,91 +1,24 @@
-"""Figures and sentences of a report: lengths with their unit, what was found, and what a reader must know."""
+"""Sentences of a report: what was found, where it is, and what a reader must know."""
 
-from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Literal
 
 import numpy as np
 
-from plnerf.report.data import TWO_SIDED_95, Report
-from plnerf.survey.model import GROUND, Conductor, Survey
+from plnerf.findings import Degree
+from plnerf.line.cloud import GROUND
+from plnerf.line.line import Line, Span
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.report.colours import KINDS
+from plnerf.report.figures import CERTAIN, MINUS, Units, counted, listed, share, wires_named
+from plnerf.report.nearest import Nearest, Standing
+from plnerf.report.shown import shows_world
 
 LEAST_COVERAGE = 0.8
-"""A conductor with evidence on less of its length gets a caveat."""
+"""A wire with evidence on less of its length gets a caveat."""
 LOOSE_SAG = 0.1
-"""So does one whose sag is known worse than this, relatively."""
-TYPICAL_M = 60.0
-"""Of a span, whose figures have the usual decimals."""
-NOTHING = "–"
-CERTAIN = "95\u00a0%"
-"""Of the intervals behind all ± in a report."""
-PLUS_MINUS, MINUS = "\u202f±\u202f", "−"
-
-
-@dataclass(frozen=True)
-class Units:
-    """How lengths are written."""
-
-    unit: Literal["m", "unscaled"]
-    further: int = 0
-    """Decimals more than metres get, or less."""
-
-    @property
-    def short(self) -> str:
-        """Behind a figure."""
-        return "m" if self.unit == "m" else "units"
-
-    def length(self, value: float | None, digits: int = 2) -> str:
-        """A length, with so many decimals in metres."""
-        if value is None or not np.isfinite(value):
-            return NOTHING
-        return f"{value:,.{max(0, digits + self.further)}f}".replace("-", MINUS)
-
-    def with_unit(self, value: float | None, digits: int = 2) -> str:
-        """The same with its unit behind."""
-        text = self.length(value, digits)
-        return text if text == NOTHING else f"{text}\u00a0{self.short}"
-
-    def known_to(self, value: float, sigma: float | None, digits: int = 2) -> str:
-        """A length and the half width of its 95 % interval."""
-        if sigma is None or not np.isfinite(sigma):
-            return f"{self.length(value, digits)}{PLUS_MINUS}?"
-        return f"{self.length(value, digits)}{PLUS_MINUS}{self.length(TWO_SIDED_95 * sigma, digits)}"
-
-    def heads(self, *names: str) -> list[str]:
-        """Heads of columns with lengths."""
-        return [f"{name},\u00a0{self.short}" for name in names]
-
-    def head_95(self, name: str) -> str:
-        """Head of a column with lengths and their 95 % intervals."""
-        return f"{name},\u00a0{self.short} ±\u00a0{CERTAIN}"
-
-    def place(self, xyz: np.ndarray) -> str:
-        """Coordinates of a world point, without separators so that they can be copied."""
-        return ", ".join(f"{value:.{max(0, 2 + self.further)}f}" for value in xyz)
-
-
-def units_of(survey: Survey) -> Units:
-    """Decimals of an unscaled survey are those that it would have if its longest span were TYPICAL_M."""
-    if survey.unit == "m":
-        return Units("m")
-    extents = [one.fit.curve.span_m for one in survey.conductors]
-    extents += np.ptp(survey.cloud.xyz, axis=0).tolist() if len(survey.cloud.xyz) and not extents else []
-    return Units("unscaled", round(np.log10(TYPICAL_M / max(extents, default=TYPICAL_M))))
-
-
-def counted(count: int, noun: str) -> str:
-    """ "1 span", "2 spans", "no spans"."""
-    return f"{count:,} {noun}{'s' * (count != 1)}" if count else f"no {noun}s"
-
-
-def share(part: float) -> str:
-    """Per cent."""
-    return f"{100 * part:.0f}\u00a0%"
-
-
-def listed(parts: list[str]) -> str:
-    """ "1, 2 and 3"."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+"""So does one whose sag is less certain than this, relatively (95 %)."""
+DEGREES: tuple[Degree, ...] = ("stops", "harms", "note")
 
 
 def name_of(survey: Survey) -> str:
@@ -93,33 +26,56 @@ def name_of(survey: Survey) -> str:
     return PurePath(survey.source).name or survey.source
 
 
-def found(report: Report) -> str:
+def number_of(survey: Survey, line: Line, span: Span) -> str:
+    """The number of a span, after its line's where there are several lines."""
+    return str(span.id) if len(survey.lines) == 1 else f"{line.id} / {span.id}"
+
+
+def title_of(survey: Survey, line: Line, span: Span) -> str:
+    """The heading of a span."""
+    several = len(survey.lines) > 1
+    return f"Line {line.id}, span {span.id}" if several else f"Span {span.id}"
+
+
+def found(survey: Survey) -> str:
     """What the survey found, in one sentence."""
-    survey = report.survey
-    if not survey.conductors:
-        return f"No conductor was found among {counted(len(survey.cloud.xyz), 'point')}."
-    kinds = [one.kind for one in survey.conductors]
-    nouns = {"phase": "phase conductor", "shield": "shield wire"}
-    parts = [counted(kinds.count(kind), noun) for kind, noun in nouns.items() if kind in kinds]
-    return (
-        f"{listed(parts)} in {counted(len(report.spans), 'span')}, {counted(len(survey.towers), 'tower')}, "
-        f"{counted(len(survey.cloud.xyz), 'classified point')}."
-    )
+    points = counted(len(survey.cloud.xyz), "point")
+    if not survey.wires:
+        return f"No wire was found among {points}."
+    parts = [*_lines(survey), counted(len(survey.structures), "structure"), f"{points} in the cloud"]
+    return f"{kinds_of(survey)} in {', '.join(parts)}."
+
+
+def _lines(survey: Survey) -> list[str]:
+    spans = counted(len(survey.spans), "span")
+    return [spans] if len(survey.lines) == 1 else [f"{spans} of {counted(len(survey.lines), 'line')}"]
+
+
+def kinds_of(survey: Survey) -> str:
+    """How many wires of each kind there are."""
+    kinds = [wire.kind for wire in survey.wires]
+    return listed([counted(kinds.count(kind), KINDS[kind][0]) for kind in KINDS if kind in kinds])
 
 
 def where(survey: Survey) -> str:
-    """Unit and place on the earth, in words."""
-    if survey.unit == "unscaled":
-        return "Units, unscaled; the place on the earth is not known."
-    if survey.crs is None:
+    """Unit, axes and position on the earth of the coordinates that the report shows."""
+    frame = survey.frame
+    if frame.unit == "unscaled":
+        return "Units, unscaled, in the survey's own frame, z up; the place on the earth is not known."
+    if not shows_world(frame):
+        return (
+            "Metres in the survey's own frame, z up. The z of the input's coordinates, which the files hold, "
+            "is not up."
+        )
+    if frame.crs is None:
         return "Metres, z up; the place on the earth is not known."
-    if survey.origin is None:
-        return f"Metres; coordinates and heights of {survey.crs}."
-    longitude, latitude, height = survey.origin
+    if frame.origin_lon_lat_height is None:
+        return f"Metres; coordinates and heights of {frame.crs}."
+    longitude, latitude, height = frame.origin_lon_lat_height
     east, north = "E" if longitude >= 0 else "W", "N" if latitude >= 0 else "S"
     return (
         f"Metres east, north and up of {abs(latitude):.7f}° {north}, {abs(longitude):.7f}° {east}, "
-        f"{height:.2f} m above the WGS 84 ellipsoid; the survey's reference system is {survey.crs}."
+        f"{height:.2f} m above the WGS 84 ellipsoid; the survey's reference system is {frame.crs}."
     )
 
 
@@ -128,57 +84,63 @@ def temperature(survey: Survey) -> str:
     return "not given" if survey.temperature_c is None else f"{survey.temperature_c:g} °C".replace("-", MINUS)
 
 
-def caveats(report: Report) -> list[str]:
+def caveats(survey: Survey) -> list[str]:
     """What is missing or doubtful, a sentence or two each, what concerns all of the survey first."""
-    survey, units = report.survey, units_of(report.survey)
+    units = Units(survey.frame.unit)
     texts = []
-    if survey.unit == "unscaled":
+    if survey.frame.unit == "unscaled":
         texts.append(
             "Lengths are in units, unscaled: ratios hold, but no distance can be compared with a required "
             "clearance. Give positions or control points for a scale."
         )
-    if survey.conductors:
+    if survey.wires:
         texts.append(
             "As surveyed: clearances and sags hold for the conductor temperature and wind at that time "
             f"(temperature: {temperature(survey)}). At their highest temperature conductors hang lower."
         )
-    texts += survey.notes
-    bare = [one.conductor for one in report.profiles if not np.isfinite(one.ground_m).any()]
-    if survey.conductors and not (survey.cloud.label == GROUND).any():
-        texts.append("No ground is known: heights above ground cannot be told.")
+    texts += [
+        one.text for one in sorted(survey.findings, key=lambda one: DEGREES.index(one.degree))
+    ]  # fmt: skip
+    profiles = [one.profile for one in survey.clearances.wires] if survey.clearances is not None else []
+    bare = [one.wire for one in profiles if not np.isfinite(one.ground_z).any()]
+    if survey.wires and not (survey.cloud.label == GROUND).any():
+        texts.append("No ground is known, and so no height above ground.")
     elif bare:
-        texts.append(f"No ground is known below {_conductors(sorted(bare))}.")
+        texts.append(f"No ground is known below {wires_named(sorted(bare))}.")
     doubts: dict[str, list[int]] = {}
-    for one in survey.conductors:
-        doubts.setdefault(_doubts(one, units), []).append(one.id)
-    named = [f"{_conductors(ids).capitalize()}: {text}." for text, ids in doubts.items() if text]
-    return texts + named
+    for wire in survey.wires:
+        for text in _doubts(wire, units):
+            doubts.setdefault(text, []).append(wire.id)
+    named = [f"{wires_named(ids).capitalize()}: {text}." for text, ids in doubts.items()]
+    return list(dict.fromkeys(texts)) + named
 
 
-def _doubts(one: Conductor, units: Units) -> str:
-    """What must be known of one conductor; nothing of most."""
+def _doubts(wire: Wire, units: Units) -> list[str]:
+    """What must be known of one wire; nothing of most."""
     parts = []
-    if one.coverage < LEAST_COVERAGE:
+    if wire.open is not None:
+        parts.append(f"no sag, span length and p, because {wire.open}")
+    if not wire.evidence.certain:
+        parts.append("what was seen does not fix its place")
+    if wire.evidence.coverage < LEAST_COVERAGE:
         parts.append(
-            f"evidence on {share(one.coverage)} of its length only, with a gap of "
-            f"{units.with_unit(one.longest_gap_m)}, where it is the catenary's continuation"
+            f"evidence on {share(wire.evidence.coverage)} of its length only, with a gap of "
+            f"{units.with_unit(wire.evidence.longest_gap_m)}, where the catenary bridges it"
         )
-    if TWO_SIDED_95 * one.fit.sag_sigma_m > LOOSE_SAG * one.fit.curve.sag_m:
-        sag = units.known_to(one.fit.curve.sag_m, one.fit.sag_sigma_m, 3)
-        parts.append(f"its sag is known loosely, {sag} {units.short} ({CERTAIN})")
-    if one.note:
-        parts.append(one.note.rstrip("."))
-    return "; ".join(parts)
+    sag = wire.sag
+    if sag is not None and sag.half_95 > LOOSE_SAG * sag.value:
+        parts.append(f"its sag is uncertain, {units.interval_with_unit(sag, 3)} ({CERTAIN})")
+    return parts + [note.rstrip(".") for note in wire.notes]
 
 
-def judged(report: Report) -> str:
+def judged(rows: list[Nearest]) -> str:
     """How many clearances are kept, in one sentence; nothing where none is required."""
-    standings = [one.standing for one in report.clearances if one.standing != "open"]
+    standings = [one.standing for one in rows if one.standing != "open"]
     if not standings:
         return ""
-    words = {
+    words: dict[Standing, tuple[str, str]] = {
         "short": ("falls short of it", "fall short of it"),
-        "doubtful": ("is too near to it to tell", "are too near to it to tell"),
+        "doubtful": ("is within its uncertainty of it", "are within their uncertainty of it"),
         "kept": ("is kept", "are kept"),
     }
     parts = [
@@ -187,7 +149,3 @@ def judged(report: Report) -> str:
         if kind in standings
     ]
     return f"Of {counted(len(standings), 'clearance')} with a required distance, {listed(parts)}."
-
-
-def _conductors(ids: list[int]) -> str:
-    return f"conductor{'s' if len(ids) > 1 else ''} {listed([str(one) for one in ids])}"

@@ -13,7 +13,7 @@
   const shown = data.colours.map(() => true);
   const PRESETS = { oblique: [-0.95, 0.3], side: [-Math.PI / 2, 0], top: [-Math.PI / 2, Math.PI / 2], along: [Math.PI, 0.06] };
   const SHARES = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82, 0.1, 0.9];
-  let azimuth, elevation, target, zoom, pixels, depth, sheet, waiting = false;
+  let azimuth, elevation, target, zoom, pixels, depth, sheet, waiting = false, preset = "oblique";
 
   // Screen axes: right, up, and towards the reader.
   function axes() {
@@ -23,6 +23,7 @@
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
   function look(name) {
+    preset = name;
     [azimuth, elevation] = [data.azimuth + PRESETS[name][0], PRESETS[name][1]];
     target = [0, 1, 2].map((k) => (data.low[k] + data.high[k]) / 2);
     const [right, up] = axes(), size = [0, 1, 2].map((k) => data.high[k] - data.low[k]);
@@ -56,7 +57,7 @@
     paper.putImageData(sheet, 0, 0);
     paper.lineCap = paper.lineJoin = "round";
     paper.font = `600 ${13 * ratio}px system-ui, sans-serif`;
-    for (const tower of data.towers) line(tower.map(project), data.tower_colour, 4 * ratio, []);
+    for (const mast of data.structures) line(mast.map(project), data.structure_colour, 4 * ratio, []);
     for (const wire of data.wires) line(wire.points.map(project), wire.colour, 2 * ratio, wire.dashed ? [9 * ratio, 5 * ratio] : []);
     const taken = [];
     for (const mark of data.marks) {
@@ -138,10 +139,10 @@
   function writeFree(text, places, fill, ratio, align, taken) {
     const width = paper.measureText(text).width + 6 * ratio, height = 16 * ratio;
     for (const [x, y] of places) {
-      const left = align === "left" ? x : x - width / 2;
+      const left = Math.max(0, Math.min(canvas.width - width, align === "left" ? x : x - width / 2));
       if (taken.some((box) => left < box[0] + box[2] && box[0] < left + width && Math.abs(y - box[1]) < height)) continue;
       taken.push([left, y, width]);
-      write(text, x, y, fill, ratio, align);
+      write(text, align === "left" ? left : left + width / 2, y, fill, ratio, align);
       return;
     }
   }
@@ -164,12 +165,14 @@
   }
 
   function turn(dx, dy) {
+    preset = null;
     azimuth -= dx * 0.007;
     elevation = Math.min(Math.PI / 2, Math.max(-0.35, elevation + dy * 0.007));
     ask();
   }
 
   function move(dx, dy) {
+    preset = null;
     const [right, up] = axes();
     target = target.map((value, k) => value - (right[k] * dx - up[k] * dy) / zoom);
     ask();
@@ -226,6 +229,7 @@
       ask();
     });
   }
-  new ResizeObserver(ask).observe(canvas);
-  look("oblique");
+  // A view that nobody has turned or moved fits the new size.
+  new ResizeObserver(() => (preset ? look(preset) : ask())).observe(canvas);
+  look(preset);
 })();
