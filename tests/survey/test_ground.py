@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plnerf.errors import ConfigError
-from plnerf.survey.ground import Ground, GroundConfig, find_ground, is_ground, vegetation
+from plnerf.survey.ground import Ground, GroundConfig, find_ground, vegetation
 
 EXTENT = 120.0
 CONFIG = GroundConfig()
@@ -41,7 +41,7 @@ def test_the_ground_is_distinguished_from_what_stands_on_it(cloud: tuple[np.ndar
     points, truth = cloud
     ground = find_ground(points, CONFIG)
     assert ground is not None
-    mine = is_ground(points, ground, CONFIG)
+    mine = np.abs(ground.above(points)) <= CONFIG.near_m
     assert mine[truth].mean() > 0.97 and (~mine[~truth]).mean() > 0.99
     xy = np.random.default_rng(1).uniform(2, EXTENT - 2, (3000, 2))
     off = np.abs(ground.below(xy) - terrain(xy))
@@ -106,6 +106,7 @@ def test_vegetation_is_banded_by_height() -> None:
         ({"max_cells": 0}, "max_cells >= 1"),
         ({"pit_rank": 49}, "pit_rank must be from 0 to 48"),
         ({"windows": (5, 3)}, "windows must be positive and rise"),
+        ({"near_m": -0.1}, "near_m >= 0"),
         ({"low_vegetation_m": 3.0}, "low_vegetation_m <= high_vegetation_m"),
     ],
 )

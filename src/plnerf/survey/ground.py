@@ -68,10 +68,11 @@ class GroundConfig:
             )
         if any(window < 1 for window in self.windows) or list(self.windows) != sorted(set(self.windows)):
             raise ConfigError(f"The ground's windows must be positive and rise, but are {self.windows}.")
-        if not 0 <= self.low_vegetation_m <= self.high_vegetation_m:
+        if not (self.near_m >= 0 and 0 <= self.low_vegetation_m <= self.high_vegetation_m):
             raise ConfigError(
-                "The bands of vegetation need 0 <= low_vegetation_m <= high_vegetation_m, but got "
-                f"{self.low_vegetation_m} and {self.high_vegetation_m}."
+                "Heights above the ground need near_m >= 0 and 0 <= low_vegetation_m <= high_vegetation_m, but "
+                f"got near_m={self.near_m}, low_vegetation_m={self.low_vegetation_m}, "
+                f"high_vegetation_m={self.high_vegetation_m}."
             )
 
 
@@ -118,13 +119,6 @@ def find_ground(points: Float[np.ndarray, "n 3"], config: GroundConfig) -> Groun
     flat = np.where(seen, lowest - trend, np.inf)
     ground = _opened(flat, cell_m, config)
     return Ground(middles, cell_m, _filled(flat, ground) + trend)
-
-
-def is_ground(
-    points: Float[np.ndarray, "n 3"], ground: Ground, config: GroundConfig
-) -> Bool[np.ndarray, " n"]:
-    """Which points lie on the ground."""
-    return np.abs(ground.above(points)) <= config.near_m
 
 
 def vegetation(above: Float[np.ndarray, " n"], config: GroundConfig) -> UInt8[np.ndarray, " n"]:
