@@ -70,8 +70,8 @@ class GroundConfig:
             raise ConfigError(f"The ground's windows must be positive and rise, but are {self.windows}.")
         if not (self.near_m >= 0 and 0 <= self.low_vegetation_m <= self.high_vegetation_m):
             raise ConfigError(
-                "Heights above the ground need near_m >= 0 and 0 <= low_vegetation_m <= high_vegetation_m, but "
-                f"got near_m={self.near_m}, low_vegetation_m={self.low_vegetation_m}, "
+                "Heights above the ground need near_m >= 0 and 0 <= low_vegetation_m <= high_vegetation_m, "
+                f"but got near_m={self.near_m}, low_vegetation_m={self.low_vegetation_m}, "
                 f"high_vegetation_m={self.high_vegetation_m}."
             )
 
