@@ -23,8 +23,13 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from plnerf.survey.lidar.find import Found, find_conductors
-from plnerf.survey.model import CONDUCTOR, NO_WIRE, TOWER
+from plnerf.line.cloud import CONDUCTOR, NO_WIRE, TOWER
+from plnerf.line.frame import LineFrame
+from plnerf.line.line import Structure
+from plnerf.line.wire import Wire
+from plnerf.survey.lidar.config import LidarConfig
+from plnerf.survey.lidar.find import Found, find_lines
+from plnerf.survey.lidar.las import read_cloud
 
 TOLERANCE_M, STEP_M, ALONG_M, TOWER_M, BOTH_M = 0.25, 0.1, 2.5, 3.0, 5.0
 
@@ -35,10 +40,11 @@ def main() -> None:
     parser.add_argument("--wire", type=int, default=CONDUCTOR, help="class of wires in the file")
     options = parser.parse_args()
     for path in options.clouds:
-        cloud = laspy.read(path)
-        xyz, truth = np.asarray(cloud.xyz), np.asarray(cloud.classification)
+        cloud = read_cloud(path)
+        truth = np.asarray(laspy.read(path).classification)
+        xyz = LineFrame.of_cloud(cloud.xyz, cloud.crs).from_world(cloud.xyz)
         wall, cpu = time.perf_counter(), time.process_time()
-        found = find_conductors(xyz)
+        found = find_lines(xyz, LidarConfig())
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         print(f"{path.name}: {len(xyz)} points, {wall:.1f} s ({cpu:.1f} s of CPU), peak {peak:.2f} GB")
@@ -46,29 +52,45 @@ def main() -> None:
         score(found, truth == options.wire, truth == TOWER)
 
 
+def wires_of(found: Found) -> list[Wire]:
+    """All of them, line by line."""
+    return [wire for line in found.lines for wire in line.wires]
+
+
+def structures_of(found: Found) -> list[Structure]:
+    """All of them, line by line."""
+    return [structure for line in found.lines for structure in line.structures]
+
+
 def table(found: Found, wire: np.ndarray) -> None:
-    """One line per conductor."""
-    print("  id span kind    points  length    sag  +-sag  rms across/up  cover  gap  on wire  note")
-    for c in found.conductors:
-        mine = found.cloud.wire == c.id
-        curve = c.fit.curve
-        print(
-            f"  {c.id:2d} {c.span:4d} {c.kind:6s} {c.evidence:7d} {curve.length_m:7.1f} {curve.sag_m:6.2f} "
-            f"{c.fit.sag_sigma_m:6.3f} {c.fit.residual_across_m:6.3f} {c.fit.residual_up_m:6.3f} "
-            f"{c.coverage:6.2f} {c.longest_gap_m:5.1f} {wire[mine].mean():6.3f}   {c.note or ''}"
-        )
-    for note in found.notes:
-        print(f"  note: {note}")
+    """One row per wire; "drop" is the greatest one below the chord of what is seen, sag only where held."""
+    print(
+        "  id line span kind    points  length   drop    sag +-95 %  rms across/up  cover  gap on wire  notes"
+    )
+    for line in found.lines:
+        for span in line.spans:
+            for one in span.wires:
+                mine, seen = found.cloud.wire == one.id, one.evidence
+                sag = "     -      -" if one.sag is None else f"{one.sag.value:6.2f} {one.sag.half_95:6.3f}"
+                remarks = " ".join([one.open or "", *one.notes]).strip()
+                print(
+                    f"  {one.id:2d} {line.id:4d} {span.id:4d} {one.kind:6s} {seen.count:7d} "
+                    f"{one.length_m:7.1f} {one.drop_between(0.0, one.base.length_m):6.2f} {sag} "
+                    f"{seen.residual_across_m:6.3f} {seen.residual_up_m:6.3f} {seen.coverage:6.2f} "
+                    f"{seen.longest_gap_m:5.1f} {wire[mine].mean():6.3f}   {remarks}"
+                )
+    for finding in found.findings:
+        print(f"  {finding.degree}: {finding.text}")
 
 
 def score(found: Found, wire: np.ndarray, tower: np.ndarray) -> None:
     """Figures of the whole cloud."""
-    xyz = found.cloud.xyz
-    if not found.conductors or not wire.any():
-        print(f"  {wire.sum()} points are classified as wire, {len(found.conductors)} conductors found")
+    xyz, wires, structures = found.cloud.xyz, wires_of(found), structures_of(found)
+    if not wires or not wire.any():
+        print(f"  {wire.sum()} points are classified as wire, {len(wires)} wires found")
         return
-    curves = np.concatenate([c.fit.curve.polyline(STEP_M) for c in found.conductors])
-    right = np.concatenate([confirmed(c, xyz[wire]) for c in found.conductors])
+    curves = np.concatenate([one.polyline(STEP_M) for one in wires])
+    right = np.concatenate([confirmed(one, xyz[wire]) for one in wires])
     far = np.ones(len(curves), bool)
     labelled = found.cloud.wire != NO_WIRE
     counted = labelled.copy()
@@ -80,43 +102,45 @@ def score(found: Found, wire: np.ndarray, tower: np.ndarray) -> None:
     precision = right[far].mean()
     print(f"  recall {recall:.4f}  precision {precision:.4f}  of {wire.sum()} wire points")
     print(f"  labelled: {wire[counted].mean():.4f} right, {labelled[wire].mean():.4f} of all wire points")
-    closest = min((apart(a, b) for a, b in combinations(found.conductors, 2)), default=np.inf)
-    print(f"  {len(found.conductors)} conductors, the closest two {closest:.2f} m apart")
+    closest = min((apart(a, b) for a, b in combinations(wires, 2)), default=np.inf)
+    print(f"  {len(wires)} wires in {len(found.lines)} lines, the closest two {closest:.2f} m apart")
     middles = clusters(xyz[tower]) if tower.any() else []
-    print(f"  {len(found.towers)} towers found, {len(middles)} classified")
-    for t in found.towers:
-        off = min((float(np.hypot(*(t.foot[:2] - m[:2]))) for m in middles), default=np.inf)
+    print(f"  {len(structures)} structures found, {len(middles)} classified")
+    for one in structures:
+        off = min((float(np.hypot(*(one.foot[:2] - m[:2]))) for m in middles), default=np.inf)
         top = max((m[2] for m in middles), default=np.nan)
-        print(f"    {off:.2f} m from the classified one, {t.foot[2] + t.height_m - top:+.2f} m higher")
+        print(
+            f"    structure {one.id}, {one.evidence}: {off:.2f} m from the classified one, "
+            f"{one.top[2] - top:+.2f} m higher"
+        )
     labels = found.cloud.label == TOWER
     if tower.any() and labels.any():
         print(f"    labelled tower: {tower[labels].mean():.3f} right, {labels[tower].mean():.3f} of all")
 
 
-def confirmed(conductor, truth: np.ndarray) -> np.ndarray:
-    """Which samples of a conductor's curve have a true point beside them."""
-    base, q, curve = conductor.fit.base, conductor.fit.q, conductor.fit.curve
+def confirmed(wire: Wire, truth: np.ndarray) -> np.ndarray:
+    """Which samples of a wire's curve have a true point beside them."""
+    base, curve = wire.base, wire.polyline(STEP_M)
     local = base.local(truth)
     inside = (local[:, 0] > -ALONG_M) & (local[:, 0] < base.length_m + ALONG_M)
     local = local[inside]
-    off = np.linalg.norm(local[:, 1:] - base.at(q, local[:, 0]), axis=1)
+    off = np.linalg.norm(local[:, 1:] - wire.at(local[:, 0]), axis=1)
     s = np.sort(local[off <= TOLERANCE_M, 0])
     if not len(s):
-        return np.zeros(len(curve.polyline(STEP_M)), bool)
-    samples = base.local(curve.polyline(STEP_M))[:, 0]
+        return np.zeros(len(curve), bool)
+    samples = base.local(curve)[:, 0]
     after = np.searchsorted(s, samples)
     before = np.abs(s[np.maximum(after - 1, 0)] - samples)
     return np.minimum(before, np.abs(s[np.minimum(after, len(s) - 1)] - samples)) <= ALONG_M
 
 
-def apart(a, b) -> float:
+def apart(a: Wire, b: Wire) -> float:
     """Mean distance of two curves where both are, if that is for a stretch."""
-    points = a.fit.curve.polyline(1.0)
-    local = b.fit.base.local(points)
-    both = (local[:, 0] >= 0) & (local[:, 0] <= b.fit.base.length_m)
+    local = b.base.local(a.polyline(1.0))
+    both = (local[:, 0] >= 0) & (local[:, 0] <= b.base.length_m)
     if both.sum() < BOTH_M:
         return np.inf
-    return float(np.linalg.norm(local[both, 1:] - b.fit.base.at(b.fit.q, local[both, 0]), axis=1).mean())
+    return float(np.linalg.norm(local[both, 1:] - b.at(local[both, 0]), axis=1).mean())
 
 
 def clusters(points: np.ndarray) -> list[np.ndarray]:

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from plnerf.line.catenary import Catenary, hang
+from plnerf.line.hang import hang
+from plnerf.line.wire import Wire
 
 SHIELD_M = 33.0
 ARMS = {20.0: 6.0, 26.0: 5.0}
@@ -15,8 +16,8 @@ ARMS = {20.0: 6.0, 26.0: 5.0}
 class Line:
     """Points by what they are, and the truth."""
 
-    wires: list[Catenary] = field(default_factory=list)
-    kinds: list[str] = field(default_factory=list)
+    wires: list[Wire] = field(default_factory=list)
+    """With their kinds, numbered from 1, span by span."""
     feet: list[np.ndarray] = field(default_factory=list)
     points: list[np.ndarray] = field(default_factory=list)
     classes: list[np.ndarray] = field(default_factory=list)
@@ -76,18 +77,20 @@ def _hang(
     made: Line, feet: list[np.ndarray], left: np.ndarray, side: float, height: float,
     random: np.random.Generator, noise_m: float, density: float,
 ) -> None:  # fmt: skip
-    ends = [
-        tuple(float(v) for v in np.append(foot[:2] + side * across, foot[2] + height))
-        for foot, across in zip(feet, left, strict=True)
-    ]
-    kind = "shield" if height == SHIELD_M else "phase"
-    span = np.linalg.norm(np.subtract(*ends)[:2])
-    wire = hang(ends[0], ends[1], span**2 / (8 * (1500.0 if kind == "phase" else 1900.0)))
-    s = random.uniform(0, wire.span_m, int(density * wire.span_m))
-    made.add(wire.points(s) + noise_m * random.normal(size=(len(s), 3)), 13 if kind == "shield" else 14,
-             len(made.wires))  # fmt: skip
+    a, b = (
+        np.append(foot[:2] + side * across, foot[2] + height) for foot, across in zip(feet, left, strict=True)
+    )
+    shield = height == SHIELD_M
+    span = np.linalg.norm(b[:2] - a[:2])
+    wire = hang(
+        a, b, float(span**2) / (8 * (1900.0 if shield else 1500.0)),
+        id=len(made.wires) + 1, kind="shield" if shield else "phase",
+    )  # fmt: skip
+    s = random.uniform(0, wire.base.length_m, int(density * wire.base.length_m))
+    made.add(
+        wire.points(s) + noise_m * random.normal(size=(len(s), 3)), 13 if shield else 14, len(made.wires)
+    )
     made.wires.append(wire)
-    made.kinds.append(kind)
 
 
 def tower(foot: np.ndarray, left: np.ndarray, random: np.random.Generator) -> np.ndarray:

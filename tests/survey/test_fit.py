@@ -1,11 +1,16 @@
-"""Catenaries are fitted to points: exactly, against outliers, and as uncertain as they say."""
+"""Wires are fitted to points: exactly, against outliers, and as uncertain as they say."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
-from plnerf.errors import SurveyError
-from plnerf.line.catenary import Catenary, hang
-from plnerf.survey.fit import base_of, fit_catenary
+from plnerf.errors import ConfigError, SurveyError
+from plnerf.line.base import Base, base_of
+from plnerf.line.ends import Attached, Open
+from plnerf.line.hang import hang
+from plnerf.line.wire import Wire
+from plnerf.survey.fit import FitConfig, fit_wire
 
 WIRES = {
     "level": hang((500_000.0, 5_700_000.0, 20.0), (500_040.0, 5_700_009.0, 20.4), 1.4),
@@ -15,20 +20,29 @@ WIRES = {
 }
 
 
-def on(wire: Catenary, count: int, low: float = 0.0, high: float = 1.0) -> np.ndarray:
-    return wire.points(np.linspace(low * wire.span_m, high * wire.span_m, count))
+def on(wire: Wire, count: int, low: float = 0.0, high: float = 1.0) -> np.ndarray:
+    return wire.points(np.linspace(low * wire.base.length_m, high * wire.base.length_m, count))
+
+
+def ends(wire: Wire) -> list[tuple[float, ...]]:
+    """Both, whichever way it runs."""
+    return sorted(tuple(point) for point in on(wire, 2).tolist())
+
+
+def sag(wire: Wire) -> float:
+    return wire.drop_between(0.0, wire.base.length_m)
 
 
 @pytest.mark.parametrize("name", WIRES)
 def test_points_of_a_wire_give_it_back(name: str) -> None:
     wire = WIRES[name]
-    fit = fit_catenary(on(wire, 60)[::-1])  # in whatever order
-    assert fit.curve.sag_m == pytest.approx(wire.sag_m, abs=1e-5)
-    assert fit.curve.p_m == pytest.approx(wire.p_m, rel=1e-3)
-    assert fit.curve.length_m == pytest.approx(wire.length_m, abs=1e-5)
-    assert fit.inlier.all() and fit.residual_up_m < 1e-5 and fit.residual_across_m < 1e-5
-    ends = sorted([fit.curve.a, fit.curve.b])
-    assert np.abs(np.array(ends) - sorted([wire.a, wire.b])).max() < 1e-4
+    found, inlier = fit_wire(on(wire, 60)[::-1])  # in whatever order
+    assert sag(found) == pytest.approx(sag(wire), abs=1e-5)
+    assert found.plane[2] == pytest.approx(wire.plane[2], rel=1e-3)
+    assert found.length_m == pytest.approx(wire.length_m, abs=1e-5)
+    assert inlier.all() and found.evidence.count == 60
+    assert found.evidence.residual_up_m < 1e-5 and found.evidence.residual_across_m < 1e-5
+    assert np.abs(np.array(ends(found)) - ends(wire)).max() < 1e-4
 
 
 @pytest.mark.parametrize("name", ["level", "steep", "deep"])
@@ -37,16 +51,16 @@ def test_a_third_of_gross_outliers_is_told_apart(name: str) -> None:
     points = on(wire, 200) + 0.02 * random.normal(size=(200, 3))
     wrong = random.random(200) < 0.33
     points[wrong] += random.uniform(0.5, 6.0, (wrong.sum(), 3))
-    fit = fit_catenary(points, base_of(on(wire, 2)))
-    assert not fit.inlier[wrong].any() and fit.inlier[~wrong].mean() > 0.97
-    assert fit.curve.sag_m == pytest.approx(wire.sag_m, abs=0.02)
+    found, inlier = fit_wire(points, base_of(on(wire, 2)))
+    assert not inlier[wrong].any() and inlier[~wrong].mean() > 0.97
+    assert sag(found) == pytest.approx(sag(wire), abs=0.02)
 
 
 def test_half_a_wire_says_that_the_other_half_is_less_certain() -> None:
     wire, random = WIRES["level"], np.random.default_rng(2)
     points = on(wire, 80, 0.0, 0.5) + 0.02 * random.normal(size=(80, 3))
-    fit = fit_catenary(points, base_of(on(wire, 2)))
-    seen, unseen = fit.sigma_at(np.array([0.25, 1.0]) * fit.base.length_m)
+    found, _ = fit_wire(points, wire.base)
+    seen, unseen = found.sigma_at(np.array([0.25, 1.0]) * wire.base.length_m)
     assert (unseen > 5 * seen).all()
 
 
@@ -55,21 +69,65 @@ def test_the_stated_deviations_are_the_true_ones() -> None:
     wire, random = WIRES["level"], np.random.default_rng(3)
     exact, base = on(wire, 60), base_of(on(wire, 2))
     middle = np.array([base.length_m / 2])
+    held = tuple(Attached(k + 1, point, 0.0) for k, point in enumerate(on(wire, 2)))
     sags, places, said = [], [], []
     for _ in range(80):
-        fit = fit_catenary(exact + 0.05 * random.normal(size=exact.shape), base)
-        sags.append(fit.curve.sag_m - wire.sag_m)
-        places.append(base.at(fit.q, middle)[0])
-        said.append([fit.sag_sigma_m, *fit.sigma_at(middle)[0]])
+        found, _ = fit_wire(exact + 0.05 * random.normal(size=exact.shape), base)
+        quantity = dataclasses.replace(found, ends=held).sag
+        assert quantity is not None
+        sags.append(quantity.value - sag(wire))
+        places.append(found.at(middle)[0])
+        said.append([quantity.sigma, *found.sigma_at(middle)[0]])
     truth = [np.std(sags), *np.std(places, axis=0)]
     assert truth == pytest.approx(np.mean(said, axis=0), rel=0.25)
     assert abs(np.mean(sags)) < 3 * np.std(sags) / np.sqrt(80)
 
 
+def test_the_swing_is_held_and_its_ends_are_open() -> None:
+    found, _ = fit_wire(on(WIRES["steep"], 30))
+    assert found.swing_rad == 0 and not found.covariance[5].any() and not found.covariance[:, 5].any()
+    assert np.linalg.eigvalsh(found.covariance[:5, :5]).min() > 0
+    assert found.id == 0 and all(isinstance(end, Open) for end in found.ends)
+    assert found.sag is None and found.p_m is None and "not known yet" in (found.open or "")
+
+
+def test_a_base_beyond_the_points_gives_the_same_curve() -> None:
+    """It only moves the ends: the wire between the points is where it was."""
+    wire = WIRES["steep"]
+    points = on(wire, 60)
+    L = wire.base.length_m
+    longer = Base.along(wire.base.a, wire.base.u, -0.1 * L, 1.2 * L)
+    found, _ = fit_wire(points, longer)
+    assert np.abs(found.at(longer.local(points)[:, 0]) - longer.local(points)[:, 1:]).max() < 1e-5
+    assert found.plane[2] == pytest.approx(wire.plane[2], rel=1e-5)
+
+
+def test_more_scatter_than_expected_counts_and_less_does_not() -> None:
+    """The covariance grows with the square of the points' scatter, but no less than `sigma_m` is assumed."""
+    wire, random = WIRES["level"], np.random.default_rng(4)
+    noise = random.normal(size=(300, 3))
+    found = {
+        s: fit_wire(on(wire, 300) + s * noise, wire.base)[0].covariance for s in (0.0, 0.005, 0.04, 0.08)
+    }
+    assert np.trace(found[0.0]) == pytest.approx(np.trace(found[0.005]), rel=1e-2)
+    assert np.sqrt(np.trace(found[0.08]) / np.trace(found[0.04])) == pytest.approx(2, rel=0.02)
+    coarser = fit_wire(on(wire, 300), wire.base, FitConfig(sigma_m=0.06))[0].covariance
+    assert np.trace(coarser) == pytest.approx(9 * np.trace(found[0.0]), rel=1e-6)
+
+
 def test_what_is_no_wire_is_told() -> None:
     with pytest.raises(SurveyError, match="6 points or more, but 5 are given"):
-        fit_catenary(on(WIRES["level"], 5))
+        fit_wire(on(WIRES["level"], 5))
     with pytest.raises(SurveyError, match="points along a span, but all 9 lie within"):
-        fit_catenary(np.zeros((9, 3)))
+        fit_wire(np.zeros((9, 3)))
     straight = np.linspace([0, 0, 5.0], [30, 2, 5.0], 40)
-    assert fit_catenary(straight).curve.sag_m < 1e-4  # nothing hangs here
+    assert sag(fit_wire(straight)[0]) < 1e-4  # nothing hangs here
+
+
+def test_settings_that_cannot_work_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"sigma_m must be greater than 0, got 0\.0"):
+        FitConfig(sigma_m=0.0)
+    with pytest.raises(ConfigError, match="max_rounds must be greater than 0, got 0"):
+        FitConfig(max_rounds=0)
+    with pytest.raises(ConfigError, match="min_points must be 5 or more"):
+        FitConfig(min_points=4)

@@ -69,8 +69,9 @@ def fit_wire(
             "of the wire, or leave it out."
         )
     base = base or base_of(points)
-    local = base.local(points)
-    s, L = local[:, 0], base.length_m
+    L = base.length_m
+    local = base.local(points) if L else np.zeros((len(points), 3))
+    s = local[:, 0]
     if np.ptp(s) < 1e-3:
         raise SurveyError(
             f"A wire needs points along a span, but all {len(points)} lie within {np.ptp(s):.2g} m."

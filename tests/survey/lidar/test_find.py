@@ -3,16 +3,13 @@
 from pathlib import Path
 
 import laspy
-import lidar_clouds as made
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from tests.support import lidar_clouds as made
 
-from plnerf.errors import SurveyError
-from plnerf.line.catenary import Catenary
-from plnerf.survey.lidar.checks import distinct
-from plnerf.survey.lidar.find import Found, find_conductors
-from plnerf.survey.model import (
+from plnerf.errors import ConfigError, SurveyError
+from plnerf.line.cloud import (
     CONDUCTOR,
     GROUND,
     HIGH_VEGETATION,
@@ -22,11 +19,42 @@ from plnerf.survey.model import (
     TOWER,
     UNCLASSIFIED,
     VEGETATION,
-    Conductor,
 )
+from plnerf.line.ends import Attached, Open
+from plnerf.line.frame import LineFrame
+from plnerf.line.line import Structure
+from plnerf.line.wire import Wire
+from plnerf.survey.lidar.checks import distinct
+from plnerf.survey.lidar.config import LidarConfig, SpanConfig, TrackConfig
+from plnerf.survey.lidar.find import Found, find_lines
 
 FEET = np.array([[0.0, 0.0], [110.0, 20.0], [215.0, 70.0]])
 """A line that bends by 15 degrees."""
+
+
+CONFIG = LidarConfig()
+
+
+def find(xyz: np.ndarray, config: LidarConfig = CONFIG) -> Found:
+    return find_lines(xyz, config)
+
+
+def wires_of(found: Found) -> list[Wire]:
+    return [wire for line in found.lines for wire in line.wires]
+
+
+def structures_of(found: Found) -> list[Structure]:
+    return [structure for line in found.lines for structure in line.structures]
+
+
+def texts(found: Found) -> list[str]:
+    return [finding.text for finding in found.findings]
+
+
+def sag_of(wire: Wire) -> float:
+    sag = wire.sag
+    assert sag is not None, wire.open
+    return sag.value
 
 
 @pytest.fixture(scope="module")
@@ -36,48 +64,78 @@ def line() -> made.Line:
 
 @pytest.fixture(scope="module")
 def found(line: made.Line) -> Found:
-    return find_conductors(line.xyz)
+    return find(line.xyz)
 
 
-def apart(one: Conductor, wire: Catenary) -> float:
+def apart(one: Wire, wire: Wire) -> float:
     """Greatest distance of a found curve from a true wire, but for the last metre at its ends."""
-    points = one.fit.curve.points(np.linspace(1, one.fit.curve.span_m - 1, 50))
+    points = one.points(np.linspace(1, one.base.length_m - 1, 50))
     return float(cKDTree(wire.polyline(0.01)).query(points)[0].max())
 
 
-def matched(found: Found, wires: list[Catenary]) -> dict[int, tuple[Conductor, float]]:
-    """For each true wire the conductor that is nearest to it, each at most once."""
-    pairs: dict[int, tuple[Conductor, float]] = {}
-    for conductor in found.conductors:
-        off = [apart(conductor, wire) for wire in wires]
+def matched(found: Found, wires: list[Wire]) -> dict[int, tuple[Wire, float]]:
+    """For each true wire the found one that is nearest to it, each at most once."""
+    pairs: dict[int, tuple[Wire, float]] = {}
+    for one in wires_of(found):
+        off = [apart(one, wire) for wire in wires]
         k = int(np.argmin(off))
-        assert k not in pairs, f"conductors {pairs[k][0].id} and {conductor.id} are both wire {k}"
-        pairs[k] = conductor, off[k]
+        assert k not in pairs, f"wires {pairs[k][0].id} and {one.id} are both wire {k}"
+        pairs[k] = one, off[k]
     return pairs
 
 
 def test_every_wire_of_a_line_is_found_once(line: made.Line, found: Found) -> None:
     pairs = matched(found, line.wires)
     assert len(pairs) == len(line.wires) == 14
-    for k, (conductor, off) in pairs.items():
-        curve, wire = conductor.fit.curve, line.wires[k]
+    for k, (one, off) in pairs.items():
+        wire = line.wires[k]
         assert off < 0.06
-        assert conductor.kind == line.kinds[k]
-        assert curve.sag_m == pytest.approx(wire.sag_m, abs=0.03)
-        assert curve.length_m == pytest.approx(wire.length_m, abs=1.0)  # from support to support
-        assert conductor.coverage > 0.9 and conductor.note is None
-        assert conductor.fit.residual_across_m < 0.04 and conductor.fit.residual_up_m < 0.04
-    assert [c.id for c in found.conductors] == list(range(1, 15))
-    assert [c.span for c in found.conductors] == [0] * 7 + [1] * 7
-    assert found.notes == ()
+        assert one.kind == wire.kind
+        assert sag_of(one) == pytest.approx(sag_of(wire), abs=0.03)
+        assert one.length_m == pytest.approx(wire.length_m, abs=1.0)  # from structure to structure
+        assert one.evidence.coverage > 0.9 and one.notes == () and one.open is None
+        assert one.evidence.residual_across_m < 0.04 and one.evidence.residual_up_m < 0.04
+    assert [wire.id for wire in wires_of(found)] == list(range(1, 15))
+    assert found.findings == ()
 
 
-def test_supports_stand_where_the_towers_do(line: made.Line, found: Found) -> None:
-    assert len(found.towers) == 3
+def test_the_line_is_numbered_along_itself(line: made.Line, found: Found) -> None:
+    (one,) = found.lines
+    assert one.id == 1 and [s.id for s in one.structures] == [1, 2, 3] and [s.id for s in one.spans] == [1, 2]
+    assert [span.structures for span in one.spans] == [(1, 2), (2, 3)]
+    assert [len(span.wires) for span in one.spans] == [7, 7]
+    assert (np.diff([structure.foot[0] for structure in one.structures]) > 50).all()
+    for span in one.spans:
+        across = [
+            wire.points(np.array([wire.base.length_m / 2]))[0] @ [-0.3, 0.95, 0.0] for wire in span.wires
+        ]
+        assert across == sorted(across, reverse=True)  # from the left to the right
+
+
+def test_wires_end_at_the_structures_that_hold_them(found: Found) -> None:
+    feet = {structure.id: structure for structure in structures_of(found)}
+    for span in found.lines[0].spans:
+        for wire in span.wires:
+            for end, structure, s in zip(wire.ends, span.structures, (0.0, wire.base.length_m), strict=True):
+                assert isinstance(end, Attached) and end.structure == structure
+                assert (end.point == wire.points(np.array([s]))[0]).all()
+                assert end.sigma_m == feet[end.structure].sigma_m == CONFIG.structure.sigma_m
+            span_m = np.linalg.norm(feet[span.structures[1]].foot[:2] - feet[span.structures[0]].foot[:2])
+            assert wire.span_m is not None and wire.span_m.value == pytest.approx(span_m, abs=3.5)
+
+
+def test_structures_stand_where_the_towers_do(line: made.Line, found: Found) -> None:
+    structures = structures_of(found)
+    assert len(structures) == 3
     for foot in line.feet:
-        off = [np.linalg.norm(tower.foot - foot) for tower in found.towers]
+        off = [np.linalg.norm(structure.foot - foot) for structure in structures]
         assert min(off) < 0.6
-        assert found.towers[int(np.argmin(off))].height_m == pytest.approx(35, abs=0.7)
+        assert structures[int(np.argmin(off))].height_m == pytest.approx(35, abs=0.7)
+    assert all("points" in structure.evidence and structure.kind == "unknown" for structure in structures)
+    a, b = np.diff(FEET, axis=0)
+    bend = np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b)))
+    assert structures[1].line_angle_deg == pytest.approx(bend, abs=2.0)
+    assert structures[0].line_angle_deg is None and structures[2].line_angle_deg is None
 
 
 def test_points_are_labelled_as_what_they_are(line: made.Line, found: Found) -> None:
@@ -90,7 +148,7 @@ def test_points_are_labelled_as_what_they_are(line: made.Line, found: Found) -> 
     assert (label[truth == 15] == TOWER).mean() > 0.9
     assert np.isin(label[truth == 5], [LOW_VEGETATION, VEGETATION, HIGH_VEGETATION]).mean() > 0.98
     assert ((found.cloud.wire != NO_WIRE) == np.isin(label, [CONDUCTOR, SHIELD])).all()
-    pairs = {conductor.id: k for k, (conductor, _) in matched(found, line.wires).items()}
+    pairs = {wire.id: k for k, (wire, _) in matched(found, line.wires).items()}
     on = (found.cloud.wire != NO_WIRE) & away
     named = np.array([pairs[name] for name in found.cloud.wire[on]])
     assert (named == line.owner[on]).mean() > 0.995  # of twins, each its own
@@ -98,45 +156,85 @@ def test_points_are_labelled_as_what_they_are(line: made.Line, found: Found) -> 
 
 def test_order_and_duplicates_change_nothing(line: made.Line, found: Found) -> None:
     order = np.random.default_rng(5).permutation(np.repeat(np.arange(len(line.xyz)), 2))
-    again = find_conductors(line.xyz[order])
+    again = find(line.xyz[order])
     assert (again.cloud.label == found.cloud.label[order]).all()
     assert (again.cloud.wire == found.cloud.wire[order]).all()
-    for one, other in zip(found.conductors, again.conductors, strict=True):
-        assert (one.fit.q == other.fit.q).all() and one.evidence == other.evidence
-    assert [t.height_m for t in again.towers] == [t.height_m for t in found.towers]
+    for one, other in zip(wires_of(found), wires_of(again), strict=True):
+        assert (one.theta == other.theta).all() and one.evidence == other.evidence
+    heights = [structure.height_m for structure in structures_of(found)]
+    assert [structure.height_m for structure in structures_of(again)] == heights
 
 
 def test_a_moved_line_is_found_moved(line: made.Line) -> None:
+    """Turned, and in national coordinates, which LineFrame takes off again."""
     c, s = np.cos(np.radians(131.0)), np.sin(np.radians(131.0))
     turn, shift = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.array([2e5, 5.7e6, 40.0])
-    moved = find_conductors(line.xyz @ turn.T + shift)
-    wires = []
-    for wire in line.wires:
-        a, b = np.array([wire.a, wire.b]) @ turn.T + shift
-        wires.append(Catenary(tuple(a.tolist()), tuple(b.tolist()), wire.p_m))
-    pairs = matched(moved, wires)
-    assert len(pairs) == 14 and max(off for _, off in pairs.values()) < 0.07
-    assert all(conductor.kind == line.kinds[k] for k, (conductor, _) in pairs.items())
-    assert len(moved.towers) == 3
+    world = line.xyz @ turn.T + shift
+    frame = LineFrame.of_cloud(world, None)
+    moved = find(frame.from_world(world))
+    assert len(wires_of(moved)) == 14 and len(structures_of(moved)) == 3
+    truth = [cKDTree(frame.from_world(wire.polyline(0.01) @ turn.T + shift)) for wire in line.wires]
+    seen = set()
+    for one in wires_of(moved):
+        points = one.points(np.linspace(1, one.base.length_m - 1, 50))
+        off = [float(tree.query(points)[0].max()) for tree in truth]
+        k = int(np.argmin(off))
+        assert off[k] < 0.07 and one.kind == line.wires[k].kind
+        seen.add(k)
+    assert len(seen) == 14
 
 
 def test_level_spans_in_a_straight_line_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """The slope breaks by 6 % only, and the sag is 0.7 m."""
     monkeypatch.setattr(made, "relief", lambda xy: np.zeros(len(xy)))
     level = made.line(np.array([[0.0, 0.0], [90.0, 0.0], [180.0, 0.0]]), seed=1)
-    found = find_conductors(level.xyz)
+    found = find(level.xyz)
     pairs = matched(found, level.wires)
     assert len(pairs) == 14 and max(off for _, off in pairs.values()) < 0.06
-    assert len(found.towers) == 3 and all(c.note is None for c in found.conductors)
+    assert len(structures_of(found)) == 3
+    assert all(wire.notes == () and wire.open is None for wire in wires_of(found))
+    assert structures_of(found)[1].line_angle_deg == pytest.approx(0.0, abs=1.0)
 
 
-def test_part_of_a_span_is_found_and_told(line: made.Line) -> None:
+def test_part_of_a_span_is_found_and_has_no_sag(line: made.Line) -> None:
     part = line.xyz[(line.xyz[:, 0] > 45) & (line.xyz[:, 0] < 150)]
-    found = find_conductors(part)
-    assert len(found.towers) == 1 and len(matched(found, line.wires)) == 14
-    for conductor in found.conductors:
-        end = "first" if conductor.span == 0 else "last"
-        assert conductor.note == f"The cloud ends at its {end} end: its support there is not seen."
+    found = find(part)
+    assert len(structures_of(found)) == 1 and len(matched(found, line.wires)) == 14
+    first, last = found.lines[0].spans
+    assert first.structures == (None, 1) and last.structures == (1, None)
+    for span, open_end in ((first, 0), (last, 1)):
+        for wire in span.wires:
+            assert wire.ends[open_end] == Open("the cloud ends there")
+            assert isinstance(wire.ends[1 - open_end], Attached)
+            name = ("first", "last")[open_end]
+            assert wire.open == f"its {name} end is open (the cloud ends there)"
+            assert wire.sag is None and wire.span_m is None and wire.p_m is None
+
+
+def test_lines_that_share_no_structure_are_two(line: made.Line) -> None:
+    """Two lines side by side, 120 m apart, numbered one after the other."""
+    both = np.concatenate([line.xyz, np.add(line.xyz, [0.0, 120.0, 0.0])])
+    found = find(both)
+    assert [one.id for one in found.lines] == [1, 2]
+    assert [structure.id for structure in structures_of(found)] == [1, 2, 3, 4, 5, 6]
+    assert [span.id for one in found.lines for span in one.spans] == [1, 2, 3, 4]
+    assert [wire.id for wire in wires_of(found)] == list(range(1, 29))
+    for one in found.lines:
+        ids = {structure.id for structure in one.structures}
+        assert all(set(span.structures) <= ids for span in one.spans)
+        assert np.ptp([structure.foot[1] for structure in one.structures]) < 100
+
+
+def test_a_wire_with_a_gap_names_the_stretches_where_it_is_seen(line: made.Line, found: Found) -> None:
+    pairs = matched(found, line.wires)
+    at = line.wires[2].base.local(line.xyz)[:, 0]
+    again = find(line.xyz[(line.owner != 2) | (np.abs(at - 55) > 5)])
+    before, after = pairs[2][0], matched(again, line.wires)[2][0]
+    assert before.evidence.seen_m is None and before.evidence.coverage == 1
+    (a, b), (c, d) = after.evidence.seen_m or ()
+    assert 0 <= a < 8 and d > after.base.length_m - 8 and 10 <= c - b < 12
+    assert c - b == pytest.approx(after.evidence.longest_gap_m, rel=1e-3)
+    assert after.evidence.coverage == pytest.approx(1 - (c - b) / after.base.length_m, abs=0.01)
 
 
 def test_points_far_away_and_points_beside_wires_change_no_wire(line: made.Line, found: Found) -> None:
@@ -146,8 +244,8 @@ def test_points_far_away_and_points_beside_wires_change_no_wire(line: made.Line,
     branch = line.xyz[line.owner == 3][9] + np.linspace([0, 0, -0.5], [0, 0, -4], 12)
     branch += 0.05 * random.normal(size=(12, 3))
     more = np.concatenate([line.xyz, noise, branch, np.full((3, 3), -2e5)])
-    again = find_conductors(more)
-    assert again.notes == ("3 points lie far away from the others in plan and are left out.",)
+    again = find(more)
+    assert texts(again) == ["3 points lie far away from the others in plan and are left out."]
     pairs = matched(again, line.wires)
     assert len(pairs) == 14 and max(off for _, off in pairs.values()) < 0.06
     added = again.cloud.label[len(line.xyz) :]
@@ -156,11 +254,14 @@ def test_points_far_away_and_points_beside_wires_change_no_wire(line: made.Line,
 
 
 def test_wires_alone_are_found(line: made.Line) -> None:
-    found = find_conductors(line.xyz[np.isin(line.truth, [13, 14])])
+    found = find(line.xyz[np.isin(line.truth, [13, 14])])
     pairs = matched(found, line.wires)
     assert len(pairs) == 14 and max(off for _, off in pairs.values()) < 0.07
-    assert "shows no ground" in found.notes[0]
-    assert "1 of 1 towers by nothing but the wires that meet" in found.notes[1]
+    assert "shows no ground" in texts(found)[0]
+    assert "1 of 1 structures by nothing but the wires that meet" in texts(found)[1]
+    assert found.findings[1].where == ("structure 1",)
+    (structure,) = structures_of(found)
+    assert structure.evidence == "the wires that meet there" and structure.sigma_m == 1.0
     assert not np.isin(found.cloud.label, [GROUND, LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, TOWER]).any()
 
 
@@ -186,30 +287,30 @@ def test_nothing_else_is_a_wire() -> None:
     cloud.add(roof, 6)
     gutters = np.array([[[-50, -40 + y, base + z], [-12, -40 + y, base + z]] for y, z in ((-5, 5.5), (0, 9))])
     cloud.add(made.bars(gutters, 6.0, 0.02, random), 6)
-    found = find_conductors(cloud.xyz)
-    assert found.conductors == () and found.towers == ()
+    found = find(cloud.xyz)
+    assert found.lines == ()
     assert (found.cloud.wire == NO_WIRE).all() and not np.isin(found.cloud.label, [13, 14, 15]).any()
-    assert len(found.notes) == 1 and "No wires were found: of " in found.notes[0]
+    assert len(found.findings) == 1 and "No wires were found: of " in texts(found)[0]
 
 
 def test_clouds_that_cannot_be_used_are_told(line: made.Line) -> None:
     with pytest.raises(SurveyError, match="The cloud holds no points"):
-        find_conductors(np.empty((0, 3)))
+        find(np.empty((0, 3)))
     spoilt = line.xyz[:100].copy()
     spoilt[7, 2], spoilt[9, 0] = np.nan, np.inf
     with pytest.raises(SurveyError, match="2 of the cloud's 100 points have coordinates that are not finite"):
-        find_conductors(spoilt)
+        find(spoilt)
     with pytest.raises(SurveyError, match=r"50000 points lie within 0 m of each other in plan"):
-        find_conductors(np.tile([[5.0, 5.0, 5.0]], (50_000, 1)))
+        find(np.tile([[5.0, 5.0, 5.0]], (50_000, 1)))
     degrees = line.xyz / [111_000.0, 111_000.0, 1.0] + [8.5, 47.2, 400.0]
     with pytest.raises(SurveyError, match=r"x \(8\..* to 8\..*\) and y \(47\..*\) look like degrees"):
-        find_conductors(degrees)
+        find(degrees)
 
 
 def test_a_few_points_are_no_line() -> None:
     for count in (2, 5, 30):
-        found = find_conductors(np.random.default_rng(count).uniform(0, 50, (count, 3)))
-        assert found.conductors == () and len(found.cloud.label) == count and found.notes
+        found = find(np.random.default_rng(count).uniform(0, 50, (count, 3)))
+        assert found.lines == () and len(found.cloud.label) == count and found.findings
 
 
 def test_distinct_points_and_where_each_is() -> None:
@@ -218,20 +319,40 @@ def test_distinct_points_and_where_each_is() -> None:
     assert (points[which] == xyz).all() and (points == np.unique(xyz, axis=0)).all()
 
 
+def test_settings_that_cannot_work_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"low_m must be at most min_height_m \(4 m\), got 5"):
+        LidarConfig(low_m=5.0)
+    with pytest.raises(ConfigError, match="cell_m must be greater than 0, got 0"):
+        SpanConfig(cell_m=0.0)
+    with pytest.raises(ConfigError, match=r"min_overlap must lie between 0 and 1, got 1\.5"):
+        SpanConfig(min_overlap=1.5)
+    with pytest.raises(ConfigError, match="min_gate_m must be at most max_gate_m"):
+        TrackConfig(min_gate_m=0.7)
+
+
+def test_the_least_height_decides(line: made.Line) -> None:
+    """Shields hang at 33 m, the arms at 20 and 26 m."""
+    high = find(line.xyz, LidarConfig(min_height_m=28.0))
+    assert {wire.kind for wire in wires_of(high)} == {"phase"} and len(wires_of(high)) == 2
+
+
 @pytest.mark.data
 @pytest.mark.parametrize(
-    ("name", "conductors", "recall"), [("07CZ2_14.laz", 28, 0.99), ("12AN2_20.laz", 28, 0.98)]
+    ("name", "count", "recall"), [("07CZ2_14.laz", 28, 0.99), ("12AN2_20.laz", 28, 0.98)]
 )
-def test_real_lines_are_found(shared_data: Path, name: str, conductors: int, recall: float) -> None:
+def test_real_lines_are_found(shared_data: Path, name: str, count: int, recall: float) -> None:
     """The publisher's classes are the truth; they are used for nothing else."""
     cloud = laspy.read(shared_data / "lidar" / name)
-    found = find_conductors(np.asarray(cloud.xyz))
+    xyz = LineFrame.of_cloud(np.asarray(cloud.xyz), None).from_world(np.asarray(cloud.xyz))
+    found = find(xyz)
     truth = np.asarray(cloud.classification)
-    curves = np.concatenate([c.fit.curve.polyline(0.1) for c in found.conductors])
-    assert (cKDTree(curves).query(cloud.xyz[truth == 14])[0] <= 0.25).mean() > recall
-    assert len(found.conductors) == conductors and len(found.towers) == 1
-    tower = cloud.xyz[truth == 15]
-    assert np.linalg.norm(found.towers[0].foot[:2] - (tower.min(0) + tower.max(0))[:2] / 2) < 1.5
+    curves = np.concatenate([wire.polyline(0.1) for wire in wires_of(found)])
+    assert (cKDTree(curves).query(xyz[truth == 14])[0] <= 0.25).mean() > recall
+    assert len(wires_of(found)) == count and len(structures_of(found)) == 1
+    tower = xyz[truth == 15]
+    foot = structures_of(found)[0].foot
+    assert np.linalg.norm(foot[:2] - (tower.min(0) + tower.max(0))[:2] / 2) < 1.5
     labelled = found.cloud.wire != NO_WIRE
-    near_tower = cKDTree(tower).query(cloud.xyz[labelled])[0] < 3.0
+    near_tower = cKDTree(tower).query(xyz[labelled])[0] < 3.0
     assert (truth[labelled][~near_tower] == 14).mean() > 0.99
+    assert all("the cloud ends there" in (wire.open or "") for wire in wires_of(found))
