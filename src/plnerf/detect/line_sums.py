@@ -11,9 +11,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from plnerf.ops.cpu_arrays import FAST
+from plnerf.ops.kernel_cache import njit
 
 _FLAGS = {"cache": True, "fastmath": FAST, "error_model": "numpy", "nogil": True}
 

@@ -8,11 +8,11 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit, prange
 
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.odds import Odds, column_odds
 from plnerf.detect.views import Views
+from plnerf.ops.kernel_cache import njit, prange
 
 
 @njit(cache=True)

@@ -16,10 +16,10 @@ from typing import NamedTuple, no_type_check
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
-from numba import njit
 
 from plnerf.detect.config import OddsConfig
 from plnerf.detect.views import NEAREST, Views, distort
+from plnerf.ops.kernel_cache import njit
 
 BLOCK = 8
 """Width of the blocks for which densities are tabulated, in pixels."""

@@ -8,12 +8,12 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit, prange
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import RefitConfig
 from plnerf.detect.narrow import curve_point
 from plnerf.detect.views import Views, project_across, project_point
+from plnerf.ops.kernel_cache import njit, prange
 
 
 def refit(

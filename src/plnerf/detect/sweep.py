@@ -10,11 +10,11 @@ from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from numba import njit, prange
 
 from plnerf.detect.config import SweepConfig
 from plnerf.detect.odds import Odds, column_odds
 from plnerf.detect.views import Views
+from plnerf.ops.kernel_cache import njit, prange
 
 
 class Box(NamedTuple):

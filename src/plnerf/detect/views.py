@@ -7,8 +7,8 @@ from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit
 
+from plnerf.ops.kernel_cache import njit
 from plnerf.scene.cameras import Cameras
 
 NEAREST = 1e-6

@@ -9,7 +9,6 @@ from typing import Any, no_type_check
 
 import torch
 from jaxtyping import Float
-from numba import njit, prange
 from numpy import uint64
 from torch import Tensor
 
@@ -27,6 +26,7 @@ from plnerf.ops.cpu_vectors import (
     store_row,
     touched,
 )
+from plnerf.ops.kernel_cache import njit, prange
 
 _LANES = 16  # numbers taken at once: a line of the cache and a register, where these are 64 bytes
 

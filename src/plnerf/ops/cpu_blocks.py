@@ -14,7 +14,6 @@ from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST, array, flat
@@ -22,6 +21,7 @@ from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_products import add_products
 from plnerf.ops.cpu_vectors import add_scaled, load_record, scaled
 from plnerf.ops.grid import GridShape
+from plnerf.ops.kernel_cache import njit
 from plnerf.ops.layout import grid_layout
 
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}

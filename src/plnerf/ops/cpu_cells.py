@@ -8,18 +8,15 @@ Whole numbers are uint32, whose products wrap around: that leaves the low bits o
 sixteen of them fit into a vector register.  Arithmetic is done in the type of the points, `real`: to Numba
 an integer times a float32 is a float64.  What Numba compiles is marked no_type_check: a wrapper that checks
 annotations cannot be compiled.
-
-Numba's cache on disk looks at the file of a kernel alone: after a change here, touch the files of the kernels
-that use it.
 """
 
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.grid import HASH_PRIMES
+from plnerf.ops.kernel_cache import njit
 
 BLOCK = 128
 """Points whose corners are found at once.  64 to 256 do equally well: the scratch arrays stay in cache."""

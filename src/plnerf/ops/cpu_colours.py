@@ -14,7 +14,6 @@ from typing import NamedTuple, no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from numba import njit, prange
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST, array, num_threads
@@ -22,6 +21,7 @@ from plnerf.ops.cpu_blocks import Grid, Network, add_layer, encode, finish_netwo
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_math import exp_and_expm1_neg, sin_cos
 from plnerf.ops.cpu_rays import gaussian
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.launch import arrays
 
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}

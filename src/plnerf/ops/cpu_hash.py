@@ -19,7 +19,6 @@ from typing import Any, NamedTuple, no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float
-from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
@@ -29,6 +28,7 @@ from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_hash_normals import PositionGradient
 from plnerf.ops.cpu_vectors import add_scaled, load_row, scaled, store_row
 from plnerf.ops.grid import GridShape
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.layout import grid_layout
 
 

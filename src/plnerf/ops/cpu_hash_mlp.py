@@ -17,7 +17,6 @@ from typing import Any, no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float
-from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
@@ -27,6 +26,7 @@ from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_hash import add_table_gradient
 from plnerf.ops.cpu_products import add_products
 from plnerf.ops.grid import GridShape
+from plnerf.ops.kernel_cache import njit, prange
 
 SLABS = 16
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}

@@ -13,7 +13,6 @@ from functools import cache
 from typing import Any, NamedTuple, no_type_check
 
 import torch
-from numba import njit, prange
 from numpy import uint32, uint64
 from torch import Tensor
 from torch.autograd.function import once_differentiable
@@ -23,6 +22,7 @@ from plnerf.ops.cpu_arrays import FAST, adds_in_place, flat
 from plnerf.ops.cpu_cells import curvature, locate, slope, vertex_row, weight
 from plnerf.ops.cpu_vectors import add_scaled, dot, load_row, scaled, store_row
 from plnerf.ops.grid import GridShape
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.layout import grid_layout
 
 

@@ -11,9 +11,9 @@ import math
 from typing import NamedTuple, no_type_check
 
 from jaxtyping import Float, Int
-from numba import njit, prange
 from torch import Tensor
 
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.launch import arrays, launch
 
 _ITERATIONS, _LONGEST_STEP = 16, 1.0  # as the reference's

@@ -15,8 +15,10 @@ import math
 from typing import Any, no_type_check
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
+
+from plnerf.ops.kernel_cache import njit
 
 _f32 = np.float32
 _ROUND = _f32(12582912.0)  # 1.5 * 2^23

@@ -16,12 +16,12 @@ from typing import Any, no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float
-from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST, array, flat
 from plnerf.ops.cpu_products import add_products
+from plnerf.ops.kernel_cache import njit, prange
 
 BLOCK = 64
 SLABS = 16

@@ -16,11 +16,11 @@ from typing import no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float
-from numba import njit, prange
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.cpu_math import exp_and_expm1_neg, sin_cos
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 

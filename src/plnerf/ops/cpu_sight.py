@@ -14,7 +14,6 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit, prange
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST, num_threads
@@ -22,6 +21,7 @@ from plnerf.ops.cpu_blocks import Grid, Network, encode, run_network
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_math import exp_and_expm1_neg
 from plnerf.ops.cpu_rays import fill_features
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.launch import arrays
 
 _PACKET = 16

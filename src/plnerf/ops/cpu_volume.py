@@ -15,12 +15,12 @@ from typing import Any, no_type_check
 import numpy as np
 import torch
 from jaxtyping import Float
-from numba import njit, prange
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.cpu_math import exp_and_expm1_neg
+from plnerf.ops.kernel_cache import njit, prange
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 from plnerf.ops.rendered import Rendered
 

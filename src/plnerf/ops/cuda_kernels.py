@@ -5,7 +5,7 @@ Arithmetic is done in the type of the points; a table of float16 or bfloat16 is 
 
 Letters: L levels, F features, F_UP the power of two from F on; n the cells an axis; i, j, k a cell and u, v,
 w the fraction of it along x, y and z, then the weights of its upper vertices, with d their slopes s'(u) n and
-dd their curvatures s''(u) n^2.  A corner's number has a bit for each axis.  `layout` is that of `grid_layout`.
+dd their curvatures s''(u) n^2.  A corner's number has a bit for each axis.  `layout` is `grid_layout`'s.
 
 What Triton compiles is marked no_type_check: a wrapper that checks annotations cannot be compiled.
 """

@@ -1,0 +1,81 @@
+"""An edited kernel is compiled anew, even where the edit is in another file than the kernel that runs."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import plnerf
+from plnerf.ops import kernel_cache
+
+PACKAGE = Path(plnerf.__file__).parent
+SCRIPT = """
+import torch
+from plnerf.ops import cpu_volume
+w = cpu_volume.weights_from_density(torch.ones(1, 4), torch.linspace(0, 1, 5)[None])
+hits = sum(cpu_volume._weights.stats.cache_hits.values())
+print(f"{float(w.sum()):.6f} {hits}")
+"""
+EXACT = "(one - scale) - scale * p"
+
+
+def run_copy(folder: Path, **environment: str) -> tuple[float, int]:
+    """The summed weights of a ray and how often the kernel came from the cache, in a process of its own."""
+    found = subprocess.run(
+        [sys.executable, "-c", SCRIPT], check=True, capture_output=True, text=True, cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": "", **environment},
+    )  # fmt: skip
+    total, hits = found.stdout.split()
+    return float(total), int(hits)
+
+
+def copy_package(folder: Path) -> Path:
+    copy = folder / "plnerf"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("data", "__pycache__"))
+    return copy
+
+
+def test_an_edit_to_a_kernel_of_another_file_is_compiled(tmp_path: Path) -> None:
+    copy = copy_package(tmp_path)
+    first, hits = run_copy(tmp_path)
+    assert abs(first - 0.632121) < 1e-5 and hits == 0  # 1 - exp(-1)
+    assert run_copy(tmp_path) == (first, 1)
+    math = copy / "ops" / "cpu_math.py"
+    source = math.read_text()
+    assert EXACT in source
+    math.write_text(source.replace(EXACT, f"{EXACT} - scale * _f32(0.25)"))
+    edited, hits = run_copy(tmp_path)
+    assert edited < first - 0.1 and hits == 0
+    math.write_text(source)
+    assert run_copy(tmp_path) == (first, 1)  # what was compiled before the edit is still there
+
+
+def test_the_places_are_numbas(tmp_path: Path) -> None:
+    """The folder that the user names; else beside the file; else the user's cache folder."""
+    copy = copy_package(tmp_path)
+    named = tmp_path / "named"
+    run_copy(tmp_path, NUMBA_CACHE_DIR=str(named))
+    assert list(named.glob(f"ops_*/{kernel_cache.PREFIX}*/cpu_volume.*.nbc"))
+    beside = copy / "ops" / "__pycache__"
+    assert not list(beside.glob(kernel_cache.PREFIX + "*"))
+    shutil.rmtree(beside, ignore_errors=True)
+    beside.write_text("a file in the place of the folder, so that nobody can write there")
+    run_copy(tmp_path, XDG_CACHE_HOME=str(tmp_path / "user"))
+    assert list((tmp_path / "user").glob(f"numba/ops_*/{kernel_cache.PREFIX}*/cpu_volume.*.nbc"))
+
+
+def test_every_file_of_kernels_counts_and_takes_njit_from_one_place() -> None:
+    counted = set(kernel_cache.kernel_files(kernel_cache.PACKAGE))
+    for path in PACKAGE.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        if "@njit" in text:
+            assert path in counted
+            assert "from plnerf.ops.kernel_cache import njit" in text, path
+    assert PACKAGE / "ops" / "grid.py" in counted
+
+
+def test_importing_the_package_loads_no_numba() -> None:
+    code = "import sys, plnerf; print(sorted({'numba', 'torch'} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert found.stdout.strip() == "[]"
