@@ -10,11 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
 
+from plnerf.detect.config import EvidenceConfig
 from plnerf.detect.evidence import line_evidence, line_response, track_slope, vanishing_directions
 from plnerf.scene.cameras import project
 from plnerf.scene.images import ImageStore
 
 SIZE = 96
+CONFIG = EvidenceConfig()
 
 
 def along(angle_deg: float, shape: tuple[int, int] = (SIZE, SIZE)) -> np.ndarray:
@@ -45,7 +47,7 @@ def distance_from_line(angle_deg: float) -> np.ndarray:
 def test_a_line_along_responds_on_itself_and_nowhere_else(
     angle_deg: float, contrast: int, thick: int
 ) -> None:
-    response = line_response(line_picture(angle_deg, thick, contrast=contrast), along(angle_deg))
+    response = line_response(line_picture(angle_deg, thick, contrast=contrast), along(angle_deg), CONFIG)
     far = distance_from_line(angle_deg)
     inner = np.zeros((SIZE, SIZE), bool)
     inner[12:-12, 12:-12] = True
@@ -71,30 +73,31 @@ def _bands(angle_deg: float) -> list[np.ndarray]:
 def test_a_line_across_does_not_respond(angle_deg: float, across_deg: float) -> None:
     picture = line_picture(angle_deg + across_deg)
     inner = np.s_[12:-12, 12:-12]
-    assert line_response(picture, along(angle_deg))[inner].max() < 0.05
-    assert line_response(picture, along(angle_deg + across_deg))[inner].max() > 0.4
+    assert line_response(picture, along(angle_deg), CONFIG)[inner].max() < 0.05
+    assert line_response(picture, along(angle_deg + across_deg), CONFIG)[inner].max() > 0.4
 
 
 @given(st.integers(0, 1000), st.integers(1, 55))
 @settings(max_examples=10, deadline=None)
 def test_more_light_on_all_changes_nothing_and_polarity_does_not_count(seed: int, more: int) -> None:
     image = np.random.default_rng(seed).integers(50, 200, (40, 50, 3), dtype=np.uint8)
-    response = line_response(image, along(20.0, (40, 50)))
+    response = line_response(image, along(20.0, (40, 50)), CONFIG)
     assert response.max() > 0.1
     np.testing.assert_allclose(
-        line_response(image + np.uint8(more), along(20.0, (40, 50))), response, atol=1e-3
+        line_response(image + np.uint8(more), along(20.0, (40, 50)), CONFIG), response, atol=1e-3
     )
-    np.testing.assert_allclose(line_response(255 - image, along(20.0, (40, 50))), response, atol=1e-3)
-    np.testing.assert_allclose(line_response(image, -along(20.0, (40, 50))), response, atol=1e-3)
+    np.testing.assert_allclose(line_response(255 - image, along(20.0, (40, 50)), CONFIG), response, atol=1e-3)
+    np.testing.assert_allclose(line_response(image, -along(20.0, (40, 50)), CONFIG), response, atol=1e-3)
 
 
 def test_responses_are_shares_and_an_even_picture_has_none() -> None:
     image = np.random.default_rng(3).integers(0, 256, (60, 50, 3), dtype=np.uint8)
-    response = line_response(image, along(0.0, (60, 50)))
+    response = line_response(image, along(0.0, (60, 50)), CONFIG)
     assert response.dtype == np.float32 and response.min() >= 0 and response.max() <= 1
-    assert line_response(np.full((60, 50, 3), 77, np.uint8), along(0.0, (60, 50))).max() < 1e-5  # round-off
+    even = np.full((60, 50, 3), 77, np.uint8)
+    assert line_response(even, along(0.0, (60, 50)), CONFIG).max() < 1e-5  # round-off
     slope = np.repeat(np.broadcast_to(np.arange(50, dtype=np.uint8) * 4, (60, 50))[..., None], 3, -1)
-    inner = line_response(np.ascontiguousarray(slope), along(90.0, (60, 50)))[:, 20:30]
+    inner = line_response(np.ascontiguousarray(slope), along(90.0, (60, 50)), CONFIG)[:, 20:30]
     assert inner.max() < 0.01  # an even slope is no line
 
 
@@ -129,17 +132,17 @@ def test_evidence_is_flat_over_the_chosen_images_and_blind_where_masked(tmp_path
     cameras = two_passes(2, wobble=0.0)
     pictures = draw(cameras, [polyline(hanging(0.0, 0.05))])
     scene = scene_of(tmp_path, cameras, pictures)
-    each = [line_evidence(scene.images, cameras, (i,)) for i in range(4)]
+    each = [line_evidence(scene.images, cameras, (i,), CONFIG) for i in range(4)]
     sizes = scene.images.sizes_px.prod(1)
     assert [len(part) for part in each] == sizes.tolist() and all(part.max() > 0.4 for part in each)
     level = cameras.centre[:, 2].numpy()  # slope depends on the chosen cameras: in a pass it is 0
     assert level[0] == level[1]
-    together = line_evidence(scene.images, cameras, (0, 1))
+    together = line_evidence(scene.images, cameras, (0, 1), CONFIG)
     np.testing.assert_allclose(together, np.concatenate(each[:2]), atol=1e-6)
     valid = np.ones(int(sizes.sum()), np.uint8)
     valid[: int(sizes[0]) // 2] = 0
     valid.tofile(tmp_path / "valid.u8")
-    masked = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,))
+    masked = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,), CONFIG)
     half = int(sizes[0]) // 2
     assert each[0][:half].max() > 0 and masked[:half].max() == 0
     np.testing.assert_array_equal(masked[half:], each[0][half:])

@@ -5,22 +5,13 @@ import pytest
 import torch
 from tests.support.drawn import two_passes
 
-from plnerf.detect.odds import (
-    BLOCK,
-    LEAST_DENSITY,
-    MISSED,
-    MUFFLED_PX,
-    RADII_PX,
-    SHOWN,
-    STEPS,
-    Odds,
-    column_odds,
-    distances,
-    odds_of,
-    without,
-)
-from plnerf.detect.views import Views, look_at, views_of
+from plnerf.detect.config import OddsConfig
+from plnerf.detect.odds import BLOCK, STEPS, Odds, column_odds, distances, odds_of, unclaimed
+from plnerf.detect.views import Views, project_point, views_of
 from plnerf.scene.cameras import Cameras
+
+CONFIG = OddsConfig()
+MISSED = np.log(1 - CONFIG.shown)
 
 
 def one_view(w: int, h: int) -> Views:
@@ -47,11 +38,11 @@ def at_pixels(views: Views, odds: Odds, columns: np.ndarray, rows: np.ndarray) -
 def test_by_chance_nothing_is_won(share: float, mean: float) -> None:
     """exp(odds) is a ratio of likelihoods: over places without a conductor its mean is 1.
 
-    Less where ridges are so rare that `LEAST_DENSITY` makes each count for less.
+    Less where ridges are so rare that `min_density` makes each count for less.
     """
     rng = np.random.default_rng(0)
     views = one_view(400, 300)
-    odds = odds_of((rng.random(400 * 300) < share).astype(np.float32), views)
+    odds = odds_of((rng.random(400 * 300) < share).astype(np.float32), views, CONFIG)
     ratio = np.exp(at_pixels(views, odds, rng.integers(30, 370, 4000), rng.integers(30, 270, 4000)))
     assert ratio.mean() == pytest.approx(mean, abs=0.1)
 
@@ -64,9 +55,9 @@ def test_a_ridge_counts_most_where_there_are_few_and_its_lack_always_the_same() 
     responses[50, 60] = responses[50, 320] = 1
     responses[44:57, 54:67] *= np.eye(13) > 2  # nothing else near the lonely one
     responses[50, 60] = 1
-    odds = odds_of(responses.ravel(), views)
+    odds = odds_of(responses.ravel(), views, CONFIG)
     lonely, crowded = at_pixels(views, odds, np.array([60, 320]), np.array([50, 50]))
-    assert lonely == pytest.approx(np.log(SHOWN / LEAST_DENSITY + 1 - SHOWN), abs=0.1)
+    assert lonely == pytest.approx(np.log(CONFIG.shown / CONFIG.min_density + 1 - CONFIG.shown), abs=0.1)
     assert 0 < crowded < 0.6 * lonely
     assert at_pixels(views, odds, np.array([20, 100]), np.array([20, 80])) == pytest.approx([MISSED] * 2)
 
@@ -77,9 +68,9 @@ def test_beside_others_ridges_nothing_is_known() -> None:
     responses[50] = responses[70] = 1
     others = np.zeros((100, 200), bool)
     others[48:53] = True
-    first = odds_of(responses.ravel(), views)
-    odds = without(first, responses.ravel(), others.ravel(), views)
-    rows = np.array([50, 52 + MUFFLED_PX, 53 + MUFFLED_PX, 70, 90])
+    first = odds_of(responses.ravel(), views, CONFIG)
+    odds = unclaimed(first, responses.ravel(), others.ravel(), views, CONFIG)
+    rows = np.array([50, 52 + CONFIG.muffled_px, 53 + CONFIG.muffled_px, 70, 90])
     before, after = (at_pixels(views, one, np.full(5, 100), rows) for one in (first, odds))
     assert before[0] > 1 and after[0] == 0 and after[1] == 0
     assert after[2] == before[2] == MISSED
@@ -114,7 +105,7 @@ def test_a_column_is_point_by_point_what_the_views_see(lens: bool) -> None:
     rng = np.random.default_rng(2)
     responses = (rng.random(int(views.sizes.prod(1).sum())) < 0.03).astype(np.float32)
     others = rng.random(len(responses)) < 0.01
-    odds = without(odds_of(responses, views), responses, others, views)
+    odds = unclaimed(odds_of(responses, views, CONFIG), responses, others, views, CONFIG)
     total, seen = np.zeros(9), np.zeros(9, np.int64)
     for x, y, reach in rng.uniform([-0.8, -0.2, 0.0], [0.8, 0.2, 0.02], (20, 3)):
         column_odds(views, odds, (x, y, -0.3), 0.07, reach, total, seen)
@@ -128,12 +119,13 @@ def by_definition(
 ) -> tuple[float, int]:
     total, seen = 0.0, 0
     for n in range(len(views.R)):
-        u, v, depth = look_at(views, n, *point)
+        u, v, depth = project_point(views, n, *point)
         if depth < 0:
             continue
         seen += 1
         radius = max(reach * views.focal[n, 0] / depth, odds.sharp_px)
-        level = next((k for k, r in enumerate(RADII_PX) if r >= 0.7 * radius), len(RADII_PX) - 1)
+        radii = CONFIG.radii_px
+        level = next((k for k, r in enumerate(radii) if r >= 0.7 * radius), len(radii) - 1)
         pixel = views.starts[n] + int(v) * views.sizes[n, 0] + int(u)
         block = odds.starts[n] + int(v) // BLOCK * odds.blocks[n] + int(u) // BLOCK
         if odds.free[pixel] <= STEPS * radius:

@@ -7,31 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plnerf.detect.detect import (
-    LEAST_ODDS,
-    LEAST_SHARE,
-    ROWS,
-    SAGS_ALIKE,
-    SLOPES_ALIKE,
-    compile_search,
-    conductors,
-    ends_of,
-    hang_alike,
-    hangs,
-    variants,
-)
+from plnerf.detect.candidate import Candidate, common_ends, hang_alike, hangs, select_wires
+from plnerf.detect.config import SearchConfig, SelectConfig
+from plnerf.detect.detect import compile_kernels, variants
 from plnerf.detect.narrow import curve_point
-from plnerf.detect.refit import Fit
-from plnerf.detect.search import FAINT, Line, drawn_out, stretches
+from plnerf.detect.search import extended, stretches
 
 LENGTH = 2.0
+SEARCH, SELECT = SearchConfig(), SelectConfig()
+PLANES = SEARCH.planes
 
 
 def line(
-    y: float = 0.0, rise: float = 0.1, sag: float = 0.04, odds: float = 900.0, planes: int = ROWS
-) -> Line:
-    covariance = np.eye(5) * 1e-6
-    return Line(Fit(np.array([y, y, 0.1, 0.1 + rise, sag]), covariance, 0.3), odds, planes, (0, ROWS - 1))
+    y: float = 0.0, rise: float = 0.1, sag: float = 0.04, odds: float = 900.0, planes: int = PLANES
+) -> Candidate:
+    theta, covariance = np.array([y, y, 0.1, 0.1 + rise, sag]), np.eye(5) * 1e-6
+    return Candidate(theta, covariance, 0.3, 12, odds, (0, planes), (0, PLANES - 1))
 
 
 @given(st.lists(st.integers(-9, 9), min_size=1, max_size=12))
@@ -46,59 +37,69 @@ def test_a_stretch_is_the_largest_of_all_sums(odds: list[int]) -> None:
 
 def test_an_end_is_where_something_speaks_against_more() -> None:
     odds = np.array([-9.0, -1, -2, 4, 5, -1, 3, -2, -2, -2, 1])
-    assert drawn_out(odds, 3, 6) == (1, 8)  # -3 before, -4 after; one plane more and it is beyond 5
-    assert FAINT == 5
-    assert drawn_out(np.full(4, 1.0), 1, 2) == (0, 3)
-    assert drawn_out(np.array([2.0]), 0, 0) == (0, 0)
+    assert SEARCH.faint == 5
+    assert extended(odds, 3, 6, 5.0) == (1, 8)  # -3 before, -4 after; one plane more and it is beyond 5
+    assert extended(odds, 3, 6, 2.5) == (2, 7) and extended(odds, 3, 6, 6.5) == (1, 10)
+    assert extended(np.full(4, 1.0), 1, 2, 5.0) == (0, 3)
+    assert extended(np.array([2.0]), 0, 0, 5.0) == (0, 0)
 
 
 def test_alike_is_the_same_slope_and_about_the_same_sag() -> None:
-    assert hang_alike(line(), line(y=0.3), LENGTH)
-    assert hang_alike(line(), line(sag=0.04 * 0.99 * SAGS_ALIKE), LENGTH)
-    assert not hang_alike(line(), line(sag=0.04 * 1.01 * SAGS_ALIKE), LENGTH)
-    assert not hang_alike(line(), line(rise=0.1 + 1.01 * SLOPES_ALIKE * LENGTH), LENGTH)
-    assert not hang_alike(line(), line(sag=-0.04), LENGTH)
-    assert not hang_alike(line(sag=-0.04), line(sag=-0.04), LENGTH)
+    ratio, slope = SELECT.max_sag_ratio, SELECT.max_slope_difference
+
+    def alike(a: Candidate, b: Candidate) -> bool:
+        return hang_alike(a, b, LENGTH, SELECT)
+
+    assert alike(line(), line(y=0.3))
+    assert alike(line(), line(sag=0.04 * 0.99 * ratio))
+    assert not alike(line(), line(sag=0.04 * 1.01 * ratio))
+    assert not alike(line(), line(rise=0.1 + 1.01 * slope * LENGTH))
+    assert not alike(line(), line(sag=-0.04))
+    assert not alike(line(sag=-0.04), line(sag=-0.04))
     for a, b in ((line(), line(sag=0.06)), (line(), line(sag=0.07)), (line(), line(rise=0.14))):
-        assert hang_alike(a, b, LENGTH) == hang_alike(b, a, LENGTH)
+        assert alike(a, b) == alike(b, a)
 
 
 def test_what_sags_by_no_more_than_its_doubt_does_not_hang() -> None:
-    assert hangs(line(sag=0.004), LENGTH) and not hangs(line(sag=0.0019), LENGTH)
+    assert hangs(line(sag=0.004), LENGTH, SELECT) and not hangs(line(sag=0.0019), LENGTH, SELECT)
     doubtful = line(sag=0.02)
-    doubtful.fit.covariance[4, 4] = 0.007**2
-    assert not hangs(doubtful, LENGTH)
+    doubtful.covariance[4, 4] = 0.007**2
+    assert not hangs(doubtful, LENGTH, SELECT)
+    assert hangs(doubtful, LENGTH, replace(SELECT, sag_sigmas=2.0))
 
 
-def test_conductors_hang_like_the_best_or_have_much_evidence() -> None:
+def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     best, twin, road = line(odds=900.0), line(y=0.1, odds=210.0, planes=60), line(sag=0.0, odds=2000.0)
     short = line(y=-0.1, odds=210.0, planes=20)
-    other, weak = line(sag=0.1, odds=LEAST_ODDS + 1), line(sag=0.1, odds=LEAST_ODDS - 1)
-    part = line(sag=0.1, odds=LEAST_ODDS + 1, planes=int(LEAST_SHARE * ROWS) - 1)
-    lines = [road, best, twin, short, other, weak, part]
-    assert [id(one) for one in conductors(lines, LENGTH)] == [id(one) for one in (best, twin, other)]
-    assert conductors([road], LENGTH) == [] == conductors([], LENGTH)
+    other, weak = line(sag=0.1, odds=SELECT.min_odds + 1), line(sag=0.1, odds=SELECT.min_odds - 1)
+    part = line(sag=0.1, odds=SELECT.min_odds + 1, planes=int(SELECT.min_share * PLANES) - 1)
+    point = replace(line(y=0.2), ends=(7, 7))  # no wire is as short as a plane
+    lines = [road, best, twin, short, other, weak, part, point]
+    found = select_wires(lines, LENGTH, SELECT, SEARCH)
+    assert [id(one) for one in found] == [id(one) for one in (best, twin, other)]
+    for none in ([road], []):
+        assert select_wires(none, LENGTH, SELECT, SEARCH) == []
 
 
-def test_conductors_that_hang_alike_end_where_the_longest_does() -> None:
+def test_wires_that_hang_alike_end_where_the_longest_does() -> None:
     a, b, other = (
         replace(one, ends=ends)
         for one, ends in ((line(), (5, 60)), (line(y=0.1), (10, 80)), (line(sag=0.1), (0, 90)))
     )
-    assert ends_of(a, [a, b, other], LENGTH) == ends_of(b, [a, b, other], LENGTH) == (5, 80)
-    assert ends_of(other, [a, b, other], LENGTH) == (0, 90)
+    ends = [common_ends(one, [a, b, other], LENGTH, SELECT) for one in (a, b, other)]
+    assert ends == [(5, 80), (5, 80), (0, 90)]
 
 
 def test_variants_meet_the_line_in_three_places() -> None:
     own, other = line(rise=0.1, sag=0.04), line(y=0.2, rise=0.12, sag=0.05)
     found = variants(own, [own, other])
-    assert len(found) == 4 and (found[0] == own.fit.q).all()
-    for q, s in zip(found[1:], (1 / 6, 1 / 2, 5 / 6), strict=True):
-        assert curve_point(q, s) == pytest.approx(curve_point(own.fit.q, s))
-        assert q[[1, 3]] - q[[0, 2]] == pytest.approx(other.fit.q[[1, 3]] - other.fit.q[[0, 2]])
-        assert q[4] == other.fit.q[4]
+    assert len(found) == 4 and (found[0] == own.theta).all()
+    for theta, s in zip(found[1:], (1 / 6, 1 / 2, 5 / 6), strict=True):
+        assert curve_point(theta, s) == pytest.approx(curve_point(own.theta, s))
+        assert theta[[1, 3]] - theta[[0, 2]] == pytest.approx(other.theta[[1, 3]] - other.theta[[0, 2]])
+        assert theta[4] == other.theta[4]
 
 
 def test_compiling_needs_no_scene_and_warns_of_nothing(recwarn: pytest.WarningsRecorder) -> None:
-    compile_search()
+    compile_kernels()
     assert not list(recwarn)

@@ -7,9 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plnerf.detect.sweep import Box, alike, apart, best_distinct, candidates, halved, refine, vote
+from plnerf.detect.config import SweepConfig
+from plnerf.detect.sweep import (
+    Box,
+    best_distinct,
+    candidates,
+    candidates_like,
+    halved,
+    refine,
+    vote,
+    well_apart,
+)
 
 PLANES, NY, NZ = 24, 40, 36
+CONFIG = SweepConfig()
 BOX = Box(np.linspace(-0.9, 0.9, PLANES), (-0.2, -0.3), 0.02, (NY, NZ))
 
 
@@ -38,7 +49,7 @@ def in_cells(q: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("q", [(5, 6, 20, 25, 3), (30, 30, 33, 12, 5), (17, 19, 9, 9, 0)])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_planted_curve_comes_first(q: tuple[int, ...], seed: int) -> None:
-    found = candidates(planted(q, seed=seed), BOX)
+    found = candidates(planted(q, seed=seed), BOX, CONFIG)
     assert np.abs(in_cells(found[0]) - q).max() < 1.01
     one = in_cells(found[0])
     assert abs((one[2] + one[3] - q[2] - q[3]) / 2 - one[4] + q[4]) < 1.01  # in the middle
@@ -47,14 +58,14 @@ def test_a_planted_curve_comes_first(q: tuple[int, ...], seed: int) -> None:
 def test_curves_of_the_same_shape_are_found_from_the_shape() -> None:
     true = [(5, 6, 20, 25, 3), (12, 13, 20, 25, 3), (12, 13, 24, 29, 4)]
     shape = np.array([0, BOX.cell, 0, 5 * BOX.cell, 3 * BOX.cell])
-    found = in_cells(alike(planted(*true), BOX, shape))
+    found = in_cells(candidates_like(shape, planted(*true), BOX, CONFIG))
     first = found[:12]
     for q in true:
         assert np.abs(first - q).max(1).min() < 1.01
 
 
 def test_candidates_lie_apart_and_come_in_order() -> None:
-    found = in_cells(candidates(planted((5, 6, 20, 25, 3)), BOX))
+    found = in_cells(candidates(planted((5, 6, 20, 25, 3)), BOX, CONFIG))
     place = np.stack([found[:, 0], found[:, 1], found[:, 2], found[:, 3]], 1)
     middle = (found[:, 2] + found[:, 3]) / 2 - found[:, 4]
     for a, b in itertools.combinations(range(min(60, len(found))), 2):
@@ -63,7 +74,7 @@ def test_candidates_lie_apart_and_come_in_order() -> None:
 
 def test_wider_cells_hold_the_largest_of_their_four() -> None:
     volume = np.random.default_rng(0).normal(size=(3, 5, 4)).astype(np.float32)
-    wide = halved(volume)
+    wide = halved(volume, -5.0)
     assert wide.shape == (3, 3, 2)
     for j, k in itertools.product(range(3), range(2)):
         expected = volume[:, 2 * j : 2 * j + 2, 2 * k : 2 * k + 2].max((1, 2))
@@ -109,5 +120,6 @@ def test_the_best_are_each_kept_once(curves: list[tuple[int, ...]], most: int) -
     kept, values = best_distinct(np.array(curves), score, most)
     assert len({tuple(q) for q in kept.tolist()}) == len(kept) == min(most, len(set(curves)))
     assert (np.diff(values) <= 0).all() and values[0] == score.max()
-    far = apart(kept)
+    far = well_apart(kept, 100)
     assert (far[0] == kept[0]).all()
+    np.testing.assert_array_equal(well_apart(kept, 1), far[:1])

@@ -1,12 +1,19 @@
-"""Wires drawn into pictures: curves, cameras to both sides of them, and scenes in memory, scene frame."""
+"""Wires drawn into pictures: wires, cameras to both sides of them, and scenes in memory.
 
+The scenes are metric and at scale 1: their LineFrame is their scene frame.
+"""
+
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
 
-from plnerf.detect.curves import Curve
+from plnerf.line.base import Base
+from plnerf.line.ends import Evidence, Open
+from plnerf.line.frame import LineFrame
+from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.scene.images import ImageStore
 from plnerf.scene.scene import Scene
@@ -15,15 +22,42 @@ from plnerf.scene.transforms import Frames
 WIDTH, HEIGHT, FOCAL = 240, 180, 150.0
 HALF = 0.9
 """Of the span's length."""
+FRAMES = Frames(np.eye(3), 1.0, np.zeros(3), "m", None, "file")
+FRAME = LineFrame.of_scene(FRAMES)
 BOX = np.array([[-HALF, -0.16, -0.12], [HALF, 0.16, 0.14]])
 
 
 def hanging(
     y: float, z: float, sag: float = 0.04, *, askew: float = 0.0, climb: float = 0.0, reach: float = 0.02
-) -> Curve:
-    """A parabola from end to end of the box, `sag` below its chord."""
-    bend = sag / HALF**2
-    return Curve((y, askew), (z - sag, climb, bend), (-HALF, HALF), 0.001, reach, True)
+) -> Wire:
+    """A wire from end to end of the box, `sag` below its chord: what a search finds, and certain."""
+    theta = [y - askew * HALF, y + askew * HALF, z - climb * HALF, z + climb * HALF, sag, 0.0]
+    evidence = Evidence("a drawing", 1, reach_m=reach)
+    base = Base(np.array([-HALF, 0.0]), np.array([HALF, 0.0]))
+    known = np.diag([0.001**2] * 5 + [0.0])
+    return Wire(1, base, np.array(theta), known, (Open("drawn"), Open("drawn")), evidence)
+
+
+def resized(wire: Wire, factor: float) -> Wire:
+    """The wire with all lengths times a factor, as in a frame of another unit."""
+    assert wire.evidence.reach_m is not None
+    return replace(
+        wire,
+        base=Base(factor * wire.base.a, factor * wire.base.b),
+        theta=np.array([factor] * 5 + [1.0]) * wire.theta,
+        covariance=factor**2 * wire.covariance,
+        evidence=replace(wire.evidence, reach_m=factor * wire.evidence.reach_m),
+    )
+
+
+def uncertain(wire: Wire) -> Wire:
+    """The same wire, its place not fixed by the views."""
+    return replace(wire, evidence=replace(wire.evidence, certain=False))
+
+
+def at_x(wire: Wire, x: np.ndarray) -> np.ndarray:
+    """Points at x of a wire that runs along x."""
+    return wire.points(x - wire.base.a[0])
 
 
 def pinhole_cameras(centres: np.ndarray, targets: np.ndarray) -> Cameras:
@@ -93,7 +127,7 @@ def scene_of(folder: Path, cameras: Cameras, pictures: list[np.ndarray], box: np
         root=folder,
         names=tuple(f"{i:04d}.png" for i in range(n)),
         cameras=cameras,
-        frames=Frames(np.eye(3), 1.0, np.zeros(3), "m", None, "file"),
+        frames=FRAMES,
         box=box,
         images=ImageStore(folder, cameras.size_px.numpy()),
         train=tuple(range(n)),
@@ -106,5 +140,5 @@ def scene_of(folder: Path, cameras: Cameras, pictures: list[np.ndarray], box: np
     )
 
 
-def polyline(curve: Curve, count: int = 400) -> np.ndarray:
-    return curve.points(np.linspace(*curve.ends, count))
+def polyline(wire: Wire, count: int = 400) -> np.ndarray:
+    return wire.points(np.linspace(0.0, wire.base.length_m, count))

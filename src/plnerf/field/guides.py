@@ -83,6 +83,13 @@ def parabola(wire: Wire, frame: LineFrame) -> tuple[Float[np.ndarray, "3"], Floa
     return ends[0], ends[1], float(frame.to_scene(wire.theta[4:5])[0])
 
 
+def scene_points(wire: Wire, frame: LineFrame, count: int) -> Float[np.ndarray, "m 3"]:
+    """Points of a wire from end to end, as its guide has them, in the scene frame."""
+    first, last, sag = parabola(wire, frame)
+    t = np.linspace(0.0, 1.0, count)[:, None]
+    return first + t * (last - first) - 4 * sag * t * (1 - t) * np.array([0.0, 0.0, 1.0])
+
+
 def reach_in_scene(wire: Wire, frame: LineFrame) -> float:
     """Distance from the curve within which a wire lies, in scene units."""
     if wire.evidence.reach_m is None:

@@ -1,0 +1,80 @@
+"""Settings of detection: the defaults stand, wrong ones are named, and all of them come back from JSON."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+import pytest
+
+from plnerf.detect.config import (
+    CertaintyConfig,
+    DetectConfig,
+    EvidenceConfig,
+    NarrowConfig,
+    OddsConfig,
+    RefitConfig,
+    SearchConfig,
+    SelectConfig,
+    SweepConfig,
+)
+from plnerf.errors import ConfigError
+from plnerf.train.settings import from_json, to_json
+
+
+@pytest.mark.parametrize(
+    ("part", "wrong"),
+    [
+        (EvidenceConfig, {"scales_px": ()}),
+        (EvidenceConfig, {"scales_px": (1.0, 0.0)}),
+        (EvidenceConfig, {"contrast_px": 0.0}),
+        (EvidenceConfig, {"sag_deg": ()}),
+        (EvidenceConfig, {"steps_along": 0}),
+        (EvidenceConfig, {"beside_px": 6}),
+        (OddsConfig, {"shown": 1.0}),
+        (OddsConfig, {"min_density": 0.0}),
+        (OddsConfig, {"min_response": 0.0}),
+        (OddsConfig, {"radii_px": (3.0, 1.0)}),
+        (OddsConfig, {"sharp_px": 0.0}),
+        (OddsConfig, {"muffled_px": -1}),
+        (SweepConfig, {"cell": 0.0}),
+        (SweepConfig, {"cell": float("nan")}),
+        (SweepConfig, {"planes": 1}),
+        (SweepConfig, {"beam": 3}),
+        (SweepConfig, {"min_views": 0}),
+        (SweepConfig, {"halvings": -1}),
+        (SweepConfig, {"max_sag": -0.1}),
+        (SweepConfig, {"min_plane": 0.0}),
+        (NarrowConfig, {"cells": ()}),
+        (NarrowConfig, {"cells": (0.5, 0.0)}),
+        (NarrowConfig, {"reach": -1}),
+        (RefitConfig, {"windows_px": ()}),
+        (RefitConfig, {"windows_px": (4, 0)}),
+        (RefitConfig, {"prior": 0.0}),
+        (SearchConfig, {"planes": 1}),
+        (SearchConfig, {"batch": 0}),
+        (SearchConfig, {"max_lines": 0}),
+        (SearchConfig, {"sharpness_px": ()}),
+        (SearchConfig, {"mask_rms": 0.0}),
+        (SearchConfig, {"refits": -1}),
+        (SelectConfig, {"max_sag_ratio": 0.9}),
+        (SelectConfig, {"min_sag": -0.1}),
+        (CertaintyConfig, {"certain_px": 0.0}),
+        (CertaintyConfig, {"nearest_views": 0.0}),
+    ],
+)
+def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -> None:
+    ((name, value),) = wrong.items()
+    with pytest.raises(ConfigError, match=r"^detect\.\w+ needs .*, but got") as caught:
+        part(**wrong)
+    assert f"{name}={value!r}" in str(caught.value)
+
+
+def test_every_part_has_a_name_in_the_error_texts() -> None:
+    parts = {field.name for field in fields(DetectConfig)}
+    assert parts == {
+        "evidence", "odds", "sweep", "narrow", "refit", "search", "select", "certainty",
+    }  # fmt: skip
+
+
+def test_settings_come_back_from_json() -> None:
+    config = replace(DetectConfig(), sweep=SweepConfig(cell=1 / 3), odds=OddsConfig(radii_px=(1.0, 2.0)))
+    assert from_json(DetectConfig, to_json(config), "here") == config
