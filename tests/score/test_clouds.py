@@ -12,9 +12,11 @@ from scipy.spatial import cKDTree
 
 from plnerf.errors import SurveyError
 from plnerf.line.polylines import lengths_along, onto_segments, resample
-from plnerf.scene.ply import read_ply
-from plnerf.score.clouds import POLYLINE_STEP_M, read_cloud, sample_lines, write_ply
+from plnerf.scene.ply import read_ply, write_ply
+from plnerf.score.clouds import read_points, sample_lines
+from plnerf.score.config import DEFAULT
 
+STEP_M = DEFAULT.points.line_step_m
 POINTS = np.array([[-19.818743705, 3.25, 9.05], [0.0, -1e-3, 7.84], [12.123, 54.456, 12.25]]) + np.array([
     4e5,
     5.4e6,
@@ -58,7 +60,7 @@ def test_what_is_written_is_read(kind: str, tmp_path: Path) -> None:
         case _:
             write_las(path, POINTS, [14, 14, 13])
     tolerance = 5.1e-4 if kind in {"las", "laz"} else 1e-9
-    assert np.abs(read_cloud(path).points - POINTS).max() <= tolerance
+    assert np.abs(read_points(path).points - POINTS).max() <= tolerance
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
@@ -79,7 +81,7 @@ def test_ply_of_other_programs(form: str, tmp_path: Path) -> None:
     else:
         body = camera.tobytes() + vertices.tobytes() + b"\x03" + b"\x00" * 12
     path.write_bytes(header.encode() + body)
-    assert read_cloud(path).points.tolist() == [[1, 2, 3.5], [4, 5, 6.5]]
+    assert read_points(path).points.tolist() == [[1, 2, 3.5], [4, 5, 6.5]]
     assert read_ply(path)["vertex"]["red"].tolist() == [7, 8]
 
 
@@ -102,14 +104,14 @@ def test_lines_are_lines_in_every_format(tmp_path: Path) -> None:
     nested = {"type": "GeometryCollection", "geometries": [many]}
     collection = {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": nested}]}
     (tmp_path / "b.geojson").write_text(json.dumps(collection))
-    assert (read_cloud(tmp_path / "a.geojson").points == sample_lines([LINE])).all()
-    assert (read_cloud(tmp_path / "b.geojson").points == sample_lines([LINE])).all()
+    assert (read_points(tmp_path / "a.geojson").points == sample_lines([LINE], STEP_M)).all()
+    assert (read_points(tmp_path / "b.geojson").points == sample_lines([LINE], STEP_M)).all()
     vertices = "\n".join(" ".join(map(str, row)) for row in LINE)
     (tmp_path / "c.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
         f"element edge 2\nproperty int vertex1\nproperty int vertex2\nend_header\n{vertices}\n0 1\n1 2\n"
     )
-    assert (read_cloud(tmp_path / "c.ply").points == sample_lines([LINE[:2], LINE[1:]])).all()
+    assert (read_points(tmp_path / "c.ply").points == sample_lines([LINE[:2], LINE[1:]], STEP_M)).all()
 
 
 @settings(deadline=None)
@@ -134,22 +136,22 @@ def test_samples_lie_on_the_line_evenly_from_end_to_end(
 
 def test_sampling_changes_no_distance_by_more_than_is_said() -> None:
     """At 5 cm beside a line, the nearest sample is as near as the line, to 0.3 mm."""
-    samples = sample_lines([np.array([[0.0, 0, 0], [7.003, 0, 0]])])
+    samples = sample_lines([np.array([[0.0, 0, 0], [7.003, 0, 0]])], STEP_M)
     beside = np.c_[np.linspace(0, 7, 9999), np.full(9999, 0.05), np.zeros(9999)]
     distance, _ = cKDTree(samples).query(beside)
-    assert distance.max() - 0.05 < 3e-4 and POLYLINE_STEP_M == 0.01
+    assert distance.max() - 0.05 < 3e-4 and STEP_M == 0.01
 
 
 def test_classes_of_las(tmp_path: Path) -> None:
     points = np.random.default_rng(0).uniform(0, 40, (8, 3)).round(3)
     write_las(tmp_path / "a.laz", points, [2, 2, 5, 13, 14, 14, 15, 7])
-    cloud = read_cloud(tmp_path / "a.laz")
+    cloud = read_points(tmp_path / "a.laz")
     assert np.allclose(cloud.points, points[3:6], atol=5.1e-4) and "class 13, 14" in cloud.taken
-    assert np.allclose(read_cloud(tmp_path / "a.laz", classes=(15, 5)).points, points[[2, 6]], atol=5.1e-4)
+    assert np.allclose(read_points(tmp_path / "a.laz", classes=(15, 5)).points, points[[2, 6]], atol=5.1e-4)
     write_las(tmp_path / "b.las", points, [2, 2, 5, 1, 1, 1, 15, 7])
-    assert len(read_cloud(tmp_path / "b.las").points) == 8
+    assert len(read_points(tmp_path / "b.las").points) == 8
     with pytest.raises(SurveyError, match=r"no points of class 14; its classes are 1, 2, 5, 7, 15"):
-        read_cloud(tmp_path / "b.las", classes=(14,))
+        read_points(tmp_path / "b.las", classes=(14,))
 
 
 def test_files_that_say_that_they_are_empty_give_no_points(tmp_path: Path) -> None:
@@ -159,4 +161,4 @@ def test_files_that_say_that_they_are_empty_give_no_points(tmp_path: Path) -> No
     (tmp_path / "a.geojson").write_text('{"type": "FeatureCollection", "features": []}')
     laspy.LasData(laspy.LasHeader(point_format=6, version="1.4")).write(str(tmp_path / "a.las"))
     for path in tmp_path.iterdir():
-        assert read_cloud(path).points.shape == (0, 3), path.name
+        assert read_points(path).points.shape == (0, 3), path.name

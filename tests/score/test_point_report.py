@@ -12,20 +12,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 from tests.conftest import SNAPSHOTS
 from tests.support.spans import on, span, wire
 
+import plnerf
 from plnerf.cli.main import main
 from plnerf.errors import SurveyError
-from plnerf.pipeline import bundled_span
-from plnerf.score.clouds import read_cloud, write_ply
-from plnerf.score.point_report import find_points, find_truth, markdown, to_json
+from plnerf.scene.ply import write_ply
+from plnerf.score.clouds import read_points
+from plnerf.score.places import find_points, find_truth
+from plnerf.score.point_report import markdown, to_json
 from plnerf.score.points import score_points
-from plnerf.score.score import score_survey
+from plnerf.score.score import score_files
 from plnerf.score.truth import read_truth
 
-TRUTH = bundled_span() / "truth.json"
+BUNDLED = Path(plnerf.__file__).parent / "data" / "span"
+TRUTH = BUNDLED / "truth.json"
 CLOUD = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
 Spoil = Callable[[Path], Path]
 CASES: dict[str, Spoil] = {}
@@ -194,6 +196,36 @@ def truth_seen_backwards(here: Path) -> Path:
     return put(here / "truth.json", json.dumps({"conductors": [entry]}))
 
 
+@case
+def truth_of_a_polyline_over_two_spans(here: Path) -> Path:
+    line = [[0, 0, 9], [20, 0, 8], [40, 0, 9], [60, 0, 8], [80, 0, 9]]
+    return put(here / "truth.json", json.dumps({"conductors": [{"name": "A", "polyline": line}]}))
+
+
+@case
+def truth_whose_polyline_is_not_what_it_states(here: Path) -> Path:
+    entry = {"a": [0, 0, 9], "b": [40, 0, 9], "sag_m": 1, "polyline": [[0, 0, 9], [20, 0, 8.2], [40, 0, 9]]}
+    return put(here / "truth.json", json.dumps({"conductors": [entry]}))
+
+
+@case
+def truth_of_an_unknown_kind(here: Path) -> Path:
+    entry = {"kind": "rope", "polyline": [[0, 0, 9], [9, 0, 9]]}
+    return put(here / "truth.json", json.dumps({"conductors": [entry]}))
+
+
+@case
+def truth_that_runs_backwards(here: Path) -> Path:
+    entry = {"direction": [-1, 0], "polyline": [[0, 0, 9], [9, 0, 9]]}
+    return put(here / "truth.json", json.dumps({"conductors": [entry]}))
+
+
+@case
+def truth_that_hangs_straight_down(here: Path) -> Path:
+    entry = {"polyline": [[0, 0, 9], [0, 0, 4]]}
+    return put(here / "truth.json", json.dumps({"conductors": [entry]}))
+
+
 NO_TRUTH = ("no_run_around", "run_whose_scene_has_no_truth")
 
 
@@ -205,7 +237,7 @@ def test_text_of_wrong_files(name: str, tmp_path: Path, snapshot: Callable[[str,
         write_ply(tmp_path / "wires.ply", np.ones((1, 3)))
         survey, truth = tmp_path / "wires.ply", survey
     with pytest.raises(SurveyError) as caught:
-        score_survey(survey, truth=truth, out=tmp_path / "score.json", console=Console(quiet=True))
+        score_files(survey, truth=truth, out=tmp_path / "score.json")
     text = str(caught.value)
     assert "\n" not in text and not (tmp_path / "score.json").exists()
     snapshot(f"score_{name}", text.replace(str(tmp_path), "<here>"))
@@ -250,15 +282,15 @@ def test_lines_score_as_their_points_do(tmp_path: Path) -> None:
     geometry = {"type": "MultiLineString", "coordinates": lines}
     put(tmp_path / "conductors.geojson", json.dumps({"type": "Feature", "geometry": geometry}))
     assert find_points(tmp_path) == tmp_path / "conductors.geojson"
-    score = score_points(read_cloud(find_points(tmp_path)).points, read_truth(TRUTH))
+    score = score_points(read_points(find_points(tmp_path)).points, read_truth(TRUTH))
     assert score.f1 == (1, 1, 1)
 
 
 def test_the_scene_names_its_truth() -> None:
-    assert find_truth(bundled_span()).samefile(TRUTH)
+    assert find_truth(BUNDLED).samefile(TRUTH)
     wires = read_truth(TRUTH).wires
     assert [line.name for line in wires] == ["phase A", "phase B", "phase C", "shield"]
-    assert all(abs(line.s_of(line.polyline)[-1] - 40) < 1e-5 for line in wires)
+    assert all(abs(line.span_m.value - 40) < 1e-5 for line in wires)
 
 
 def test_table_and_values_say_the_same() -> None:
@@ -273,7 +305,7 @@ def test_table_and_values_say_the_same() -> None:
     table = markdown(score)
     assert "| left | 0.0% | 100.0% | 100.0% | 100.0% |" in table and "| right | 0.0% |" in table
     assert "| 10 cm | 50.0% | 100.0% | 66.7% |" in table
-    blind = replace(truth.wires[1], seen_m=())
+    blind = replace(truth.wires[1], evidence=replace(truth.wires[1].evidence, seen_m=()))
     content = to_json(score_points(on(span(wire(0.0))), span(truth.wires[0], blind)))
     assert content["mean"]["recall_5cm"] == 1 and "right" in content["notes"][0]
     assert json.loads(json.dumps(content, allow_nan=False)) == content

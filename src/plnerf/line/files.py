@@ -24,6 +24,8 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.scene.files import write_text
 
+SURVEY_FILE = "survey.json"
+"""Its name in a survey folder."""
 SURVEY_VERSION = 3
 """2 had conductors in place of lines, and no frame; 1 was written before conductors were fitted."""
 WIRES_VERSION = 1

@@ -2,14 +2,14 @@
 
     y = R x + t      x in the truth's world, y in the survey's; metres in both, so that no scale is fitted
 
-A wrong scale of the survey thus stays an error of its wires, and is said.  Each camera counts with its place
-and with points as far away as the wires are: on a straight flight the directions of view hold the turn about
-it.
+A wrong scale of the survey thus stays an error of its wires, and is reported.  Each camera counts with its
+centre and with points as far away as the wires are: on a straight flight the viewing directions fix the
+rotation about it.
 """
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +20,10 @@ from plnerf.capture.similarity import Similarity, fit_similarity
 from plnerf.errors import SurveyError
 from plnerf.scene.formats import read_listing
 from plnerf.scene.transforms import flip_camera_axes
-from plnerf.score.truth import WireTruth
+from plnerf.score.truth import Truth
 
 LEAST_CAMERAS = 3
+"""Fewer do not fix a similarity."""
 Cameras = Mapping[str, Float[np.ndarray, "4 4"]]
 """Camera to world (OpenCV axes) by the stem of the image's name."""
 
@@ -39,13 +40,14 @@ class Alignment:
 
     @property
     def words(self) -> str:
+        """As a sentence."""
         return (
             f"The truth was turned and shifted by {self.cameras} cameras, which are {self.off_m:.3f} m off "
             f"after that (root mean square); in the survey they are {self.scale:.5f} times as far apart."
         )
 
 
-def align(truth: WireTruth, true: Cameras, survey: Cameras) -> tuple[WireTruth, Alignment]:
+def align(truth: Truth, true: Cameras, survey: Cameras) -> tuple[Truth, Alignment]:
     """The truth in the survey's frame.  Raises SurveyError for fewer than `LEAST_CAMERAS` common images."""
     names = sorted(true.keys() & survey.keys())
     if len(names) < LEAST_CAMERAS:
@@ -55,14 +57,14 @@ def align(truth: WireTruth, true: Cameras, survey: Cameras) -> tuple[WireTruth, 
             "by. Give the truth of the scene whose images were used, and keep their names."
         )
     x, y = (np.stack([cameras[name] for name in names]) for cameras in (true, survey))
-    wires = cKDTree(np.concatenate([wire.polyline for wire in truth.wires]))
+    wires = cKDTree(np.concatenate([wire.polyline() for wire in truth.wires]))
     away = float(np.median(wires.query(x[:, :3, 3])[0]))
     fit = fit_similarity(_points(x, away), _points(y, away))
     rigid = Similarity(1.0, fit.R, _points(y, away).mean(0) - fit.R @ _points(x, away).mean(0))
     off = rigid(x[:, :3, 3]) - y[:, :3, 3]
     spread = [np.sqrt(((T[:, :3, 3] - T[:, :3, 3].mean(0)) ** 2).sum()) for T in (x, y)]
-    told = Alignment(len(names), float(np.sqrt((off**2).sum(1).mean())), float(spread[1] / spread[0]))
-    return moved(truth, rigid), told
+    how = Alignment(len(names), float(np.sqrt((off**2).sum(1).mean())), float(spread[1] / spread[0]))
+    return truth.moved(rigid), how
 
 
 def _points(T_world_camera: Float[np.ndarray, "n 4 4"], away_m: float) -> Float[np.ndarray, "m 3"]:
@@ -71,26 +73,6 @@ def _points(T_world_camera: Float[np.ndarray, "n 4 4"], away_m: float) -> Float[
     axes = np.moveaxis(T_world_camera[:, :3, :3], 2, 0).reshape(-1, 3) * away_m
     around = np.tile(place, (3, 1))
     return np.concatenate([place, around + axes, around - axes])
-
-
-def moved(truth: WireTruth, motion: Similarity) -> WireTruth:
-    """All of it in another frame."""
-    wires = tuple(
-        replace(
-            wire,
-            polyline=motion(wire.polyline),
-            a=motion(wire.a),
-            direction=(motion.R[:2, :2] @ wire.direction) / np.linalg.norm(motion.R[:2, :2] @ wire.direction),
-        )
-        for wire in truth.wires
-    )
-    return replace(
-        truth,
-        wires=wires,
-        towers=tuple(replace(tower, foot=motion(tower.foot)) for tower in truth.towers),
-        attachments=None if truth.attachments is None else motion(truth.attachments),
-        ground=None if truth.ground is None else motion(truth.ground),
-    )
 
 
 def cameras_of(scene: Path) -> Cameras:

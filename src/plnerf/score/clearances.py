@@ -1,6 +1,6 @@
 """How far a survey's clearances are from the true ones: to the ground, and to the nearest plant.
 
-World frame, metres.  As in `survey/clearance.py` all is counted from a wire's axis.
+One frame, metres.  As in surveys all is counted from a wire's axis.
 """
 
 from collections.abc import Sequence
@@ -9,13 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CloughTocher2DInterpolator
 
-from plnerf.report.data import TWO_SIDED_95, Clearance
-from plnerf.score.truth import TruePlant, TrueWire, WireTruth
+from plnerf.line.clearances import Place, WireClearance
+from plnerf.line.ends import TWO_SIDED_95
+from plnerf.line.wire import Wire
+from plnerf.score.config import WireScoreConfig
+from plnerf.score.truth import TruePlant, Truth
 from plnerf.score.wires import Match, common_stretch
-from plnerf.survey.model import Conductor
-
-DOWN, PLANTS = "ground, straight down", "vegetation"
-"""What survey.json calls them."""
 
 RULES = {
     "ground": "the least height of the wire above the ground straight below it; of the true wire over the "
@@ -45,6 +44,7 @@ class Compared:
 
     @property
     def error_m(self) -> float | None:
+        """Found less true."""
         return None if self.found_m is None else self.found_m - self.true_m
 
     @property
@@ -57,7 +57,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class ClearanceScore:
-    """Of all matched conductors."""
+    """Of all matched wires."""
 
     ground: tuple[Compared, ...]
     vegetation: Compared | None
@@ -68,38 +68,39 @@ class ClearanceScore:
 
 def score_clearances(
     matches: Sequence[Match],
-    conductors: Sequence[Conductor],
-    clearances: Sequence[Clearance],
-    truth: WireTruth,
+    wires: Sequence[Wire],
+    clearances: Sequence[WireClearance],
+    truth: Truth,
+    config: WireScoreConfig,
 ) -> ClearanceScore:
-    """Compares; `RULES` says how in words."""
+    """Compares what is stated of a survey's wires; `RULES` says how in words."""
     notes: list[str] = []
     return ClearanceScore(
-        _ground(matches, conductors, clearances, truth, notes),
-        _vegetation(conductors, clearances, truth, notes),
+        _ground(matches, wires, clearances, truth, config, notes),
+        _vegetation(wires, clearances, truth, notes),
         tuple(notes),
     )
 
 
 def _ground(
     matches: Sequence[Match],
-    conductors: Sequence[Conductor],
-    clearances: Sequence[Clearance],
-    truth: WireTruth,
+    wires: Sequence[Wire],
+    clearances: Sequence[WireClearance],
+    truth: Truth,
+    config: WireScoreConfig,
     notes: list[str],
 ) -> tuple[Compared, ...]:
     if truth.ground is None:
-        notes.append("The truth says nothing of the ground: clearances to it are not compared.")
+        notes.append("The truth has no ground: clearances to it are not compared.")
         return ()
     surface = CloughTocher2DInterpolator(truth.ground[:, :2], truth.ground[:, 2])
-    wires = {wire.name: wire for wire in truth.wires}
-    by_id = {one.id: one for one in conductors}
-    stated = {one.conductor: one for one in clearances if one.to == DOWN}
+    true = {wire.name: wire for wire in truth.wires}
+    by_id = {one.id: one for one in wires}
+    stated = {one.wire: one.vertical for one in clearances}
     rows = []
     for match in matches:
-        row = _above_ground(
-            wires[match.wire], by_id[match.conductor], stated.get(match.conductor), surface
-        )
+        found = by_id[match.conductor]
+        row = _above_ground(true[match.wire], found, stated.get(match.conductor), surface, config)
         if row is None:
             notes.append(f"The truth has no ground below {match.wire}: its clearance is not compared.")
         else:
@@ -108,20 +109,24 @@ def _ground(
 
 
 def _above_ground(
-    wire: TrueWire, conductor: Conductor, stated: Clearance | None, surface: CloughTocher2DInterpolator
+    true: Wire,
+    found: Wire,
+    stated: Place | None,
+    surface: CloughTocher2DInterpolator,
+    config: WireScoreConfig,
 ) -> Compared | None:
     """None where no ground is known below."""
-    base, shared = conductor.fit.base, common_stretch(wire, conductor)
+    base, shared = found.base, common_stretch(true, found, config)
     assert shared is not None  # it is a match
-    flat = base.o + shared.s[:, None] * base.u + shared.true[:, :1] * base.n
-    height = shared.true[:, 1] - surface(flat)
+    on_wire = base.place(shared.s, shared.true)
+    height = on_wire[:, 2] - surface(on_wire[:, :2])
     if np.isnan(height).all():
         return None
     least = int(np.nanargmin(height))
-    off = None if stated is None else abs(float((stated.on_wire[:2] - flat[least]) @ base.u))
+    off = None if stated is None else abs(float((stated.on_wire - on_wire[least])[:2] @ base.u))
     return Compared(
-        wire.name,
-        conductor.id,
+        true.name or "",
+        found.id,
         float(height[least]),
         None if stated is None else stated.distance_m,
         None if stated is None else stated.sigma_m,
@@ -130,18 +135,17 @@ def _above_ground(
 
 
 def _vegetation(
-    conductors: Sequence[Conductor], clearances: Sequence[Clearance], truth: WireTruth, notes: list[str]
+    wires: Sequence[Wire], clearances: Sequence[WireClearance], truth: Truth, notes: list[str]
 ) -> Compared | None:
     """Only the least of all wires: of a plant the truth knows the clearance of the nearest wire alone."""
-    found = min(
-        (one for one in clearances if one.to == PLANTS), key=lambda one: one.distance_m, default=None
-    )
-    plants = [plant for plant in truth.plants if _beside(plant, conductors)]
+    stated = [place for one in clearances if (place := one.least("vegetation")) is not None]
+    found = min(stated, key=lambda place: place.distance_m, default=None)
+    plants = [plant for plant in truth.plants if _beside(plant, wires)]
     if not plants or truth.houses or found is None:
         why = (
             f"the truth has {truth.houses} houses, which surveys do not tell from plants"
             if truth.houses
-            else "the truth says nothing of them"
+            else "the truth has none"
             if not truth.plants
             else "the truth has none between the conductors' ends"
             if not plants
@@ -149,13 +153,13 @@ def _vegetation(
         )
         notes.append(f"Distances to plants are not compared: {why}.")
         return None
-    radius = {wire.name: wire.diameter_m / 2 for wire in truth.wires}
+    radius = {wire.name: (wire.diameter_m or 0.0) / 2 for wire in truth.wires}
     axis_m = {plant: plant.clearance_m + radius.get(plant.wire, 0.0) for plant in plants}
     nearest = min(axis_m, key=axis_m.__getitem__)
-    return Compared(nearest.wire, found.conductor, axis_m[nearest], found.distance_m, found.sigma_m, None)
+    return Compared(nearest.wire, found.wire, axis_m[nearest], found.distance_m, found.sigma_m, None)
 
 
-def _beside(plant: TruePlant, conductors: Sequence[Conductor]) -> bool:
-    """Whether it stands between the ends of a conductor."""
-    along = [(one.fit.base, float(one.fit.base.local(plant.foot[None])[0, 0])) for one in conductors]
+def _beside(plant: TruePlant, wires: Sequence[Wire]) -> bool:
+    """Whether it stands between the ends of a wire."""
+    along = [(one.base, float(one.base.local(plant.foot[None])[0, 0])) for one in wires]
     return any(0 <= s <= base.length_m for base, s in along)

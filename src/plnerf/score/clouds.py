@@ -17,37 +17,38 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from plnerf.errors import SurveyError
+from plnerf.line.cloud import CONDUCTOR, SHIELD
 from plnerf.line.polylines import resample
 from plnerf.scene.ply import read_ply
-from plnerf.scene.ply import write_ply as write_ply
+from plnerf.score.config import DEFAULT
 from plnerf.score.geojson import read_geojson
 
-POLYLINE_STEP_M = 0.01
-"""Polylines are sampled this densely: a sample is then within 5 mm of every point of the line, so that at a
-tolerance of 5 cm a point beside the line is judged as if by the line itself to 0.3 mm."""
-WIRE_CLASSES = (13, 14)
-"""Shield wires and conductors, in the ASPRS classes of LAS 1.4."""
+WIRE_CLASSES = (SHIELD, CONDUCTOR)
 LAS_CHUNK = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
-    """Points of wires in the world frame, and in words what was taken of the file."""
+class FilePoints:
+    """Points of wires in the world frame, and in words what of the file they are."""
 
     points: Float[np.ndarray, "n 3"]
     taken: str
 
 
-def read_cloud(path: Path, *, classes: tuple[int, ...] | None = None) -> Cloud:
+def read_points(
+    path: Path,
+    *,
+    classes: tuple[int, ...] | None = None,
+    line_step_m: float = DEFAULT.points.line_step_m,
+) -> FilePoints:
     """The points of a .ply, .npy, .npz, .csv, .txt, .xyz, .las, .laz or .geojson file.
 
-    Edges of a PLY file and lines of a GeoJSON file are sampled every `POLYLINE_STEP_M`.  classes: of a LAS
-    file, only points of these; None: `WIRE_CLASSES` if there are any such, else all.  A file that says that
-    it holds no points gives none.  Raises SurveyError where it cannot be read, or knows no z, or is not
-    finite.
+    line_step_m: spacing of the samples of a PLY file's edges and a GeoJSON file's lines.  classes: of a LAS
+    file, only points of these; None: `WIRE_CLASSES` if there are any such, else all.  A file that states that
+    it holds no points gives none.  Raises SurveyError where it cannot be read, has no z, or is not finite.
     """
     readers: dict[str, Callable[[], tuple[Float[np.ndarray, "n 3"], str]]] = {
-        ".ply": lambda: _read_ply(path),
+        ".ply": lambda: _read_ply(path, line_step_m),
         ".npy": lambda: _read_npy(path),
         ".npz": lambda: _read_npz(path),
         ".csv": lambda: _read_text(path),
@@ -55,8 +56,8 @@ def read_cloud(path: Path, *, classes: tuple[int, ...] | None = None) -> Cloud:
         ".xyz": lambda: _read_text(path),
         ".las": lambda: _read_las(path, classes),
         ".laz": lambda: _read_las(path, classes),
-        ".geojson": lambda: _read_geojson(path),
-        ".json": lambda: _read_geojson(path),
+        ".geojson": lambda: _read_geojson(path, line_step_m),
+        ".json": lambda: _read_geojson(path, line_step_m),
     }
     read = readers.get(path.suffix.lower())
     if read is None:
@@ -71,15 +72,15 @@ def read_cloud(path: Path, *, classes: tuple[int, ...] | None = None) -> Cloud:
     except OSError as error:
         raise SurveyError(f"{path} cannot be read ({error}). Check the file.") from error
     _check_finite(points, path)
-    return Cloud(points, taken)
+    return FilePoints(points, taken)
 
 
-def sample_lines(lines: list[Float[np.ndarray, "_ 3"]]) -> Float[np.ndarray, "n 3"]:
-    """Points on all of the polylines, `POLYLINE_STEP_M` apart or closer."""
-    return np.concatenate([np.empty((0, 3)), *(resample(line, POLYLINE_STEP_M) for line in lines)])
+def sample_lines(lines: list[Float[np.ndarray, "_ 3"]], step_m: float) -> Float[np.ndarray, "n 3"]:
+    """Points on all of the polylines, so far apart or closer."""
+    return np.concatenate([np.empty((0, 3)), *(resample(line, step_m) for line in lines)])
 
 
-def _read_ply(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
+def _read_ply(path: Path, step_m: float) -> tuple[Float[np.ndarray, "n 3"], str]:
     elements = read_ply(path)
     points = _columns(elements["vertex"], path)
     edges = elements.get("edge")
@@ -92,7 +93,7 @@ def _read_ply(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
             "the file again."
         )
     _check_finite(points, path)
-    return sample_lines([points[pair] for pair in ends]), f"{len(ends)} edges, sampled"
+    return sample_lines([points[pair] for pair in ends], step_m), f"{len(ends)} edges, sampled"
 
 
 def _read_npy(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
@@ -200,14 +201,12 @@ def _listed(codes: Any) -> str:
     return ", ".join(str(code) for code in sorted(codes)) or "none"
 
 
-def _read_geojson(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
+def _read_geojson(path: Path, step_m: float) -> tuple[Float[np.ndarray, "n 3"], str]:
     points, lines = read_geojson(path)
     for vertices in lines:
         _check_finite(vertices, path)
-    return np.concatenate([
-        points,
-        sample_lines(lines),
-    ]), f"{len(points)} points and {len(lines)} lines, sampled"
+    found = np.concatenate([points, sample_lines(lines, step_m)])
+    return found, f"{len(points)} points and {len(lines)} lines, sampled"
 
 
 def _check_finite(points: Float[np.ndarray, "n 3"], path: Path) -> None:

@@ -1,60 +1,30 @@
-"""The true wires of a scene, out of its truth.json.
+"""The true wires of a scene, and what stands around them, out of its truth.json.
 
-World frame, z up, metres.  s is the horizontal distance from a wire's first attachment `a` along `direction`.
+World frame, z up, metres.  A true wire is a wire as surveys have them, known without uncertainty.
 """
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.capture.similarity import Similarity
 from plnerf.errors import SurveyError
+from plnerf.line.base import Base
+from plnerf.line.catenary import p_of_sag
+from plnerf.line.ends import Attached, Evidence
+from plnerf.line.line import Structure
+from plnerf.line.wire import Kind, Wire
+from plnerf.score.config import DEFAULT, ScoreConfig
+from plnerf.score.true_curve import departure_m, moved, theta_of
 
-
-@dataclass(frozen=True, eq=False)
-class TrueWire:
-    """One conductor, or one of a bundle: its axis from attachment to attachment."""
-
-    name: str
-    kind: str
-    """"phase" or "shield"."""
-    polyline: Float[np.ndarray, "v 3"]
-    a: Float[np.ndarray, "3"]
-    direction: Float[np.ndarray, "2"]
-    """Horizontal unit vector from a along the span."""
-    seen_m: tuple[tuple[float, float], ...] | None = None
-    """Stretches of s that show in enough images; None: all of it."""
-    diameter_m: float = 0.0
-
-    @property
-    def span_m(self) -> float:
-        """Horizontal distance between its ends."""
-        return float(np.linalg.norm(self.polyline[-1, :2] - self.polyline[0, :2]))
-
-    @property
-    def sag_m(self) -> float:
-        """Greatest drop of a vertex below the chord between its ends."""
-        s, z = self.s_of(self.polyline), self.polyline[:, 2]
-        chord = z[0] + (z[-1] - z[0]) * (s - s[0]) / (s[-1] - s[0])
-        return float((chord - z).max())
-
-    def s_of(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Horizontal distances from a along the span."""
-        s: Float[np.ndarray, " n"] = (points[:, :2] - self.a[:2]) @ self.direction
-        return s
-
-
-@dataclass(frozen=True, eq=False)
-class TrueTower:
-    """A tower's body: the vertical line from its foot up."""
-
-    foot: Float[np.ndarray, "3"]
-    height_m: float
+MOST_TURNED = 0.9998
+"""Cosine of the angle between a stated direction and that from end to end: 1 degree is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +33,18 @@ class TruePlant:
 
     foot: Float[np.ndarray, "3"]
     clearance_m: float
-    """The least distance from its leaves to the surface of a wire."""
+    """Least distance from its leaves to the surface of a wire."""
     wire: str
-    """The wire's name."""
+    """Name of that wire."""
 
 
 @dataclass(frozen=True, eq=False)
-class WireTruth:
-    """What a survey of wires is compared with."""
+class Truth:
+    """What a survey is compared with."""
 
-    wires: tuple[TrueWire, ...]
-    towers: tuple[TrueTower, ...] = ()
+    wires: tuple[Wire, ...]
+    """From attachment to attachment; each wire of a bundle is one.  All of them have names."""
+    structures: tuple[Structure, ...] = ()
     attachments: Float[np.ndarray, "m 3"] | None = None
     """Where insulators hold the wires; None: at the wires' ends."""
     ground: Float[np.ndarray, "g 3"] | None = None
@@ -82,9 +53,29 @@ class WireTruth:
     """Those whose clearance is known, the nearest ones among them."""
     houses: int = 0
 
+    def moved(self, motion: Similarity) -> "Truth":
+        """All of it in another frame."""
+        return replace(
+            self,
+            wires=tuple(moved(wire, motion) for wire in self.wires),
+            structures=tuple(
+                replace(one, foot=motion(one.foot), height_m=motion.scale * one.height_m)
+                for one in self.structures
+            ),
+            attachments=None if self.attachments is None else motion(self.attachments),
+            ground=None if self.ground is None else motion(self.ground),
+            plants=tuple(
+                replace(plant, foot=motion(plant.foot), clearance_m=motion.scale * plant.clearance_m)
+                for plant in self.plants
+            ),
+        )
 
-def read_truth(path: Path) -> WireTruth:
-    """Reads a scene's truth.json.  Raises SurveyError where it is none, or has no conductors."""
+
+def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
+    """Reads a scene's truth.json.
+
+    Raises SurveyError where it is none, has no conductors, or has one that hangs in no catenary.
+    """
     data = _load(path)
     conductors = data.get("conductors")
     if not isinstance(conductors, list) or not conductors:
@@ -92,40 +83,20 @@ def read_truth(path: Path) -> WireTruth:
             f"{path} has no list 'conductors', so there are no true wires to compare with. Give the "
             "truth.json of a scene of `plnerf synth`, or one like it."
         )
-    wires = []
-    for i, entry in enumerate(conductors):
-        where = f"{path}, conductor {i}"
-        if not isinstance(entry, dict):
-            raise SurveyError(f"{where}: expected an object, but found {entry!r}. Correct the file.")
-        line = _points(entry.get("polyline"), f"{where}, polyline", least=2)
-        flat = line[-1, :2] - line[0, :2]
-        direction = np.array(entry.get("direction", flat), dtype=np.float64)
-        if direction.shape != (2,) or not 0 < np.linalg.norm(direction) < math.inf:
-            raise SurveyError(
-                f"{where}: its direction must be two numbers, not both zero, but is {direction.tolist()}. "
-                "Correct the file."
-            )
-        wires.append(
-            TrueWire(
-                name=str(entry.get("name", f"wire {i}")),
-                kind=str(entry.get("kind", "phase")),
-                polyline=line,
-                a=_points([entry.get("a", line[0].tolist())], f"{where}, a")[0],
-                direction=direction / np.linalg.norm(direction),
-                seen_m=_stretches(entry.get("seen_m"), where),
-                diameter_m=_number(entry.get("diameter_m", 0.0), f"{where}, diameter_m"),
-            )
-        )
-    towers, held = [], []
-    for i, entry in enumerate(data.get("towers") or []):
+    structures, held = [], []
+    for i, entry in enumerate(data.get("towers") or [], 1):
         where = f"{path}, tower {i}"
         foot = _points([entry.get("foot")], f"{where}, foot")[0]
-        towers.append(TrueTower(foot, _number(entry.get("height_m", 0.0), f"{where}, height_m")))
+        height = _number(entry.get("height_m", 0.0), f"{where}, height_m")
+        structures.append(Structure(i, foot, height, 0.0, "the truth", name=entry.get("name")))
         if entry.get("attachments"):
             held.append(_points(entry["attachments"], f"{where}, attachments"))
-    return WireTruth(
+    wires = [
+        _wire(entry, i, f"{path}, conductor {i}", structures, config) for i, entry in enumerate(conductors, 1)
+    ]
+    return Truth(
         tuple(wires),
-        tuple(towers),
+        tuple(structures),
         np.concatenate(held) if held else None,
         _ground(data.get("ground"), path),
         tuple(
@@ -134,11 +105,92 @@ def read_truth(path: Path) -> WireTruth:
                 _number(entry["clearance_m"], f"{path}, plant {i}, clearance_m"),
                 str(entry.get("nearest_conductor", "")),
             )
-            for i, entry in enumerate(data.get("vegetation") or [])
+            for i, entry in enumerate(data.get("vegetation") or [], 1)
             if "clearance_m" in entry
         ),
         len(data.get("houses") or []),
     )
+
+
+def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], config: ScoreConfig) -> Wire:
+    """One of the list's, by its stated numbers if it has them, else by its polyline."""
+    if not isinstance(entry, dict):
+        raise SurveyError(f"{where}: expected an object, but found {entry!r}. Correct the file.")
+    states = {"a", "b"} <= entry.keys() and bool({"p_m", "sag_m"} & entry.keys())
+    if states and "polyline" not in entry:
+        entry = entry | {"polyline": [entry["a"], entry["b"]]}
+    line = _points(entry.get("polyline"), f"{where}, polyline", least=2)
+    a = _points([entry.get("a", line[0].tolist())], f"{where}, a")[0]
+    b = _points([entry.get("b", line[-1].tolist())], f"{where}, b")[0]
+    base = Base(a[:2], b[:2])
+    if base.length_m == 0:
+        raise SurveyError(f"{where}: both of its ends are at {a[:2].tolist()}. Correct the file.")
+    _check_direction(entry, base, where)
+    theta = _stated(entry, a, b, where) if states else theta_of(line, base)
+    departs_m = departure_m(line, base, theta)
+    if departs_m > config.truth_departs_m:
+        raise SurveyError(
+            f"{where}: its polyline departs by {departs_m:.3f} m from the catenary that "
+            f"{'the entry states' if states else 'is nearest to it'}, but at most "
+            f"{config.truth_departs_m:g} m are allowed. A wire hangs from one attachment to the next: give "
+            "each span of it an entry of its own, and correct what is not on the wire."
+        )
+    kind = entry.get("kind", "phase")
+    if kind not in get_args(Kind):
+        raise SurveyError(
+            f"{where}: its kind must be one of {', '.join(get_args(Kind))}, but is {kind!r}. "
+            "Correct the file."
+        )
+    diameter_m = _number(entry.get("diameter_m", 0.0), f"{where}, diameter_m")
+    first, last = (Attached(_structure(end, structures, i), end, 0.0) for i, end in enumerate((a, b), 1))
+    return Wire(
+        id=number,
+        base=base,
+        theta=theta,
+        covariance=np.zeros((6, 6)),
+        ends=(first, last),
+        evidence=Evidence("the truth", 0, seen_m=_stretches(entry.get("seen_m"), where)),
+        kind=kind,
+        diameter_m=diameter_m or None,
+        name=str(entry.get("name", f"wire {number}")),
+    )
+
+
+def _stated(
+    entry: Mapping[str, Any], a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], where: str
+) -> Float[np.ndarray, "6"]:
+    """theta of an upright wire whose parameter or sag is stated."""
+    key = "p_m" if "p_m" in entry else "sag_m"
+    value = _number(entry[key], f"{where}, {key}")
+    if value <= 0:
+        raise SurveyError(f"{where}: its {key} must be greater than 0, but is {value}. Correct the file.")
+    L = math.dist(a[:2], b[:2])
+    p = value if key == "p_m" else p_of_sag(L, float(b[2] - a[2]), value)
+    return np.array([0.0, 0.0, a[2], b[2], L**2 / (8 * p), 0.0])
+
+
+def _check_direction(entry: Mapping[str, Any], base: Base, where: str) -> None:
+    """seen_m counts along it."""
+    try:
+        direction = np.array(entry.get("direction", base.u), dtype=np.float64)
+    except (TypeError, ValueError):
+        direction = np.zeros(0)
+    if direction.shape != (2,) or not 0 < np.linalg.norm(direction) < math.inf:
+        raise SurveyError(
+            f"{where}: its direction must be two numbers, not both zero, but is {direction.tolist()}. "
+            "Correct the file."
+        )
+    if direction @ base.u < MOST_TURNED * np.linalg.norm(direction):
+        raise SurveyError(
+            f"{where}: its direction is {direction.tolist()}, but from its first end to its last it is "
+            f"{base.u.round(6).tolist()}. Correct the file."
+        )
+
+
+def _structure(end: Float[np.ndarray, "3"], structures: Sequence[Structure], number: int) -> int:
+    """Id of the structure that holds an end: the nearest; without any, they are numbered as the ends are."""
+    away = [(float(np.linalg.norm(one.foot[:2] - end[:2])), one.id) for one in structures]
+    return min(away)[1] if away else number
 
 
 def _ground(value: Any, path: Path) -> Float[np.ndarray, "g 3"] | None:

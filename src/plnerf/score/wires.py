@@ -1,9 +1,9 @@
-"""How far a survey's conductors are from the true wires, and whether they are as certain as they say.
+"""How far a survey's wires are from the true ones, and whether they are as certain as they state.
 
-Letters: w true wires, c conductors of the survey, k places along a conductor; s, y and z as in a conductor's
-`Base`: along it, across to the left, and up.  World frame, metres.
+Letters: k places along a wire; s, y and z as in the base of the survey's wire: along it, across to the left,
+and up.  Metres; both in one frame.
 
-Wires and conductors are matched one to one, so that the distances of all matches together are least.  What is
+True and found wires are matched one to one, so that the distances of all matches together are least.  What is
 left over is a missing wire, one that was found again, or an invention.
 """
 
@@ -13,56 +13,58 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
 from plnerf.errors import SurveyError
-from plnerf.report.data import TWO_SIDED_95
-from plnerf.score.points import ASSIGN_M
-from plnerf.score.truth import TrueWire
-from plnerf.survey.fit import Base
-from plnerf.survey.model import Conductor
+from plnerf.line.ends import TWO_SIDED_95
+from plnerf.line.wire import Wire
+from plnerf.score.config import DEFAULT, WireScoreConfig
 
-PLACE_M = 0.1
-"""Between the places that are compared, or less."""
-END_M = 0.3
-"""Cut off either end of the common stretch: clamps and insulators are there."""
-LEAST_COMMON_M = 2.0
-"""Of a wire and a conductor; along less than this, neither says anything of the other."""
 
-RULES = {
-    "match": f"a true wire and a conductor that share a stretch of {LEAST_COMMON_M:g} m or more, with a "
-    f"root mean square distance of {ASSIGN_M:g} m or less there; one to one, with the least sum of "
-    "distances; each wire of a bundle is a wire",
-    "again": "a conductor that is left over, but runs along a wire as a match does; a second piece of a wire "
-    "is one too",
-    "invented": "a conductor that runs along no true wire",
-    "compared": f"the common stretch without {END_M:g} m at either end, every {PLACE_M:g} m or less, at the "
-    "same place along the conductor: horizontally across it, and up",
-    "sag": "the greatest drop below the chord between the ends of each; a true wire's are its attachments",
-    "sag_common": "the same between the ends of the common stretch: what is wrong of the sag where the ends "
-    "are not",
-    "within_95": f"the true value lies within {TWO_SIDED_95} stated standard deviations; of places along a "
-    "wire the share. Their errors are much alike all along it, so that of few wires it is hardly ever 95 %",
-}
+def rules(config: WireScoreConfig) -> dict[str, str]:
+    """What the figures of a score mean, in words."""
+    return {
+        "match": "a true wire and a conductor of the survey that share a stretch of "
+        f"{config.least_common_m:g} m or more, with a root mean square distance of {config.match_m:g} m or "
+        "less there; one to one, "
+        "with the least sum of distances; each wire of a bundle is a wire",
+        "again": "a conductor that is left over, but runs along a wire as a match does; a second piece of a "
+        "wire is one too",
+        "invented": "a conductor that runs along no true wire",
+        "compared": f"the common stretch without {config.end_m:g} m at either end, every {config.place_m:g} "
+        "m or less, at the same place along the conductor: horizontally across it, and up",
+        "sag": "the greatest drop below the chord between the attachments of each; null where the survey "
+        "states none, with its reason",
+        "sag_common": "the same between the ends of the common stretch: what is wrong of the sag where the "
+        "ends are not",
+        "within_95": f"the true value lies within {TWO_SIDED_95} stated standard deviations; of places along "
+        "a wire the share. Their errors are much alike all along it, so that of few wires it is hardly ever "
+        "95 %",
+    }
 
 
 @dataclass(frozen=True)
 class Match:
-    """One true wire and the conductor that is it."""
+    """One true wire and the survey's wire that is it."""
 
     wire: str
+    """Name of the true one."""
     conductor: int
-    """Its id."""
+    """Id of the survey's."""
     kind: str
     kind_found: str
     sag_m: float
-    sag_found_m: float
-    sag_sigma_m: float
+    sag_found_m: float | None
+    """None where the survey states none, as its span length."""
+    sag_sigma_m: float | None
     """As stated."""
+    no_sag_because: str | None
+    """Why the survey states none."""
     sag_common_m: float
     """Of the true wire, between the ends of the common stretch."""
     sag_common_found_m: float
     span_m: float
-    span_found_m: float
+    span_found_m: float | None
     common_m: float
     """Length of the common stretch, horizontally."""
     rmse_across_m: float
@@ -73,25 +75,31 @@ class Match:
     within_95_up: float
 
     @property
-    def sag_error_m(self) -> float:
-        return self.sag_found_m - self.sag_m
+    def sag_error_m(self) -> float | None:
+        """Found less true; None where no sag is stated."""
+        return None if self.sag_found_m is None else self.sag_found_m - self.sag_m
 
     @property
     def sag_common_error_m(self) -> float:
+        """Found less true, between the ends of the common stretch."""
         return self.sag_common_found_m - self.sag_common_m
 
     @property
-    def sag_within_95(self) -> bool:
+    def sag_within_95(self) -> bool | None:
+        """None where no sag is stated."""
+        if self.sag_error_m is None or self.sag_sigma_m is None:
+            return None
         return abs(self.sag_error_m) <= TWO_SIDED_95 * self.sag_sigma_m
 
     @property
     def kind_right(self) -> bool:
+        """Whether the survey has its kind."""
         return self.kind == self.kind_found
 
 
 @dataclass(frozen=True)
-class ConductorScore:
-    """Of all wires and conductors."""
+class WireMatches:
+    """Which true wires a survey has."""
 
     matches: tuple[Match, ...]
     """In the order of the true wires."""
@@ -100,42 +108,33 @@ class ConductorScore:
     unseen: tuple[str, ...]
     """Those that it does not have, and too few images show: they count as neither."""
     again: tuple[tuple[int, str], ...]
-    """Conductors that are left over, and the wire each runs along."""
+    """Ids of the survey's wires that are left over, and the true wire that each runs along."""
     invented: tuple[int, ...]
+    """Ids of those that run along none."""
 
     def share_within_95(self, name: str) -> float | None:
-        """Of sags, or of places across or up, the share within what is stated; None without matches."""
+        """Of sags, or of places across or up, the share within what is stated; None without any."""
+        if name == "sag":
+            sags = [match.sag_within_95 for match in self.matches if match.sag_within_95 is not None]
+            return float(np.mean(sags)) if sags else None
         if not self.matches:
             return None
-        if name == "sag":
-            return float(np.mean([match.sag_within_95 for match in self.matches]))
         shares = [getattr(match, f"within_95_{name}") for match in self.matches]
         return float(np.average(shares, weights=[match.common_m for match in self.matches]))
 
 
 @dataclass(frozen=True, eq=False)
 class Common:
-    """The stretch that a true wire and a conductor share."""
+    """The stretch that a true wire and a survey's wire share."""
 
     s: Float[np.ndarray, " k"]
     """Places from one of its ends to the other."""
     true: Float[np.ndarray, "k 2"]
     """y and z of the true wire."""
     off: Float[np.ndarray, "k 2"]
-    """y and z of the conductor without those of the true wire."""
-
-    @property
-    def sags_m(self) -> tuple[float, float]:
-        """Between its ends, of the true wire and of the conductor."""
-        share = np.linspace(0.0, 1.0, len(self.s))
-        sags = [z[0] + share * (z[-1] - z[0]) - z for z in (self.true[:, 1], (self.true + self.off)[:, 1])]
-        return float(sags[0].max()), float(sags[1].max())
-
-    @property
-    def inner(self) -> slice:
-        """The places that are compared."""
-        cut = int(np.ceil(END_M / (self.s[1] - self.s[0]) - 1e-9))
-        return slice(cut, len(self.s) - cut)
+    """y and z of the survey's wire less those of the true one."""
+    inner: slice
+    """The places that are compared."""
 
     @property
     def rms_m(self) -> float:
@@ -143,61 +142,71 @@ class Common:
         return float(np.sqrt((self.off[self.inner] ** 2).sum(1).mean()))
 
 
-def common_stretch(wire: TrueWire, conductor: Conductor) -> Common | None:
-    """None where they share less than `LEAST_COMMON_M`, or the wire turns back on the conductor's base."""
-    base = conductor.fit.base
-    local = _along(wire, base)
+def common_stretch(true: Wire, found: Wire, config: WireScoreConfig) -> Common | None:
+    """None where they share too little, or where the true wire turns back on the other's base."""
+    return _common(true.polyline(), found, config)
+
+
+def _common(line: Float[np.ndarray, "v 3"], found: Wire, config: WireScoreConfig) -> Common | None:
+    """Of a true wire by its polyline."""
+    base = found.base
+    local = base.local(line)
+    if local[-1, 0] < local[0, 0]:
+        local = local[::-1]
     low, high = max(0.0, float(local[0, 0])), min(base.length_m, float(local[-1, 0]))
-    if high - low < LEAST_COMMON_M or (np.diff(local[:, 0]) <= 0).any():
+    if high - low < config.least_common_m or (np.diff(local[:, 0]) <= 0).any():
         return None
-    s = np.linspace(low, high, int(np.ceil((high - low) / PLACE_M)) + 1)
-    true = np.stack([np.interp(s, local[:, 0], local[:, axis]) for axis in (1, 2)], 1)
-    return Common(s, true, base.at(conductor.fit.q, s) - true)
+    s = np.linspace(low, high, int(np.ceil((high - low) / config.place_m)) + 1)
+    yz = np.stack([np.interp(s, local[:, 0], local[:, axis]) for axis in (1, 2)], 1)
+    cut = int(np.ceil(config.end_m / (s[1] - s[0]) - 1e-9))
+    return Common(s, yz, found.at(s) - yz, slice(cut, len(s) - cut))
 
 
-def _along(wire: TrueWire, base: Base) -> Float[np.ndarray, "v 3"]:
-    """s, y and z of the wire's vertices, from the end with the lesser s on."""
-    local = base.local(wire.polyline)
-    return local if local[-1, 0] >= local[0, 0] else local[::-1]
+def match_wires(
+    found: Sequence[Wire], true: Sequence[Wire], config: WireScoreConfig = DEFAULT.wires
+) -> WireMatches:
+    """Compares; `rules` says how in words.
 
-
-def score_conductors(conductors: Sequence[Conductor], wires: Sequence[TrueWire]) -> ConductorScore:
-    """Compares; `RULES` says how in words.
-
-    Raises SurveyError where every conductor is farther from every wire than the wires are long: then they are
-    in another frame.
+    Raises SurveyError where every found wire is farther from every true one than these are long: then they
+    are in another frame.
     """
-    check_frame(conductors, wires)
-    common = [[common_stretch(wire, one) for one in conductors] for wire in wires]
+    check_frame(found, true)
+    lines = [wire.polyline() for wire in true]
+    common = [[_common(line, one, config) for one in found] for line in lines]
     # Costs of what is no match exceed those of all matches together, so that none is given up for it.
-    none = (len(wires) + len(conductors) + 1) * ASSIGN_M
-    distance = np.full((len(wires), len(conductors)), none)
+    none = (len(true) + len(found) + 1) * config.match_m
+    distance = np.full((len(true), len(found)), none)
     for i, row in enumerate(common):
         for j, shared in enumerate(row):
-            if shared is not None and shared.rms_m <= ASSIGN_M:
+            if shared is not None and shared.rms_m <= config.match_m:
                 distance[i, j] = shared.rms_m
     pairs = [(int(i), int(j)) for i, j in zip(*linear_sum_assignment(distance), strict=True)]
-    pairs = [(i, j) for i, j in pairs if distance[i, j] < none]
-    left = set(range(len(conductors))) - {j for _, j in pairs}
+    pairs = sorted((i, j) for i, j in pairs if distance[i, j] < none)
+    left = set(range(len(found))) - {j for _, j in pairs}
     again = {j: int(distance[:, j].argmin()) for j in left if distance[:, j].min() < none}
-    lost = [wire for i, wire in enumerate(wires) if i not in {i for i, _ in pairs}]
-    return ConductorScore(
-        matches=tuple(_match(wires[i], conductors[j]) for i, j in sorted(pairs)),
-        missing=tuple(wire.name for wire in lost if _seen(wire)),
-        unseen=tuple(wire.name for wire in lost if not _seen(wire)),
-        again=tuple((conductors[j].id, wires[i].name) for j, i in sorted(again.items())),
-        invented=tuple(conductors[j].id for j in sorted(left - again.keys())),
+    lost = [wire for i, wire in enumerate(true) if i not in {i for i, _ in pairs}]
+    matches = []
+    for i, j in pairs:
+        shared = common[i][j]
+        assert shared is not None  # they were matched by it
+        matches.append(_match(true[i], found[j], shared))
+    return WireMatches(
+        matches=tuple(matches),
+        missing=tuple(_name(wire) for wire in lost if _seen(wire)),
+        unseen=tuple(_name(wire) for wire in lost if not _seen(wire)),
+        again=tuple((found[j].id, _name(true[i])) for j, i in sorted(again.items())),
+        invented=tuple(found[j].id for j in sorted(left - again.keys())),
     )
 
 
-def check_frame(conductors: Sequence[Conductor], wires: Sequence[TrueWire]) -> None:
-    """Raises SurveyError where conductors and wires cannot be in one frame."""
-    if not conductors:
+def check_frame(found: Sequence[Wire], true: Sequence[Wire]) -> None:
+    """Raises SurveyError where found and true wires cannot be in one frame."""
+    if not found:
         return
-    true = np.concatenate([wire.polyline for wire in wires])
-    found = np.array([end for one in conductors for end in (one.fit.curve.a, one.fit.curve.b)])
-    nearest = float(np.linalg.norm(found[:, None] - true, axis=2).min())
-    longest = max(wire.span_m for wire in wires)
+    on = np.concatenate([wire.polyline() for wire in true])
+    ends = np.concatenate([one.points(np.array([0.0, one.base.length_m])) for one in found])
+    nearest = float(cKDTree(on).query(ends)[0].min())
+    longest = max(wire.base.length_m for wire in true)
     if nearest > longest:
         raise SurveyError(
             f"The end of a conductor that is nearest to a true wire is {nearest:,.0f} m away from it, but "
@@ -206,32 +215,39 @@ def check_frame(conductors: Sequence[Conductor], wires: Sequence[TrueWire]) -> N
         )
 
 
-def _seen(wire: TrueWire) -> bool:
-    return wire.seen_m is None or any(high > low for low, high in wire.seen_m)
+def _seen(wire: Wire) -> bool:
+    stretches = wire.evidence.seen_m
+    return stretches is None or any(high > low for low, high in stretches)
 
 
-def _match(wire: TrueWire, conductor: Conductor) -> Match:
-    shared = common_stretch(wire, conductor)
-    assert shared is not None  # they were matched by it
+def _name(wire: Wire) -> str:
+    return wire.name or f"wire {wire.id}"
+
+
+def _match(true: Wire, found: Wire, shared: Common) -> Match:
     off = shared.off[shared.inner]
-    stated = TWO_SIDED_95 * conductor.fit.sigma_at(shared.s[shared.inner])
+    stated = TWO_SIDED_95 * found.sigma_at(shared.s[shared.inner])
     within = (np.abs(off) <= stated).mean(0)
     rmse = np.sqrt((off**2).mean(0))
-    sag, sag_found = shared.sags_m
-    curve = conductor.fit.curve
+    low, high = float(shared.s[0]), float(shared.s[-1])
+    ends = found.base.place(shared.s[[0, -1]], shared.true[[0, -1]])
+    true_low, true_high = np.sort(true.base.local(ends)[:, 0]).tolist()
+    assert true.sag is not None and true.span_m is not None  # attachments hold both of its ends
+    sag, span = found.sag, found.span_m
     return Match(
-        wire=wire.name,
-        conductor=conductor.id,
-        kind=wire.kind,
-        kind_found=conductor.kind,
-        sag_m=wire.sag_m,
-        sag_found_m=curve.sag_m,
-        sag_sigma_m=conductor.fit.sag_sigma_m,
-        sag_common_m=sag,
-        sag_common_found_m=sag_found,
-        span_m=wire.span_m,
-        span_found_m=curve.span_m,
-        common_m=float(shared.s[-1] - shared.s[0]),
+        wire=_name(true),
+        conductor=found.id,
+        kind=true.kind,
+        kind_found=found.kind,
+        sag_m=true.sag.value,
+        sag_found_m=None if sag is None else sag.value,
+        sag_sigma_m=None if sag is None else sag.sigma,
+        no_sag_because=found.open,
+        sag_common_m=true.drop_between(true_low, true_high),
+        sag_common_found_m=found.drop_between(low, high),
+        span_m=true.span_m.value,
+        span_found_m=None if span is None else span.value,
+        common_m=high - low,
         rmse_across_m=float(rmse[0]),
         rmse_up_m=float(rmse[1]),
         worst_m=float(np.hypot(off[:, 0], off[:, 1]).max()),
