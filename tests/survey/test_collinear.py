@@ -5,18 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plnerf.survey.collinear import (
-    FEWEST_POINTS,
-    FEWEST_VIEWS,
-    LONG,
-    LONGER,
-    NEXT,
-    in_long_pieces,
-    on_lines,
-)
+from plnerf.survey import collinear
+from plnerf.survey.collinear import CollinearConfig
 
 RADIUS = 0.05
+CONFIG = CollinearConfig()
 NOISE = 0.1 * RADIUS
+
+
+def on_lines(points: np.ndarray, view: np.ndarray, radius: float) -> np.ndarray:
+    return collinear.on_lines(points, view, radius, CONFIG)
+
+
+def in_long_pieces(points: np.ndarray, radius: float) -> np.ndarray:
+    return collinear.in_long_pieces(points, radius, CONFIG)
 
 
 def line(
@@ -47,7 +49,7 @@ def test_a_line_across_is_dropped(turn_deg: float) -> None:
     assert on_lines(*line(5, turn_deg=turn_deg), RADIUS).mean() < 0.02
 
 
-@pytest.mark.parametrize("views", range(1, FEWEST_VIEWS))
+@pytest.mark.parametrize("views", range(1, CONFIG.min_views))
 def test_a_line_that_few_views_see_is_dropped(views: int) -> None:
     assert not on_lines(*line(views), RADIUS).any()
 
@@ -68,7 +70,7 @@ def test_twins_are_kept_both_but_for_their_ends() -> None:
     points = points * [1, 0.4, 0.4]  # as clear as twins must be to be told apart
     for apart in ([0, 0.8 * RADIUS, 0], [0, 0, 0.8 * RADIUS]):
         both, views = np.concatenate([points, points + apart]), np.concatenate([view, view])
-        whole = np.abs(both[:, 0]) < 0.5 - LONGER * RADIUS  # the neighbourhood is whole
+        whole = np.abs(both[:, 0]) < 0.5 - CONFIG.elongation * RADIUS  # the neighbourhood is whole
         assert on_lines(both, views, RADIUS)[whole].mean() > 0.95
 
 
@@ -78,7 +80,7 @@ def test_of_twins_the_one_that_is_seen_less_is_kept_too() -> None:
     few = slice(0, 240)
     both = np.concatenate([points, points[few] + np.array([0, 0.8 * RADIUS, 0])])
     keep = on_lines(both, np.concatenate([view, view[few]]), RADIUS)
-    whole = np.abs(both[:, 0]) < 0.5 - LONGER * RADIUS
+    whole = np.abs(both[:, 0]) < 0.5 - CONFIG.elongation * RADIUS
     assert keep[whole & (np.arange(len(both)) >= 1200)].mean() > 0.9
 
 
@@ -94,9 +96,9 @@ def test_points_alone_are_dropped() -> None:
     x = np.arange(40.0)
     alone = np.stack([x, 0 * x, 0 * x], 1)
     assert not on_lines(alone, np.arange(40) % 5, RADIUS).any()
-    few = np.linspace(0, RADIUS, FEWEST_POINTS - 1)[:, None] * [1, 0, 0]
+    few = np.linspace(0, RADIUS, CONFIG.min_points - 1)[:, None] * [1, 0, 0]
     assert not on_lines(few, np.arange(len(few)), RADIUS).any()
-    enough = np.linspace(0, 5 * RADIUS, FEWEST_POINTS)[:, None] * [1, 0, 0]
+    enough = np.linspace(0, 5 * RADIUS, CONFIG.min_points)[:, None] * [1, 0, 0]
     assert on_lines(enough, np.arange(len(enough)), 2 * RADIUS).all()
 
 
@@ -124,20 +126,20 @@ def test_order_units_and_place_do_not_count(seed: int, scale: float) -> None:
 
 
 def test_a_piece_that_is_long_enough_is_kept_whole_and_a_shorter_one_dropped_whole() -> None:
-    for length, kept in ((1.05 * LONG, True), (0.95 * LONG, False)):
+    for length, kept in ((1.05 * CONFIG.min_length, True), (0.95 * CONFIG.min_length, False)):
         x = np.linspace(0, length * RADIUS, 400)
         piece = np.stack([x, 0.1 * x, -0.05 * x], 1)  # askew, climbing
         assert (in_long_pieces(piece, RADIUS) == kept).all()
 
 
 def test_pieces_apart_do_not_make_a_long_one_and_small_gaps_do_not_part_it() -> None:
-    x = np.linspace(0, 2 * LONG * RADIUS, 2000)
+    x = np.linspace(0, 2 * CONFIG.min_length * RADIUS, 2000)
     line = np.stack([x, 0 * x, 0 * x], 1)
     for gap, whole in ((0.7, True), (1.3, False)):
-        hole = np.abs(x - x.mean()) * 2 < gap * NEXT * LONGER * RADIUS
-        ends = np.abs(x - x.mean()) < 0.55 * LONG * RADIUS
+        hole = np.abs(x - x.mean()) * 2 < gap * CONFIG.max_gap * CONFIG.elongation * RADIUS
+        ends = np.abs(x - x.mean()) < 0.55 * CONFIG.min_length * RADIUS
         assert (in_long_pieces(line[ends & ~hole], RADIUS) == whole).all()
-    beside = np.concatenate([line[:800], line[800:1600] + np.array([0, 1.3 * NEXT * RADIUS, 0])])
+    beside = np.concatenate([line[:800], line[800:1600] + np.array([0, 1.3 * CONFIG.max_gap * RADIUS, 0])])
     assert not in_long_pieces(beside, RADIUS).any()
 
 
@@ -147,7 +149,7 @@ def test_pieces_do_not_depend_on_the_order_and_points_twice_change_nothing(seed:
     rng = np.random.default_rng(seed)
     parts = [
         rng.uniform(0, length, (60, 1)) * [1, 0, 0] + rng.uniform(-1, 1, 3)
-        for length in rng.uniform(0.5, 1.5, 6) * LONG * RADIUS
+        for length in rng.uniform(0.5, 1.5, 6) * CONFIG.min_length * RADIUS
     ]
     points = np.concatenate(parts)
     keep = in_long_pieces(points, RADIUS)

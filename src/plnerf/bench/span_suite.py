@@ -15,14 +15,14 @@ from rich.console import Console
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.tables import Table, figure
 from plnerf.errors import ConfigError
+from plnerf.line.frame import LineFrame
 from plnerf.pipeline import bar, bundled_span, train_scene
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
-from plnerf.score.clouds import read_cloud
 from plnerf.score.point_report import to_json
 from plnerf.score.points import score_points
 from plnerf.score.truth import read_truth
-from plnerf.survey.wire_files import POINTS, survey_wires
+from plnerf.survey.wire_points import WirePointsConfig, wire_points
 from plnerf.train.evaluate import mean_appearance, means, measure
 from plnerf.train.metrics import Lpips
 from plnerf.train.protocol import plain
@@ -113,10 +113,10 @@ def measure_span(
 def score_run(folder: Path, *, views: int, console: Console) -> dict[str, Any]:
     """A run on a scene of known wires: its points on them scored, and some held-out views measured."""
     run = open_run(folder)
-    scene = Path(run.config.scene)
+    scene, frame = Path(run.config.scene), LineFrame.of_scene(run.scene.frames)
     with bar(console, "survey") as progress:
-        survey_wires(run, folder / "survey", progress)
-    score = score_points(read_cloud(folder / "survey" / POINTS).points, read_truth(scene / "truth.json"))
+        found = wire_points(run, frame, WirePointsConfig(), progress)
+    score = score_points(frame.to_world(found.xyz), read_truth(scene / "truth.json"))
     test, appearance, lpips, pictures = run.scene.test, mean_appearance(run), Lpips(), []
     count = min(views, len(test))
     for k in range(count):

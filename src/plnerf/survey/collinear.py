@@ -1,47 +1,87 @@
 """Which points lie on wires: what makes a line along the span, seen from several views, and goes on for long.
 
-Letters: n points in the scene frame, whose x axis runs along the span.
+Letters: n points in a frame whose x axis runs along the span; the radius of a neighbourhood in its units.
 """
 
 import math
-from typing import no_type_check
+from dataclasses import dataclass
+from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit, prange
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-FEWEST_VIEWS, FEWEST_POINTS = 3, 8
-LONGER = 3.0
-"""How many times as far a neighbourhood reaches along the span as across."""
-STRAIGHT = 0.5
-"""Spread across a neighbourhood, as a share of that along it, below which it may hold lines: twin conductors
-have up to 0.4, and a ball of leaves, which the neighbourhood cuts to its own shape, has 1/3 and more."""
-CORE, LEAST_IN_CORE = 0.35, 0.1
-"""How near the line through a point others count as on it, as a share of the radius, and the share of the
-neighbourhood that must: conductors of a bundle are seen unequally well."""
-DENSE = 0.7
-"""Share of those that must lie within half as far: of a wire all do, of a surface half, of leaves fewer."""
-GOES_ON = 0.5
-"""Spread of those along the line, in radii: an endless line has 1.7, its end 0.9, a clump of leaves less."""
-LEAST_ALONG = math.cos(math.radians(30))
-"""Cosine of the angle to the span's axis within which a line may be a conductor."""
-LONG = 8.0
-"""Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower are
-lines too, but end sooner."""
-CELL, NEXT = 0.125, 0.5
-"""Side of the cells that stand for their points, and how far apart cells of one piece may lie, in radii."""
+from plnerf.errors import ConfigError
+from plnerf.ops.kernel_cache import njit, prange
+
+
+@dataclass(frozen=True)
+class CollinearConfig:
+    """When points make a wire."""
+
+    min_views: int = 3
+    """Views whose points a line must have."""
+    min_points: int = 8
+    """Points of a neighbourhood, and of the line in it."""
+    elongation: float = 3.0
+    """How many times as far a neighbourhood reaches along the span as across."""
+    max_spread: float = 0.5
+    """Spread across a neighbourhood, as a share of that along it, below which it may hold lines: twin
+    conductors have up to 0.4, and a ball of leaves, which the neighbourhood cuts to its own shape, has 1/3
+    and more."""
+    core: float = 0.35
+    """Distance from the line through a point, as a share of the radius, within which others are on it."""
+    min_core_share: float = 0.1
+    """Share of the neighbourhood that must lie on the line: the wires of a bundle are seen unequally well."""
+    min_dense_share: float = 0.7
+    """Share of those that must lie within half as far: of a wire all do, of a surface half, of leaves
+    fewer."""
+    min_extent: float = 0.5
+    """Spread of those along the line, in radii: an endless line has 1.7, its end 0.9, a clump of leaves
+    less."""
+    max_turn_deg: float = 30.0
+    """Angle to the span's axis within which a line may be a conductor."""
+    min_length: float = 8.0
+    """Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower
+    are lines too, but end sooner."""
+    cell: float = 0.125
+    """Side, in radii, of the cells that stand for their points when pieces are joined."""
+    max_gap: float = 0.5
+    """Distance between cells of one piece, in radii."""
+
+    def __post_init__(self) -> None:
+        if min(self.min_views, self.min_points) < 1 or min(self.elongation, self.cell, self.core) <= 0:
+            raise ConfigError(
+                "Points make a line only with min_views and min_points of 1 or more and elongation, cell and "
+                f"core greater than 0, but got {self.min_views}, {self.min_points}, {self.elongation}, "
+                f"{self.cell} and {self.core}."
+            )
+
+
+class _Limits(NamedTuple):
+    """The numbers that the kernel uses."""
+
+    min_views: int
+    min_points: int
+    elongation: float
+    spread_squared: float
+    core_squared: float
+    inner_squared: float
+    min_core_share: float
+    min_dense_share: float
+    extent_squared: float
+    min_cosine: float
 
 
 def on_lines(
-    points: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], radius: float
+    points: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], radius: float, config: CollinearConfig
 ) -> Bool[np.ndarray, " n"]:
     """Which points have neighbours of several views on a line along the span, and few beside it."""
     if not len(points):
         return np.zeros(0, dtype=bool)
-    squeezed = points / [LONGER * radius, radius, radius]
+    squeezed = points / [config.elongation * radius, radius, radius]
     cells = np.floor(squeezed - squeezed.min(0)).astype(np.int64) + 1
     _, width, height = cells.max(0) + 2
     key = (cells[:, 0] * width + cells[:, 1]) * height + cells[:, 2]
@@ -62,13 +102,23 @@ def on_lines(
         np.ascontiguousarray(np.unique(view, return_inverse=True)[1][order]),
         np.append(starts, len(points)),
         stretches,
+        _limits(config),
     )
     return keep
 
 
+def _limits(config: CollinearConfig) -> _Limits:
+    return _Limits(
+        config.min_views, config.min_points, float(config.elongation), float(config.max_spread**2),
+        float(config.core**2), float((config.core / 2) ** 2), float(config.min_core_share),
+        float(config.min_dense_share), float(config.min_extent**2),
+        math.cos(math.radians(config.max_turn_deg)),
+    )  # fmt: skip
+
+
 @no_type_check
 @njit(cache=True, parallel=True)
-def _on_lines(points, view, starts, stretches):
+def _on_lines(points, view, starts, stretches, limits):
     """`on_lines` of points in radii, sorted by the cells that begin at `starts`; (n,) bool.
 
     stretches (cells, 9, 2): where in the order the neighbours of a cell's points are.
@@ -80,16 +130,16 @@ def _on_lines(points, view, starts, stretches):
         most = (stretches[cell, :, 1] - stretches[cell, :, 0]).sum()
         near, whose = np.empty((most, 3)), np.empty(most, np.int64)
         for n in range(starts[cell], starts[cell + 1]):
-            count = _gather(points, view, stretches[cell], n, near, whose)
-            if count < FEWEST_POINTS:
+            count = _gather(points, view, stretches[cell], n, limits.elongation, near, whose)
+            if count < limits.min_points:
                 continue
-            x, y, z, straight = _axis(near[:count])
-            if not straight or abs(x) <= LEAST_ALONG:
+            x, y, z, straight = _axis(near[:count], limits.spread_squared)
+            if not straight or abs(x) <= limits.min_cosine:
                 continue
             # The line through the middle of what lies near the point: the point itself may be off.
             core, mx, my, mz = 0, 0.0, 0.0, 0.0
             for m in range(count):
-                if _across(near[m, 0], near[m, 1], near[m, 2], x, y, z) < CORE**2:
+                if _across(near[m, 0], near[m, 1], near[m, 2], x, y, z) < limits.core_squared:
                     core += 1
                     mx, my, mz = mx + near[m, 0], my + near[m, 1], mz + near[m, 2]
             mx, my, mz = mx / core, my / core, mz / core
@@ -97,26 +147,27 @@ def _on_lines(points, view, starts, stretches):
             for m in range(count):
                 u, v, w = near[m, 0] - mx, near[m, 1] - my, near[m, 2] - mz
                 across = _across(u, v, w, x, y, z)
-                if across < CORE**2:
+                if across < limits.core_squared:
                     core += 1
-                    inner += across < (CORE / 2) ** 2
+                    inner += across < limits.inner_squared
                     length += (u * x + v * y + w * z) ** 2
                     different += seen[whose[m]] != n
                     seen[whose[m]] = n
-            enough = core >= max(FEWEST_POINTS, LEAST_IN_CORE * count) and different >= FEWEST_VIEWS
-            keep[n] = enough and inner >= DENSE * core and length >= GOES_ON**2 * core
+            enough = core >= max(limits.min_points, limits.min_core_share * count)
+            enough = enough and different >= limits.min_views and inner >= limits.min_dense_share * core
+            keep[n] = enough and length >= limits.extent_squared * core
     return keep
 
 
 @no_type_check
 @njit(cache=True)
-def _gather(points, view, stretches, n, near, whose):
+def _gather(points, view, stretches, n, elongation, near, whose):
     """Into near and whose: offsets and views of the points around point n; returns how many there are."""
     count = 0
     for k in range(len(stretches)):
         for m in range(stretches[k, 0], stretches[k, 1]):
             x, y, z = points[m, 0] - points[n, 0], points[m, 1] - points[n, 1], points[m, 2] - points[n, 2]
-            if (x / LONGER) ** 2 + y * y + z * z <= 1:
+            if (x / elongation) ** 2 + y * y + z * z <= 1:
                 near[count, 0], near[count, 1], near[count, 2] = x, y, z
                 whose[count] = view[m]
                 count += 1
@@ -125,7 +176,7 @@ def _gather(points, view, stretches, n, near, whose):
 
 @no_type_check
 @njit(cache=True)
-def _axis(near):
+def _axis(near, spread_squared):
     """Direction of the largest spread of some offsets, and whether they spread much less across it."""
     middle, spread = np.zeros(3), np.zeros((3, 3))
     for m in range(len(near)):
@@ -134,7 +185,7 @@ def _axis(near):
             for j in range(3):
                 spread[i, j] += near[m, i] * near[m, j]
     values, axes = np.linalg.eigh(spread - np.outer(middle, middle) / len(near))
-    return axes[0, 2], axes[1, 2], axes[2, 2], values[1] < STRAIGHT**2 * values[2]
+    return axes[0, 2], axes[1, 2], axes[2, 2], values[1] < spread_squared * values[2]
 
 
 @no_type_check
@@ -145,18 +196,23 @@ def _across(u, v, w, x, y, z):
     return u * u + v * v + w * w - along * along
 
 
-def in_long_pieces(points: Float[np.ndarray, "n 3"], radius: float) -> Bool[np.ndarray, " n"]:
-    """Which points belong to pieces, of neighbours in turn, that are long enough for a conductor."""
+def in_long_pieces(
+    points: Float[np.ndarray, "n 3"], radius: float, config: CollinearConfig
+) -> Bool[np.ndarray, " n"]:
+    """Which points belong to connected pieces that are long enough for a conductor."""
     if not len(points):
         return np.zeros(0, dtype=bool)
     cells, of_point = np.unique(
-        np.floor(points / [LONGER, 1, 1] / (CELL * radius)).astype(np.int64), axis=0, return_inverse=True
+        np.floor(points / [config.elongation, 1, 1] / (config.cell * radius)).astype(np.int64),
+        axis=0,
+        return_inverse=True,
     )
-    pairs = cKDTree(cells).query_pairs(NEXT / CELL, output_type="ndarray")
+    pairs = cKDTree(cells).query_pairs(config.max_gap / config.cell, output_type="ndarray")
     linked = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(len(cells), len(cells)))
     count, piece = connected_components(linked, directed=False)
     piece = piece[of_point]
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, piece, points[:, 0])
     np.maximum.at(high, piece, points[:, 0])
-    return (high - low)[piece] >= LONG * radius
+    long: Bool[np.ndarray, " n"] = (high - low)[piece] >= config.min_length * radius
+    return long

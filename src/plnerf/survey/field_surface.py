@@ -1,9 +1,9 @@
-"""A cloud of what a trained field shows: its surfaces, as the training cameras see them.
+"""The surfaces that a trained field shows, as the training cameras see them.
 
-Pixels are drawn evenly over all training images; each gives the point at which half of its light is gone.
-Rays that meet no surface, and points that stand alone or that one image alone shows, are left out.
+Pixels are drawn evenly over all training images; each gives the point at which half of its light has been
+absorbed.  Rays that meet no surface, and points that stand alone or that one image alone shows, are left out.
 
-Letters: n points, r rays.
+Letters: n points, r rays, E edges of intervals along a ray.
 """
 
 from collections.abc import Callable
@@ -11,48 +11,60 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from plnerf.errors import ConfigError
+from plnerf.line.frame import LineFrame
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.images import default_chunk
-from plnerf.render.proposals import to_distance
+from plnerf.render.proposals import s_to_t
+from plnerf.survey.photos import within
+from plnerf.survey.surface import Surface
 from plnerf.train.run import TrainedRun
 
-RAYS = 400_000
-LEAST_LIGHT = 0.5
-"""Share of a ray's light that must end on its way."""
-FARTHEST = 1.6
-"""Points further from the middle than so many half sides of the scene's box are background."""
-NEIGHBOURS = 8
-LONELY = 4.0
-"""A point whose neighbours are so many times as far as those of most, for its distance from the cameras,
-floats in the air."""
-WIDEST = 0.25
-"""Standard deviation along the ray, as a share of the distance, beyond which a depth says nothing."""
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """How points are taken from a trained field."""
+
+    rays: int = 400_000
+    """Pixels that are rendered, evenly from the training images."""
+    min_accumulation: float = 0.5
+    """Share of a ray's light that must be absorbed on its way."""
+    farthest: float = 1.6
+    """Points further from the middle of the scene's box than so many of its half sides are background."""
+    neighbours: int = 8
+    """Nearest points by which a point is judged."""
+    max_isolation: float = 4.0
+    """A point whose neighbours are so many times as far as those of most, for its distance from the cameras,
+    floats in the air."""
+    max_relative_sigma: float = 0.25
+    """Standard deviation along the ray, as a share of the distance, beyond which a depth is dropped."""
+
+    def __post_init__(self) -> None:
+        if self.rays < 1 or self.neighbours < 1:
+            raise ConfigError(
+                "Points of a field need rays and neighbours of 1 or more, but got "
+                f"{self.rays} and {self.neighbours}."
+            )
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """n points, world frame."""
-
-    xyz: Float[np.ndarray, "n 3"]
-    rgb: UInt8[np.ndarray, "n 3"]
-    sigma: Float[np.ndarray, " n"]
-    """Standard deviation along the line of sight: how widely the field spreads the surface, and how much the
-    views differ there."""
-    sight: Float[np.ndarray, "n 3"]
-    """The direction in which each is seen, unit length."""
-
-
-def surface_points(
-    run: TrainedRun, rays: int = RAYS, progress: Callable[[int, int], None] | None = None
+def field_surface(
+    run: TrainedRun,
+    frame: LineFrame,
+    config: FieldConfig,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Surface:
-    """Points on the surfaces of a run's field, about as many as rays; the same for the same run."""
+    """Points on the surfaces of a run's field, about as many as rays; the same for the same run.
+
+    Their standard deviations are how widely the field spreads a surface along the ray, and how much the views
+    differ there.
+    """
     scene, model = run.scene, run.model
     random = np.random.default_rng(0)
-    each = max(1, rays // len(scene.train))
+    each = max(1, config.rays // len(scene.train))
     places, colours, spreads, footprints, views, sights = [], [], [], [], [], []
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
@@ -62,9 +74,10 @@ def surface_points(
             for first in range(0, len(bundle), default_chunk(model)):
                 some = bundle[first : first + default_chunk(model)].to(train.device)
                 out = model(some, appearance=model.mean_appearance(len(some), train))
-                t = to_distance(out.histograms[-1].s, model.sampler)
+                t = s_to_t(out.histograms[-1].s, model.sampler)
                 spread = half_width(t, out.histograms[-1].w)
-                use = (out.accumulation >= LEAST_LIGHT) & (spread <= WIDEST * out.depth_median)
+                use = out.accumulation >= config.min_accumulation
+                use &= spread <= config.max_relative_sigma * out.depth_median
                 at = some.origins + out.depth_median[:, None] * some.directions
                 places.append(at[use].cpu())
                 colours.append((255 * out.colour[use]).round().clamp(0, 255).to(torch.uint8).cpu())
@@ -76,26 +89,16 @@ def surface_points(
                 progress(done + 1, len(scene.train))
     xyz, view = torch.cat(places).double().numpy(), np.concatenate(views)
     along, footprint = torch.cat(spreads).double().numpy(), torch.cat(footprints).double().numpy()
-    use = within(xyz, scene.box)
-    use[use], scatter = _seen_together(xyz[use], view[use], footprint[use])
+    use = within(xyz, scene.box, config.farthest)
+    use[use], scatter = _seen_together(xyz[use], view[use], footprint[use], config)
     sigma = np.sqrt(along[use] ** 2 + scatter**2 + footprint[use] ** 2 / 12)
-    frames = scene.frames
-    rgb = torch.cat(colours).numpy()[use]
-    sight = torch.cat(sights).double().numpy()[use] @ frames.R_scene_world
-    return Surface(frames.to_world(xyz[use]), rgb, sigma / frames.scale, sight)
-
-
-def within(points: Float[np.ndarray, "n 3"], box: Float[np.ndarray, "2 3"]) -> Bool[np.ndarray, " n"]:
-    """Which points of the scene frame are no background."""
-    low, high = box
-    middle, half = (low + high) / 2, (high - low) / 2
-    inside: Bool[np.ndarray, " n"] = (np.abs(points - middle) <= FARTHEST * half.max()).all(1)
-    return inside
+    rgb, sight = torch.cat(colours).numpy()[use], torch.cat(sights).double().numpy()[use]
+    return Surface(frame.from_scene(xyz[use]), rgb, frame.from_scene(sigma), sight)  # axes are the scene's
 
 
 def half_width(t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"]) -> Float[Tensor, " r"]:
-    """Half the distance between the 16th and 84th percentile of a ray's light: its standard deviation, were
-    it normal."""
+    """Half the distance between the 16th and 84th percentile of a ray's light: the standard deviation where
+    light is normally distributed."""
     total = w.sum(1, keepdim=True).clamp_min(1e-9)
     share = torch.cat([torch.zeros_like(total), (w / total).cumsum(1)], 1).contiguous()
     ends = []
@@ -110,7 +113,7 @@ def half_width(t: Float[Tensor, "r E"], w: Float[Tensor, "r E-1"]) -> Float[Tens
 def _pixels(
     size_px: Int[Tensor, "2"], i: int, count: int, random: np.random.Generator
 ) -> tuple[Int[Tensor, " r"], Float[Tensor, "r 2"]]:
-    """Camera and place of randomly drawn pixels of an image, each once."""
+    """Camera and centre of randomly drawn pixels of an image, each once."""
     w, h = (int(side) for side in size_px)
     flat = random.choice(w * h, min(count, w * h), replace=False)
     row, column = np.divmod(np.sort(flat), w)
@@ -119,17 +122,21 @@ def _pixels(
 
 
 def _seen_together(
-    xyz: Float[np.ndarray, "n 3"], view: Int[np.ndarray, " n"], footprint: Float[np.ndarray, " n"]
+    xyz: Float[np.ndarray, "n 3"],
+    view: Int[np.ndarray, " n"],
+    footprint: Float[np.ndarray, " n"],
+    config: FieldConfig,
 ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
-    """Which points have neighbours near for their distance, of further views; and how those that have
-    scatter about the plane through their neighbours."""
-    if len(xyz) <= NEIGHBOURS:
+    """Which points have near neighbours (for their distance from the cameras) from other views; and the
+    standard deviations of the neighbours of those about a plane."""
+    count = config.neighbours
+    if len(xyz) <= count:
         return np.zeros(len(xyz), bool), np.zeros(0)
-    apart, near = cKDTree(xyz).query(xyz, k=NEIGHBOURS + 1, workers=-1)
+    apart, near = cKDTree(xyz).query(xyz, k=count + 1, workers=-1)
     relative = apart[:, -1] / footprint
-    use = relative <= LONELY * np.median(relative)
+    use = relative <= config.max_isolation * np.median(relative)
     use &= (view[near[:, 1:]] != view[:, None]).any(1)
     around = xyz[near[use]]
     around -= around.mean(1, keepdims=True)
-    variance = np.linalg.eigvalsh(np.einsum("kni,knj->kij", around, around) / NEIGHBOURS)[:, 0]
+    variance = np.linalg.eigvalsh(np.einsum("kni,knj->kij", around, around) / count)[:, 0]
     return use, np.sqrt(np.maximum(variance, 0))

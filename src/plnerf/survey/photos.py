@@ -10,9 +10,6 @@ from plnerf.scene.cameras import Cameras
 from plnerf.scene.images import ImageStore
 from plnerf.scene.scene import Scene
 
-FARTHEST = 1.6
-"""Points further from the middle than so many half sides of the scene's box are background."""
-
 
 @dataclass(frozen=True, eq=False)
 class Photos:
@@ -28,12 +25,19 @@ class Photos:
     box: Float[np.ndarray, "2 3"]
     """Lowest and highest corner of what the capture is about, LineFrame."""
 
-    def within(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        """Which points are no background."""
-        low, high = self.box
-        middle, half = (low + high) / 2, (high - low) / 2
-        inside: Bool[np.ndarray, " n"] = (np.abs(points - middle) <= FARTHEST * half.max()).all(1)
-        return inside
+    def within(self, points: Float[np.ndarray, "n 3"], farthest: float) -> Bool[np.ndarray, " n"]:
+        """Which points are no background: within `farthest` half sides of the box from its middle."""
+        return within(points, self.box, farthest)
+
+
+def within(
+    points: Float[np.ndarray, "n 3"], box: Float[np.ndarray, "2 3"], farthest: float
+) -> Bool[np.ndarray, " n"]:
+    """Which points lie within `farthest` of a box's longest half side from its middle, along every axis."""
+    low, high = box
+    middle, half = (low + high) / 2, (high - low) / 2
+    inside: Bool[np.ndarray, " n"] = (np.abs(points - middle) <= farthest * half.max()).all(1)
+    return inside
 
 
 def photos_of(scene: Scene) -> Photos:

@@ -1,1 +1,1 @@
-"""Surfaces from pairs of images."""
+"""Photos and wires in, points on surfaces out: dense matching of pairs of images."""

@@ -1,137 +1,113 @@
-"""The surfaces of a survey: what stereo shows of them; of wires, which stereo smears, what the field shows.
+"""The surfaces of a survey: what stereo measures; of wires, which stereo smears, what a trained field shows.
 
-A field trained for minutes is decimetres to metres off where its images, with their poses, say centimetres to
-decimetres, so that none of its other points is kept: most would lie before or behind what stereo shows.
+A field trained for minutes is decimetres to metres off where its images, with their poses, fix points to
+centimetres or decimetres, so that none of its other points is kept: most would lie before or behind what
+stereo measures.
 
-Letters: n points, m views, h x w pixels.
+Letters: n points, m views, h x w pixels.  LineFrame.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
-from plnerf.detect.curves import Curve
-from plnerf.scene.scene import Scene
-from plnerf.survey.field_surface import RAYS, Surface, within
-from plnerf.survey.stereo.consistency import confirmed
-from plnerf.survey.stereo.depth import BLOCK_PX, SIGMA_PX, DepthMap, Picture, depth_map
-from plnerf.survey.stereo.pairs import partners
-from plnerf.survey.stereo.views import View, picture, view_of
-
-LEAST_SEEN = 20
-"""Points of the field that a view must see, to tell how far away things are."""
-NEARER = 0.15
-"""Quantile of a view's distances that stands for what is near."""
-LEAST_SHARE = 0.02
-"""Of the pixels drawn, how many must have a depth: else there is no stereo to speak of."""
-EDGE_PX = BLOCK_PX / 2
-"""Where a thing ends is known to half a block: leaves outside of a crown are smaller."""
-WIRE_PX = BLOCK_PX
-"""Pixels this near to a projected curve are left out: one wire is matched with another."""
-CURVE_PLACES = 2000
-COMPANY = 10
-"""Points that another image of the same thing would have, all of its pixels matched, within the distance at
-which a point's confirmation is looked for."""
+from plnerf.findings import Finding, harms
+from plnerf.line.wire import Wire
+from plnerf.survey.photos import Photos
+from plnerf.survey.stereo.config import StereoConfig
+from plnerf.survey.stereo.consistency import consistent
+from plnerf.survey.stereo.depth import DepthMap, depth_map
+from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points
+from plnerf.survey.stereo.pairs import joined_partners, partners
+from plnerf.survey.stereo.views import picture, shows_wires, view_of
+from plnerf.survey.surface import Surface, joined
 
 
-def with_stereo(
-    scene: Scene,
-    field: Surface,
-    curves: Sequence[Curve],
-    points: int = RAYS,
+def stereo_surface(
+    photos: Photos,
+    wires: Sequence[Wire],
+    field: Surface | None,
+    config: StereoConfig,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[Surface, list[str]]:
-    """Points of stereo at those of `points` pixels, drawn evenly from the training images, that have a depth,
-    and the field's on the curves; all of the field, with a note, where the images make no pairs."""
-    views = [view_of(scene, i) for i in scene.train]
-    of_field = scene.frames.to_scene(field.xyz)
-    far, near = distances(views, of_field).T
-    # What is near needs images that are near to one another, what is far others.
-    chosen = [
-        tuple(dict.fromkeys((*some, *more)))
-        for some, more in zip(partners(views, far), partners(views, near), strict=True)
-    ]
+) -> tuple[Surface, tuple[Finding, ...]]:
+    """Points of stereo at those of `config.points` pixels, drawn evenly from the training images, that have a
+    depth, and the field's points on the wires.
+
+    Without a field the images alone decide, and wires get no points.  Where the images make no stereo, all of
+    the field, or nothing, with a finding.
+    """
+    views = [view_of(photos, i, config.longest_px) for i in photos.train]
+    rounds = 1 if field is not None else 2
+
+    def report(done: int, of: int) -> None:
+        if progress is not None:
+            progress(done, of)
+
+    far, near = (
+        distances_of_points(views, field.xyz, config)
+        if field is not None
+        else distances_by_matching(photos, wires, config, lambda done, of: report(done, rounds * of))
+    ).T
+    # Near things need images that are near to one another, far things others.
+    chosen = joined_partners(partners(views, far, config.pairs), partners(views, near, config.pairs))
     random = np.random.default_rng(0)
-    each = max(1, points // len(views))
-    places, colours, sigmas, sights, images, radii = [], [], [], [], [], []
+    each = max(1, config.points // max(1, len(views)))
+    parts, images, radii = [], [], []
     for k, (view, others) in enumerate(zip(views, chosen, strict=True)):
         if len(others) >= 2:
-            mine, rgb = _picture(scene, scene.train[k], view)
-            there = (_picture(scene, scene.train[j], views[j])[0] for j in others)
-            depths = depth_map(mine, list(there), float(near[k]))
-            depths.t[shows_wires(view, curves)] = np.nan
+            mine, rgb = picture(photos, photos.train[k], view, config.longest_px)
+            there = [picture(photos, photos.train[j], views[j], config.longest_px)[0] for j in others]
+            depths = depth_map(mine, there, float(near[k]), config.match)
+            depths.t[shows_wires(view, wires, config)] = np.nan
             at = _pixels(depths, each, random)
-            places.append(view.centre + depths.t[at][:, None] * mine.rays[at])
-            colours.append(rgb[at])
-            pixel = depths.t[at] / float(view.focal_px.mean())
-            sigmas.append(np.hypot(depths.sigma[at], EDGE_PX * pixel))
-            sights.append(mine.rays[at])
-            images.append(np.full(len(at[0]), k))
-            radii.append(depths.sigma[at] + np.sqrt(COMPANY * depths.t.size / (np.pi * each)) * pixel)
-        if progress is not None:
-            progress(k + 1, len(views))
-    found = sum(len(some) for some in places)
-    if found < LEAST_SHARE * points:
-        return field, [
-            f"The images make no stereo ({sum(len(others) > 1 for others in chosen)} of {len(views)} have "
-            "two partners that look the same way from beside them): ground and plants are the field's alone, "
-            "which may be metres off."
-        ]
-    wires, frames, met = _on_curves(of_field, curves), scene.frames, np.concatenate(places)
-    kept = within(met, scene.box) & confirmed(met, np.concatenate(images), np.concatenate(radii))
-    return Surface(
-        np.concatenate([frames.to_world(met[kept]), field.xyz[wires]]),
-        np.concatenate([np.concatenate(colours)[kept], field.rgb[wires]]),
-        np.concatenate([np.concatenate(sigmas)[kept] / frames.scale, field.sigma[wires]]),
-        np.concatenate([np.concatenate(sights)[kept] @ frames.R_scene_world, field.sight[wires]]),
-    ), []
+            t, rays, sigma = depths.t[at], mine.rays[at], depths.sigma[at]
+            pixel = t / float(view.focal_px.mean())
+            sigma_m = np.hypot(sigma, config.edge_px * pixel)
+            parts.append(Surface(view.centre + t[:, None] * rays, rgb[at], sigma_m, rays))
+            images.append(np.full(len(t), k))
+            # The distance within which another image would have so many points of the same thing.
+            apart = np.sqrt(config.consistency.expected_points * depths.t.size / (np.pi * each))
+            radii.append(sigma + apart * pixel)
+        report(len(views) * (rounds - 1) + k + 1, len(views) * rounds)
+    met = joined(parts)
+    if len(met.xyz) < config.min_share * config.points:
+        pairs = f"{sum(len(others) > 1 for others in chosen)} of {len(views)}"
+        return (Surface.empty() if field is None else field), (_no_stereo(pairs, field is not None),)
+    kept = photos.within(met.xyz, config.farthest)
+    kept &= consistent(met.xyz, np.concatenate(images), np.concatenate(radii), config.consistency)
+    of_field = [] if field is None else [field.chosen(_on_wires(field.xyz, wires))]
+    return joined([met.chosen(kept), *of_field]), ()
 
 
-def loosened(surface: Surface, motion_px: float) -> Surface:
-    """The same, less certain: both images of a pair lie so far off their poses."""
-    return replace(surface, sigma=surface.sigma * np.hypot(1.0, np.sqrt(2) * motion_px / SIGMA_PX))
+def inflate_sigma(surface: Surface, residual_px: float, config: StereoConfig) -> Surface:
+    """The same points, less certain: both images of a pair lie `residual_px` off their poses."""
+    factor = np.hypot(1.0, np.sqrt(2) * residual_px / config.match.sigma_px)
+    return replace(surface, sigma_m=surface.sigma_m * factor)
 
 
-def shows_wires(view: View, curves: Sequence[Curve]) -> Bool[np.ndarray, "h w"]:
-    """The pixels of an image near to a projected curve."""
-    near = np.zeros((view.height, view.width), np.uint8)
-    for curve in curves:
-        pixel, inside = view.project(curve.points(np.linspace(*curve.ends, CURVE_PLACES)))
-        column, row = pixel[inside].astype(int).T
-        near[row, column] = 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * WIRE_PX + 1, 2 * WIRE_PX + 1))
-    return cv2.dilate(near, disc) > 0
+def _no_stereo(pairs: str, has_field: bool) -> Finding:
+    left = (
+        "ground and plants are the field's alone, which may be metres off."
+        if has_field
+        else "neither ground nor plants are measured."
+    )
+    what = f"The images make no stereo ({pairs} have two partners that look the same way from beside them): "
+    return harms("stereo", what + left, "Take images side by side that overlap by two thirds.")
 
 
-def _on_curves(points: Float[np.ndarray, "n 3"], curves: Sequence[Curve]) -> Bool[np.ndarray, " n"]:
-    """Which points are as near to a curve as its conductor is looked for."""
+def _on_wires(points: Float[np.ndarray, "n 3"], wires: Sequence[Wire]) -> Bool[np.ndarray, " n"]:
+    """Which points lie between a wire's ends, within its `evidence.reach_m` of its curve."""
     on = np.zeros(len(points), np.bool_)
-    for curve in curves:
-        low, high = curve.ends
-        off = points - curve.points(points[:, 0])
-        on |= (points[:, 0] >= low) & (points[:, 0] <= high) & (np.linalg.norm(off, axis=1) <= curve.reach)
+    for wire in wires:
+        if wire.evidence.reach_m is None:  # it comes from points, not from images
+            continue
+        local = wire.base.local(points)
+        beside = np.flatnonzero((local[:, 0] >= 0) & (local[:, 0] <= wire.base.length_m))
+        off = local[beside, 1:] - wire.at(local[beside, 0])
+        on[beside] |= np.linalg.norm(off, axis=1) <= wire.evidence.reach_m
     return on
-
-
-def distances(views: Sequence[View], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "m 2"]:
-    """The median distance of the points that each view has in its image, and that of the nearer ones (their
-    `NEARER` quantile); NaN where they are few."""
-    found = np.full((len(views), 2), np.nan)
-    for k, view in enumerate(views):
-        _, inside = view.project(points)
-        if inside.sum() >= LEAST_SEEN:
-            apart = np.linalg.norm(points[inside] - view.centre, axis=1)
-            found[k] = np.quantile(apart, [0.5, NEARER])
-    return found
-
-
-def _picture(scene: Scene, i: int, view: View) -> tuple[Picture, UInt8[np.ndarray, "h w 3"]]:
-    """Image i for matching, and its colours."""
-    rgb, valid = picture(scene, i)
-    return Picture(view, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY).astype(np.uint8), valid), rgb
 
 
 def _pixels(

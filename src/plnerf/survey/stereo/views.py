@@ -1,29 +1,30 @@
-"""Cameras of a scene as stereo needs them: float64, at the size at which images are compared.
+"""Views: posed images at the size at which stereo matches them.
 
-Letters: n views, p points.  Scene frame; pixels as in `scene/cameras.py`: the first one's centre is
+Letters: p points or pixels.  LineFrame, float64; pixels as in `scene/cameras.py`: the first one's centre is
 (0.5, 0.5).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 
+from plnerf.line.wire import Wire
 from plnerf.rays.lens import undistort_plane
 from plnerf.scene.cameras import distort
-from plnerf.scene.scene import Scene
-
-LONGEST_PX = 1024
-"""Larger images are reduced by a whole number: what matching costs grows with the third power of the size."""
+from plnerf.survey.photos import Photos
+from plnerf.survey.stereo.config import StereoConfig
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """One posed image."""
 
-    R_scene_camera: Float[np.ndarray, "3 3"]
+    R_line_camera: Float[np.ndarray, "3 3"]
     centre: Float[np.ndarray, "3"]
     focal_px: Float[np.ndarray, "2"]
     principal_px: Float[np.ndarray, "2"]
@@ -34,7 +35,7 @@ class View:
     @property
     def axis(self) -> Float[np.ndarray, "3"]:
         """Direction of view."""
-        return self.R_scene_camera[:, 2]
+        return self.R_line_camera[:, 2]
 
     def rays(self) -> Float[np.ndarray, "h w 3"]:
         """Directions of all pixels' centres, unit length."""
@@ -48,15 +49,15 @@ class View:
             plane = undistort_plane(plane, torch.from_numpy(self.distortion).expand(*plane.shape[:-1], 5))
         rays = np.concatenate([plane.numpy(), np.ones((*pixels.shape[:-1], 1))], -1)
         turned: Float[np.ndarray, "*p 3"] = (
-            rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ self.R_scene_camera.T
+            rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ self.R_line_camera.T
         )
         return turned
 
     def project(
         self, points: Float[np.ndarray, "p 3"]
     ) -> tuple[Float[np.ndarray, "p 2"], Bool[np.ndarray, " p"]]:
-        """Where points are seen, and which of them lie before the camera and inside of the image."""
-        local = (points - self.centre) @ self.R_scene_camera
+        """Pixels of points, and which of them lie before the camera and inside of the image."""
+        local = (points - self.centre) @ self.R_line_camera
         before = local[:, 2] > 0
         plane = torch.from_numpy(local[:, :2] / np.where(before, local[:, 2], 1.0)[:, None])
         bent = distort(plane, torch.from_numpy(self.distortion)).numpy()
@@ -65,24 +66,60 @@ class View:
         return pixels, inside
 
 
-def view_of(scene: Scene, i: int) -> View:
-    """Camera i of a scene, reduced as `picture` is."""
-    cameras = scene.cameras
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """The grey values of a view, and which of its pixels count."""
+
+    view: View
+    grey: UInt8[np.ndarray, "h w"]
+    valid: Bool[np.ndarray, "h w"]
+
+    @cached_property
+    def rays(self) -> Float[np.ndarray, "h w 3"]:
+        """Directions of all pixels' centres, unit length."""
+        return self.view.rays()
+
+
+def view_of(photos: Photos, i: int, longest_px: int) -> View:
+    """Camera i, reduced as `picture` reduces its image."""
+    cameras = photos.cameras
     full = cameras.size_px[i].numpy()
-    size = full // _reduction(full)
+    size = full // _reduction(full, longest_px)
     shrink = size / full
     return View(
-        cameras.R_scene_camera[i].double().numpy(), cameras.centre[i].double().numpy(),
-        cameras.focal_px[i].double().numpy() * shrink, cameras.principal_px[i].double().numpy() * shrink,
-        cameras.distortion[i].double().numpy(), int(size[0]), int(size[1]),
+        cameras.R_scene_camera[i].numpy(), cameras.centre[i].numpy(), cameras.focal_px[i].numpy() * shrink,
+        cameras.principal_px[i].numpy() * shrink, cameras.distortion[i].numpy(), int(size[0]), int(size[1]),
     )  # fmt: skip
 
 
-def picture(scene: Scene, i: int) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
-    """Colours of image i, at most `LONGEST_PX` long, and which of its pixels no mask hides."""
-    rgb, valid = scene.images.image(i), scene.images.valid(i)
+def picture(
+    photos: Photos, i: int, view: View, longest_px: int
+) -> tuple[Picture, UInt8[np.ndarray, "h w 3"]]:
+    """Image i at the size of its view, for matching, and its colours."""
+    rgb, valid = _reduced(photos, i, longest_px)
+    return Picture(view, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY).astype(np.uint8), valid), rgb
+
+
+def shows_wires(view: View, wires: Sequence[Wire], config: StereoConfig) -> Bool[np.ndarray, "h w"]:
+    """The pixels of a view within `wire_px` of a projected wire."""
+    near = np.zeros((view.height, view.width), np.uint8)
+    for wire in wires:
+        pixel, inside = view.project(wire.points(np.linspace(0.0, wire.base.length_m, config.wire_samples)))
+        column, row = pixel[inside].astype(int).T
+        near[row, column] = 1
+    side = 2 * config.wire_px + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    return cv2.dilate(near, disc) > 0
+
+
+def _reduced(
+    photos: Photos, i: int, longest_px: int
+) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
+    """Colours of image i, reduced by a whole number to at most `longest_px`, and which of its pixels no mask
+    hides."""
+    rgb, valid = photos.images.image(i), photos.images.valid(i)
     height, width = valid.shape
-    reduced = _reduction(np.array([width, height]))
+    reduced = _reduction(np.array([width, height]), longest_px)
     if reduced == 1:
         return rgb, valid
     size = width // reduced, height // reduced
@@ -91,5 +128,5 @@ def picture(scene: Scene, i: int) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.n
     return small, share > 1 - 1e-4
 
 
-def _reduction(size_px: np.ndarray) -> int:
-    return -(-int(size_px.max()) // LONGEST_PX)
+def _reduction(size_px: np.ndarray, longest_px: int) -> int:
+    return -(-int(size_px.max()) // longest_px)

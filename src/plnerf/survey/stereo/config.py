@@ -1,0 +1,167 @@
+"""Settings of stereo: how images are paired, matched, and checked against one another."""
+
+from dataclasses import dataclass, field
+
+from plnerf.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class StereoPairConfig:
+    """Which images make stereo pairs.  b: baseline, d: typical distance of what a view shows."""
+
+    max_turn_deg: float = 20.0
+    """Angle between the two directions of view beyond which surfaces look too different to be matched."""
+    min_baseline: float = 0.05
+    """b / d below which a depth is too uncertain."""
+    max_baseline: float = 0.25
+    """b / d beyond which the images differ too much, and near things have no match."""
+    best_baseline: float = 0.12
+    """The b / d that is preferred."""
+    partners: int = 3
+    """Partners of a view at one typical distance, at most."""
+    max_zoom: float = 1.5
+    """Ratio of the focal lengths in pixels beyond which two images are not compared."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.min_baseline <= self.best_baseline <= self.max_baseline:
+            raise ConfigError(
+                "Stereo needs 0 < min_baseline <= best_baseline <= max_baseline, but got "
+                f"{self.min_baseline}, {self.best_baseline} and {self.max_baseline}."
+            )
+        if self.partners < 2 or self.max_zoom < 1:
+            raise ConfigError(
+                "Stereo needs 2 or more partners, since a depth needs two pairs that agree, and max_zoom >= "
+                f"1, but got {self.partners} and {self.max_zoom}."
+            )
+
+
+@dataclass(frozen=True)
+class MatchConfig:
+    """How a pair is matched, and which matches are kept."""
+
+    nearest: float = 1 / 3
+    """Least depth that is searched, as a share of the distance that is given as near: it sets the range of
+    disparities, which costs time and memory."""
+    block_px: int = 5
+    """Side of the square blocks that are compared; odd."""
+    small_step_penalty: float = 8.0
+    """Cost of a change of disparity by one between neighbours, per pixel of a block (OpenCV's P1)."""
+    large_step_penalty: float = 32.0
+    """Cost of a larger change (OpenCV's P2)."""
+    max_left_right_px: int = 1
+    """Difference of the disparities from left to right and back beyond which a match is dropped."""
+    prefilter_cap: int = 31
+    """Gradients are cut off at this value before they are compared, so that shadows' edges do not rule."""
+    unique_percent: int = 10
+    """Margin by which the best match must beat the second best."""
+    speckle_px: int = 60
+    """Connected regions of even disparity with fewer pixels are dropped."""
+    speckle_step_px: int = 1
+    """Change of disparity between neighbours up to which they belong to one region."""
+    sigma_px: float = 0.4
+    """Standard deviation of a disparity."""
+    agree_px: float = 1.0
+    """Two pairs agree if their depths differ by no more than what this disparity means in the less exact
+    pair."""
+    min_contrast: float = 2.5
+    """Standard deviation of the grey values (0 to 255) in a block below which, as in the sky, matches are
+    chance."""
+    max_relative_sigma: float = 0.1
+    """Standard deviation of a depth, as a share of it, beyond which it is dropped."""
+    max_jump_px: float = 2.0
+    """Neighbours whose disparities differ by more belong to different things."""
+    min_sine: float = 0.3
+    """Sine of the angle between baseline and ray below which a pixel is too near to the epipole."""
+
+    def __post_init__(self) -> None:
+        if self.block_px < 1 or self.block_px % 2 == 0:
+            raise ConfigError(f"Stereo needs an odd block_px, but got {self.block_px}.")
+        if min(self.nearest, self.sigma_px, self.min_sine) <= 0:
+            raise ConfigError(
+                "Stereo needs nearest, sigma_px and min_sine greater than 0, but got "
+                f"{self.nearest}, {self.sigma_px} and {self.min_sine}."
+            )
+
+
+@dataclass(frozen=True)
+class ConsistencyConfig:
+    """Which points the depth maps of other images support."""
+
+    neighbours: int = 24
+    """Nearest points that are asked."""
+    min_support: int = 4
+    """Images that those must come from, the point's own included: fewer make the same mistake together."""
+    rounds: int = 4
+    """Rounds of the filter at most: points that it drops support no others."""
+    expected_points: float = 10.0
+    """The radius of support holds so many points of another image of the same thing, were all of its pixels
+    matched."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.min_support <= self.neighbours:
+            raise ConfigError(
+                "The consistency filter needs 1 <= min_support <= neighbours, but got "
+                f"{self.min_support} and {self.neighbours}."
+            )
+
+
+@dataclass(frozen=True)
+class CoarseConfig:
+    """How typical distances are measured where no field gives them: by matching reduced images first."""
+
+    longest_px: int = 256
+    """Longer side of the reduced images."""
+    distance_step: float = 2.0
+    """Ratio of the distances at which partners are tried: pairs serve distances within a ratio of
+    max_baseline / min_baseline, so that nothing falls between two of them."""
+    most_distances: int = 10
+    """Distances that are tried, at most, from the farthest that counts."""
+
+    def __post_init__(self) -> None:
+        if self.longest_px < 32 or self.distance_step <= 1 or self.most_distances < 1:
+            raise ConfigError(
+                "The coarse round of stereo needs longest_px >= 32, distance_step > 1 and most_distances >= "
+                f"1, but got {self.longest_px}, {self.distance_step} and {self.most_distances}."
+            )
+
+
+@dataclass(frozen=True)
+class StereoConfig:
+    """How the surfaces of a survey are measured from its images."""
+
+    points: int = 400_000
+    """Pixels that are drawn, evenly from the training images; those with a depth become points."""
+    longest_px: int = 1024
+    """Larger images are reduced by a whole number: what matching costs grows with the third power of the
+    size."""
+    farthest: float = 1.6
+    """Points further from the middle of the scene's box than so many of its half sides are background."""
+    min_seen: int = 20
+    """Points of the field that a view must show for its typical distances to be known."""
+    near_quantile: float = 0.15
+    """Quantile of a view's distances that stands for what is near."""
+    min_share: float = 0.02
+    """Share of the drawn pixels that must have a depth: with fewer there is no stereo to speak of."""
+    edge_px: float = 2.5
+    """Standard deviation of where a thing ends in an image: half a block.  Leaves outside of a crown are
+    smaller."""
+    wire_px: int = 5
+    """Pixels this near to a projected wire are left out, a block's side: one wire is matched with another."""
+    wire_samples: int = 2000
+    """Places along a wire that are projected for this."""
+    pairs: StereoPairConfig = field(default_factory=StereoPairConfig)
+    match: MatchConfig = field(default_factory=MatchConfig)
+    consistency: ConsistencyConfig = field(default_factory=ConsistencyConfig)
+    coarse: CoarseConfig = field(default_factory=CoarseConfig)
+
+    def __post_init__(self) -> None:
+        if self.points < 1 or self.longest_px < 32 or self.wire_samples < 2:
+            raise ConfigError(
+                "Stereo needs points >= 1, longest_px >= 32 and wire_samples >= 2, but got "
+                f"{self.points}, {self.longest_px} and {self.wire_samples}."
+            )
+        if not 0 < self.near_quantile <= 0.5 or not 0 < self.min_share < 1 or self.wire_px < 0:
+            raise ConfigError(
+                "Stereo needs 0 < near_quantile <= 0.5, 0 < min_share < 1 and wire_px >= 0, but got "
+                f"{self.near_quantile}, {self.min_share} and {self.wire_px}."
+            )

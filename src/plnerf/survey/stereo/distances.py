@@ -1,0 +1,97 @@
+"""How far away the things are that each view shows: what its partners and its search range depend on.
+
+A trained field gives these distances; without one, reduced images are matched first, with partners for every
+distance that may occur.
+
+Letters: m views, n points.  LineFrame.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+
+from plnerf.line.wire import Wire
+from plnerf.survey.photos import Photos
+from plnerf.survey.stereo.config import StereoConfig
+from plnerf.survey.stereo.depth import depth_map
+from plnerf.survey.stereo.pairs import partners
+from plnerf.survey.stereo.views import View, picture, shows_wires, view_of
+
+
+def distances_of_points(
+    views: Sequence[View], points: Float[np.ndarray, "n 3"], config: StereoConfig
+) -> Float[np.ndarray, "m 2"]:
+    """Median distance of the points that each view has in its image, and their `near_quantile`; NaN where
+    they are fewer than `min_seen`."""
+    found = np.full((len(views), 2), np.nan)
+    for k, view in enumerate(views):
+        _, inside = view.project(points)
+        if inside.sum() >= config.min_seen:
+            apart = np.linalg.norm(points[inside] - view.centre, axis=1)
+            found[k] = np.quantile(apart, [0.5, config.near_quantile])
+    return found
+
+
+def distances_by_matching(
+    photos: Photos,
+    wires: Sequence[Wire],
+    config: StereoConfig,
+    progress: Callable[[int, int], None] | None = None,
+) -> Float[np.ndarray, "m 2"]:
+    """The same two distances of what each training image shows, by matching the images at reduced size.
+
+    Images in which fewer than `min_share` of the pixels get a depth take the distances of the nearest view
+    that has some; NaN where there is none.
+    """
+    views = [view_of(photos, i, config.coarse.longest_px) for i in photos.train]
+    pictures = [
+        picture(photos, i, view, config.coarse.longest_px)[0]
+        for i, view in zip(photos.train, views, strict=True)
+    ]
+    near: list[dict[int, float]] = [{} for _ in views]
+    for distance in tried_distances(photos, config):  # the nearest comes last and rules the search range
+        for mine, others in zip(
+            near, partners(views, np.full(len(views), distance), config.pairs), strict=True
+        ):
+            mine.update(dict.fromkeys(others, distance))
+    found = np.full((len(views), 2), np.nan)
+    for k, view in enumerate(views):
+        if len(near[k]) >= 2:
+            one = replace(pictures[k])  # a copy: its rays are not kept
+            t = depth_map(one, [pictures[j] for j in near[k]], list(near[k].values()), config.match).t
+            t[shows_wires(view, wires, config)] = np.nan
+            known = np.isfinite(t)
+            t = t[known][photos.within(view.centre + t[known][:, None] * one.rays[known], config.farthest)]
+            if len(t) >= config.min_share * known.size:
+                found[k] = np.quantile(t, [0.5, config.near_quantile])
+        if progress is not None:
+            progress(k + 1, len(views))
+    return _filled(found, np.array([view.centre for view in views]))
+
+
+def tried_distances(photos: Photos, config: StereoConfig) -> list[float]:
+    """From the farthest that counts down to where even neighbouring images are too far apart."""
+    low, high = photos.box
+    centres = photos.cameras.centre.numpy()[list(photos.train)]
+    spacing = float(np.median(cKDTree(centres).query(centres, k=2)[0][:, 1])) if len(centres) > 1 else np.inf
+    distances = [config.farthest * float((high - low).max()) / 2]
+    while len(distances) < config.coarse.most_distances:
+        nearer = distances[-1] / config.coarse.distance_step
+        if nearer * config.pairs.max_baseline < spacing:
+            break
+        distances.append(nearer)
+    return distances
+
+
+def _filled(
+    distances: Float[np.ndarray, "m 2"], centres: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, "m 2"]:
+    known = np.isfinite(distances[:, 0])
+    if not known.any():
+        return distances
+    nearest = cKDTree(centres[known]).query(centres)[1]
+    filled: Float[np.ndarray, "m 2"] = np.where(known[:, None], distances, distances[known][nearest])
+    return filled
