@@ -1,6 +1,6 @@
-"""Where conductors are found in scenes of known wires: `python benchmarks/find_wires.py SCENE [SCENE ...]`.
+"""Which wires are detected in scenes with truth: `python benchmarks/find_wires.py SCENE [SCENE ...]`.
 
-A true conductor is found where a certain curve lies within 10 cm of it on average.
+A true wire is found where a certain one lies within 10 cm of it on average.
 """
 
 import json
@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from plnerf.detect.detect import find_curves
+from plnerf.detect.detect import detect_wires
+from plnerf.field.guides import scene_points
+from plnerf.line.frame import LineFrame
 from plnerf.scene.scene import load_scene
 
 CLOSE_M = 0.10
@@ -22,34 +24,31 @@ def main(folders: list[str]) -> None:
         with tempfile.TemporaryDirectory() as store:
             scene = load_scene(Path(folder), store=Path(store))
             start = time.perf_counter()
-            curves = find_curves(scene)
+            detected = detect_wires(scene)
             seconds = time.perf_counter() - start
         if scene.truth is None:
             sys.exit(f"{folder} has no truth.json: give scenes that `plnerf synth` made.")
-        wires = json.loads(scene.truth.read_text())["conductors"]
-        axes = [scene.frames.to_scene(np.array(wire["polyline"])) for wire in wires]
+        frame = LineFrame.of_scene(scene.frames)
+        true = json.loads(scene.truth.read_text())["conductors"]
+        axes = [frame.from_world(np.array(wire["polyline"])) for wire in true]
         found: dict[str, float] = {}
         rows = []
-        for curve in curves:
-            points = curve.points(np.linspace(*curve.ends, 200))
-            apart = [mean_distance(points, axis) / scene.frames.scale for axis in axes]
+        for wire in detected:
+            points = frame.from_scene(scene_points(wire, frame, 200))
+            apart = [mean_distance(points, axis) for axis in axes]
             nearest = int(np.argmin(apart))
-            rows.append((
-                wires[nearest]["name"],
-                apart[nearest],
-                curve.sigma / scene.frames.scale,
-                curve.certain,
-            ))
-            if curve.certain and apart[nearest] < CLOSE_M:
-                found[wires[nearest]["name"]] = apart[nearest]
-        print(f"{folder}: {len(found)} of {len(wires)} found, {seconds:.1f} s")
+            name, certain = true[nearest]["name"], wire.evidence.certain
+            rows.append((name, apart[nearest], wire.worst_sigma(), certain))
+            if certain and apart[nearest] < CLOSE_M:
+                found[name] = apart[nearest]
+        print(f"{folder}: {len(found)} of {len(true)} found, {seconds:.1f} s")
         for name, distance, sigma, certain in rows:
             known = "" if certain else ", uncertain"
             print(f"  nearest to {name}: {distance:.3f} m on average, sigma {sigma:.3f} m{known}")
 
 
 def mean_distance(points: np.ndarray, axis: np.ndarray) -> float:
-    """Mean distance across of a curve's points from a true axis, where both are."""
+    """Mean distance across of a wire's points from a true axis, where both are."""
     both = points[(points[:, 0] >= axis[:, 0].min()) & (points[:, 0] <= axis[:, 0].max())]
     y, z = (np.interp(both[:, 0], axis[:, 0], axis[:, k]) for k in (1, 2))
     return float(np.hypot(both[:, 1] - y, both[:, 2] - z).mean()) if len(both) else np.inf

@@ -1,17 +1,34 @@
 """Where rays pass near curves: against looking everywhere; nothing is missed, nothing made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
-from tests.support.drawn import hanging
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.support.drawn import FRAME, FRAMES, HALF, hanging, resized
 from torch import Tensor
 
-from plnerf.detect.curves import Curve
-from plnerf.field.guides import MOST_OBLIQUE, Guides, closest_approach, guides_of, windows
+from plnerf.field.guides import MOST_OBLIQUE, Guides, closest_approach, guides_of, scene_points, windows
+from plnerf.line.frame import LineFrame
+from plnerf.line.hang import hang
+from plnerf.line.wire import Wire
 from plnerf.rays.rays import Rays
 
-CURVES = (hanging(0.05, 0.1, 0.05, askew=0.03, climb=0.1), hanging(-0.1, 0.0, 0.02), hanging(0.0, 0.3, 0.1))
+WIRES = (hanging(0.05, 0.1, 0.05, askew=0.03, climb=0.1), hanging(-0.1, 0.0, 0.02), hanging(0.0, 0.3, 0.1))
 NEAR = 0.03
+
+
+def guides(*wires: Wire) -> Guides:
+    return guides_of(wires or WIRES, FRAME)
+
+
+def on_parabola(wire: Wire, x: np.ndarray) -> np.ndarray:
+    """Points at x of the parabola that stands for a wire from -HALF to HALF."""
+    y_A, y_B, z_A, z_B, b, _ = wire.theta
+    t = (x + HALF) / (2 * HALF)
+    return np.stack([x, y_A + (y_B - y_A) * t, z_A + (z_B - z_A) * t - 4 * b * t * (1 - t)], 1)
 
 
 def rays_from(origins: Tensor, directions: Tensor, radius: float = 0.002) -> Rays:
@@ -20,18 +37,18 @@ def rays_from(origins: Tensor, directions: Tensor, radius: float = 0.002) -> Ray
     return Rays(origins, directions, torch.full((n,), radius), torch.zeros(n, dtype=torch.int64))
 
 
-def rays_near(curve: Curve, n: int, seed: int, spread: float = 0.02) -> Rays:
-    """Rays from anywhere around that pass some `spread` from a curve, or further."""
+def rays_near(wire: Wire, n: int, seed: int, spread: float = 0.02) -> Rays:
+    """Rays from anywhere around that pass some `spread` from a wire, or further."""
     generator = torch.Generator().manual_seed(seed)
     origins = (torch.rand(n, 3, generator=generator) - 0.5) * torch.tensor([2.0, 1.2, 0.9])
-    x = np.random.default_rng(seed).uniform(*curve.ends, n)
-    target = torch.from_numpy(curve.points(x)).float() + spread * torch.randn(n, 3, generator=generator)
+    x = np.random.default_rng(seed).uniform(-HALF, HALF, n)
+    target = torch.from_numpy(on_parabola(wire, x)).float() + spread * torch.randn(n, 3, generator=generator)
     return rays_from(origins, target - origins)
 
 
-def by_looking_everywhere(rays: Rays, curve: Curve) -> tuple[Tensor, Tensor]:
+def by_brute_force(rays: Rays, wire: Wire) -> tuple[Tensor, Tensor]:
     """Distance along the rays and how close, from 4001 points of the curve."""
-    points = torch.from_numpy(curve.points(np.linspace(*curve.ends, 4001))).float()
+    points = torch.from_numpy(on_parabola(wire, np.linspace(-HALF, HALF, 4001))).float()
     found = []
     for first in range(0, len(rays), 100):
         some = rays[slice(first, first + 100)]
@@ -43,12 +60,12 @@ def by_looking_everywhere(rays: Rays, curve: Curve) -> tuple[Tensor, Tensor]:
     return t, miss
 
 
-@pytest.mark.parametrize("which", range(len(CURVES)))
-def test_closest_approach_is_what_looking_everywhere_finds(which: int) -> None:
-    curve = CURVES[which]
-    rays = rays_near(curve, 1000, seed=which)
-    t, miss, sine = (value[:, which] for value in closest_approach(rays, guides_of(CURVES)))
-    true_t, true_miss = by_looking_everywhere(rays, curve)
+@pytest.mark.parametrize("which", range(len(WIRES)))
+def test_closest_approach_is_what_brute_force_finds(which: int) -> None:
+    wire = WIRES[which]
+    rays = rays_near(wire, 1000, seed=which)
+    t, miss, sine = (value[:, which] for value in closest_approach(rays, guides()))
+    true_t, true_miss = by_brute_force(rays, wire)
     assert (miss > true_miss - 2e-4).all()  # a distance to a point of the curve is never below the least
     across = (sine > MOST_OBLIQUE) & (true_miss < 0.1)
     assert across.sum() > 500
@@ -58,31 +75,33 @@ def test_closest_approach_is_what_looking_everywhere_finds(which: int) -> None:
     torch.testing.assert_close(t[tight], true_t[tight], atol=1e-3, rtol=0)
 
 
-@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("wire", WIRES)
 @pytest.mark.parametrize("aside", [0.0, 1e-6, 1e-3, 0.1])
-def test_rays_along_a_curve_stay_finite(curve: Curve, aside: float) -> None:
+def test_rays_along_a_curve_stay_finite(wire: Wire, aside: float) -> None:
     """Along the chord, along the tangent at an end and in the middle, and where the ray ends or begins."""
-    x = np.array([curve.ends[0], 0.0, curve.ends[1], -0.5])
-    on = curve.points(x)
+    x = np.array([-HALF, 0.0, HALF, -0.5])
+    on = on_parabola(wire, x)
     chord = on[2] - on[0]
-    tangent = np.stack([np.ones(4), np.full(4, curve.y[1]), curve.z[1] + 2 * curve.z[2] * x], 1)
+    slope = chord / chord[0]
+    bend = np.stack([0 * x, 0 * x, 2 * wire.theta[4] * x / HALF**2], 1)
+    tangent = slope + bend
     origins = torch.from_numpy(np.concatenate([on, on - chord])).float() + aside
     directions = torch.from_numpy(np.concatenate([tangent, np.tile(chord, (4, 1))])).float()
     rays = rays_from(origins, directions)
-    t, miss, sine = closest_approach(rays, guides_of([curve]))
+    t, miss, sine = closest_approach(rays, guides(wire))
     assert t.isfinite().all() and miss.isfinite().all() and (miss >= 0).all()
     assert (sine > 0).all() and (sine <= 1 + 1e-6).all()
-    found = windows(rays, guides_of([curve]), NEAR)
+    found = windows(rays, guides(wire), NEAR)
     assert found.low.isfinite().all() and found.high.isfinite().all()
 
 
 def test_straight_curves_and_rays_across_have_a_formula() -> None:
     """A ray down from a height onto a straight level line: t is the height, the miss what it is beside."""
-    line = Curve((0.2, 0.0), (-0.1, 0.0, 0.0), (-1.0, 1.0), 0.0, 0.01, True)
-    x, aside, height = torch.tensor([-0.7, 0.0, 0.9]), torch.tensor([0.0, 0.05, -0.3]), 0.6
+    line = hanging(0.2, -0.1, 0.0, reach=0.01)
+    x, aside, height = torch.tensor([-0.7, 0.0, 0.89]), torch.tensor([0.0, 0.05, -0.3]), 0.6
     origins = torch.stack([x, 0.2 + aside, torch.full((3,), height - 0.1)], 1)
     down = rays_from(origins, torch.tensor([[0.0, 0.0, -1.0]]).repeat(3, 1))
-    t, miss, sine = closest_approach(down, guides_of([line]))
+    t, miss, sine = closest_approach(down, guides(line))
     torch.testing.assert_close(t[:, 0], torch.full((3,), height))
     torch.testing.assert_close(miss[:, 0], aside.abs(), atol=1e-6, rtol=0)
     torch.testing.assert_close(sine[:, 0], torch.ones(3))
@@ -92,14 +111,15 @@ def test_windows_hold_the_closest_approach_of_every_curve_in_reach() -> None:
     """And are there exactly for rays that have such a curve before them; at most the two closest."""
     rays = Rays(*(torch.cat(parts) for parts in zip(*(
         (r.origins, r.directions, r.radius, r.camera)
-        for r in (rays_near(curve, 400, k, 0.03) for k, curve in enumerate(CURVES))
+        for r in (rays_near(wire, 400, k, 0.03) for k, wire in enumerate(WIRES))
     ), strict=True)))  # fmt: skip
-    found = windows(rays, guides_of(CURVES), NEAR)
-    _, _, sine = closest_approach(rays, guides_of(CURVES))
+    found = windows(rays, guides(), NEAR)
+    _, _, sine = closest_approach(rays, guides())
     near = []
-    for k, curve in enumerate(CURVES):
-        t, miss = by_looking_everywhere(rays, curve)
-        reach = curve.reach + rays.radius * t.clamp_min(0)
+    for k, wire in enumerate(WIRES):
+        t, miss = by_brute_force(rays, wire)
+        assert wire.evidence.reach_m is not None
+        reach = wire.evidence.reach_m + rays.radius * t.clamp_min(0)
         half = reach / sine[:, k].clamp_min(MOST_OBLIQUE)
         inside, clearly = (miss < 0.98 * reach) & (t > half + NEAR + 0.01), sine[:, k] > MOST_OBLIQUE
         near.append(inside)
@@ -116,9 +136,7 @@ def test_windows_hold_the_closest_approach_of_every_curve_in_reach() -> None:
 
 def two_lines(first: float, second: float, reach: float = 0.02) -> Guides:
     """Level straight lines under the x axis, at these depths."""
-    return guides_of([
-        Curve((0.0, 0.0), (-depth, 0.0, 0.0), (-1.0, 1.0), 0.0, reach, True) for depth in (first, second)
-    ])
+    return guides(*(hanging(0.0, -depth, 0.0, reach=reach) for depth in (first, second)))
 
 
 DOWN = rays_from(torch.tensor([[0.1, 0.0, 0.0]]), torch.tensor([[0.0, 0.0, -1.0]]), radius=0.0)
@@ -136,7 +154,7 @@ def test_two_curves_on_one_ray_have_a_window_each_and_one_has_it_twice() -> None
 
 
 def test_one_curve_makes_one_window() -> None:
-    found = windows(rays_near(CURVES[0], 50, seed=5), guides_of(CURVES[:1]), NEAR)
+    found = windows(rays_near(WIRES[0], 50, seed=5), guides(WIRES[0]), NEAR)
     assert found.low.shape == found.high.shape == found.curve.shape == (50, 1) and found.hit.shape == (50,)
     assert found.hit.any() and (found.curve == 0).all()
 
@@ -161,17 +179,76 @@ def test_a_wide_pixel_reaches_further() -> None:
 
 
 def test_windows_have_no_gradient() -> None:
-    rays = rays_near(CURVES[0], 20, seed=6)
+    rays = rays_near(WIRES[0], 20, seed=6)
     leaf = rays.origins.clone().requires_grad_()
-    found = windows(Rays(leaf, rays.directions, rays.radius, rays.camera), guides_of(CURVES), NEAR)
+    found = windows(Rays(leaf, rays.directions, rays.radius, rays.camera), guides(), NEAR)
     assert not found.low.requires_grad and not found.high.requires_grad
     assert leaf.grad is None
 
 
 def test_each_ray_is_on_its_own() -> None:
-    rays, guides = rays_near(CURVES[1], 60, seed=7), guides_of(CURVES)
-    whole = windows(rays, guides, NEAR)
+    rays = rays_near(WIRES[1], 60, seed=7)
+    whole = windows(rays, guides(), NEAR)
     for k in (0, 17, 59):
-        alone = windows(rays[slice(k, k + 1)], guides, NEAR)
+        alone = windows(rays[slice(k, k + 1)], guides(), NEAR)
         torch.testing.assert_close(alone.low[0], whole.low[k])
         assert torch.equal(alone.curve[0], whole.curve[k]) and alone.hit[0] == whole.hit[k]
+
+
+# -- from wires to guides
+
+
+def polynomials(found: Guides, x: np.ndarray) -> np.ndarray:
+    """Points at x of the first guide, in float64."""
+    y, z = found.y[0].double().numpy(), found.z[0].double().numpy()
+    return np.stack([x, y[0] + y[1] * x, z[0] + x * (z[1] + z[2] * x)], 1)
+
+
+@given(
+    st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), st.floats(0.0, 0.1), st.floats(-0.1, 0.1), st.floats(0.01, 2)
+)
+@settings(deadline=None)
+def test_guides_are_the_parabola_of_a_wire_in_scene_units(
+    y: float, z: float, sag: float, climb: float, scale: float
+) -> None:
+    """In a frame of another unit too; the polynomials, the ends, the reach and the points."""
+    wire = hanging(y, z, sag, askew=0.05, climb=climb)
+    frame = LineFrame.of_scene(replace(FRAMES, scale=scale))
+    found = guides_of([resized(wire, 1 / scale)], frame)
+    x = np.linspace(-HALF, HALF, 30)
+    np.testing.assert_allclose(polynomials(found, x), on_parabola(wire, x), atol=1e-6)
+    np.testing.assert_allclose(
+        scene_points(resized(wire, 1 / scale), frame, 30), on_parabola(wire, x), atol=1e-12
+    )
+    assert found.ends[0].tolist() == pytest.approx([-HALF, HALF])
+    assert found.reach[0].item() == pytest.approx(0.02)
+
+
+def test_a_wire_on_an_oblique_or_reversed_base_has_the_same_guide() -> None:
+    """A base below the wire's ends, as `hang` makes it, and one that runs the other way."""
+    a, b = (-0.7, 0.1, 0.2), (0.8, 0.25, 0.3)
+    forward, backward = (
+        replace(wire, evidence=hanging(0.0, 0.0).evidence) for wire in (hang(a, b, 0.05), hang(b, a, 0.05))
+    )
+    x = np.linspace(-0.7, 0.8, 20)
+    on = polynomials(guides(forward), x)
+    np.testing.assert_allclose(polynomials(guides(backward), x), on, atol=1e-6)
+    np.testing.assert_allclose(on[[0, -1]], [a, b], atol=1e-6)
+    for one in (forward, backward):
+        assert guides(one).ends[0].tolist() == pytest.approx([-0.7, 0.8])
+    wire = forward.points(np.linspace(0.0, forward.base.length_m, 200))
+    assert np.abs(polynomials(guides(forward), wire[:, 0]) - wire).max() < 0.01 * 0.05
+
+
+def test_guides_are_within_millimetres_of_a_span_of_usual_size() -> None:
+    """200 m, a sag of 4 m, and a chord that rises by 6 m: the catenary of the same b."""
+    span = replace(hang((-100.0, 3.0, 10.0), (100.0, 4.0, 16.0), 4.0), evidence=hanging(0.0, 0.0).evidence)
+    frame = LineFrame.of_scene(replace(FRAMES, scale=0.01))
+    at = frame.from_scene(scene_points(span, frame, 200))
+    apart = np.abs(at - span.points(np.linspace(0.0, span.base.length_m, 200))).max()
+    assert apart < 0.01
+
+
+def test_a_wire_without_reach_is_refused() -> None:
+    with pytest.raises(ValueError, match="wire 1 was not detected in images"):
+        guides(hang((-0.7, 0.1, 0.2), (0.8, 0.25, 0.3), 0.05))

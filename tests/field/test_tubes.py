@@ -6,33 +6,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tests.field.test_guides import NEAR, rays_near
-from tests.support.drawn import hanging, polyline
+from tests.field.test_guides import NEAR, guides, on_parabola, rays_near
+from tests.support.drawn import FRAME, HALF, hanging
 from tests.support.tiny_run import assert_same_bits, tiny_config
 from torch import Tensor
 
-from plnerf.detect.curves import Curve
 from plnerf.errors import CheckpointError, ConfigError
+from plnerf.field.config import TubeConfig
 from plnerf.field.guides import guides_of, windows
-from plnerf.field.tubes import SLOTS, InTubes, TubeConfig, TubeField
+from plnerf.field.tubes import SLOTS, InTubes, TubeField
+from plnerf.line.wire import Wire
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays
 from plnerf.render.model import PLNeRF
 from plnerf.train.checkpoint import load_checkpoint, save_checkpoint
 from plnerf.train.optimizer import build_optimizer
 
-CURVES = (hanging(0.05, 0.1, 0.05, askew=0.03, climb=0.1), hanging(-0.1, 0.0, 0.02), hanging(0.0, 0.3, 0.1))
+WIRES = (hanging(0.05, 0.1, 0.05, askew=0.03, climb=0.1), hanging(-0.1, 0.0, 0.02), hanging(0.0, 0.3, 0.1))
 FEATURE = 5
 SMALL = TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=2, log2_table=12), hidden=8)
 
 
-def a_field(curves: tuple[Curve, ...] = CURVES, seed: int = 0) -> TubeField:
-    return TubeField(SMALL, FEATURE, guides_of(curves), "torch", torch.Generator().manual_seed(seed))
+def a_field(wires: tuple[Wire, ...] = WIRES, seed: int = 0) -> TubeField:
+    return TubeField(SMALL, FEATURE, guides_of(wires, FRAME), "torch", torch.Generator().manual_seed(seed))
 
 
 def some_samples(seed: int = 0) -> tuple[Rays, Tensor]:
     """Rays near all of the curves, and edges of intervals along them, close enough to enter tubes."""
-    parts = [rays_near(curve, 60, seed + k, 0.01) for k, curve in enumerate(CURVES)]
+    parts = [rays_near(wire, 60, seed + k, 0.01) for k, wire in enumerate(WIRES)]
     rays = Rays(*(
         torch.cat([getattr(part, name) for part in parts])
         for name in ("origins", "directions", "radius", "camera")
@@ -46,24 +47,25 @@ def middles(rays: Rays, t: Tensor) -> Tensor:
     return rays.origins[:, None] + ((t[:, 1:] + t[:, :-1]) / 2)[..., None] * rays.directions[:, None]
 
 
-def offsets(points: Tensor, curve: Curve) -> tuple[Tensor, Tensor]:
-    """Squared distance across a curve at the same x, in its reaches, and whether x is between its ends."""
+def offsets(points: Tensor, wire: Wire) -> tuple[Tensor, Tensor]:
+    """Squared distance across a wire at the same x, in its reaches, and whether x is between its ends."""
+    assert wire.evidence.reach_m is not None
     x, y, z = points.double().unbind(-1)
-    on = torch.from_numpy(curve.points(x.flatten().numpy())).reshape(*x.shape, 3)
-    across = ((y - on[..., 1]) ** 2 + (z - on[..., 2]) ** 2) / curve.reach**2
-    return across, (x > curve.ends[0]) & (x < curve.ends[1])
+    on = torch.from_numpy(on_parabola(wire, x.flatten().numpy())).reshape(*x.shape, 3)
+    across = ((y - on[..., 1]) ** 2 + (z - on[..., 2]) ** 2) / wire.evidence.reach_m**2
+    return across, (x > -HALF) & (x < HALF)
 
 
 def test_samples_in_tubes_are_those_within_reach_of_a_curve_that_the_ray_meets() -> None:
     rays, t = some_samples()
-    found = windows(rays, guides_of(CURVES), NEAR)
+    found = windows(rays, guides(), NEAR)
     at = a_field().locate(rays, t, found)
     assert len(at.index) > 200 and len(at.index.unique()) == len(at.index)
     points = middles(rays, t)
     wanted = torch.zeros(points.shape[:2], dtype=torch.bool)
     unsure = torch.zeros_like(wanted)
-    for k, curve in enumerate(CURVES):
-        across, between = offsets(points, curve)
+    for k, wire in enumerate(WIRES):
+        across, between = offsets(points, wire)
         met = (found.hit & (found.curve == k).any(1))[:, None]
         wanted |= (across < 1) & between & met
         unsure |= ((across - 1).abs() < 1e-3) & met
@@ -78,7 +80,7 @@ def test_samples_in_tubes_are_those_within_reach_of_a_curve_that_the_ray_meets()
 def test_outside_of_tubes_the_field_is_kept_to_the_bit_and_inside_replaced() -> None:
     rays, t = some_samples()
     field = a_field()
-    at = field.locate(rays, t, windows(rays, guides_of(CURVES), NEAR))
+    at = field.locate(rays, t, windows(rays, guides(), NEAR))
     r, samples = t.shape[0], t.shape[1] - 1
     generator = torch.Generator().manual_seed(1)
     density = torch.rand(r, samples, generator=generator)
@@ -97,7 +99,7 @@ def test_rays_that_meet_nothing_are_left_alone() -> None:
     rays, t = some_samples()
     away = Rays(rays.origins + 50.0, rays.directions, rays.radius, rays.camera)
     field = a_field()
-    at = field.locate(away, t, windows(away, guides_of(CURVES), NEAR))
+    at = field.locate(away, t, windows(away, guides(), NEAR))
     assert len(at.index) == 0
     density, feature = torch.rand(len(t), 119), torch.rand(len(t), 119, FEATURE)
     kept_density, kept_feature = field.replace(density, feature, at)
@@ -126,7 +128,7 @@ def test_curves_do_not_share_places_of_the_table() -> None:
     field = a_field((same,) * SLOTS**2)
     angle = torch.linspace(0, 6.2, 12)
     x = np.linspace(-0.89, 0.89, 12)
-    points = torch.from_numpy(same.points(x)).float()
+    points = torch.from_numpy(on_parabola(same, x)).float()
     points = points + 0.0499 * torch.stack([0 * angle, angle.cos(), angle.sin()], 1)
     curve = torch.arange(SLOTS**2)[:, None].expand(-1, 12)
     inside, unit = field._in_tube(points.expand(SLOTS**2, 12, 3), curve)
@@ -141,7 +143,7 @@ def test_curves_do_not_share_places_of_the_table() -> None:
 def test_only_samples_in_tubes_move_the_table() -> None:
     rays, t = some_samples()
     field = a_field()
-    at = field.locate(rays, t, windows(rays, guides_of(CURVES), NEAR))
+    at = field.locate(rays, t, windows(rays, guides(), NEAR))
     r, samples = t.shape[0], t.shape[1] - 1
     feature = torch.zeros(r, samples, FEATURE)
     density, _ = field.replace(torch.ones(r, samples), feature, at)
@@ -157,7 +159,7 @@ def test_only_samples_in_tubes_move_the_table() -> None:
 def test_a_field_learns_one_curve_without_touching_the_others() -> None:
     field = a_field()
     x = np.linspace(-0.8, 0.8, 30)
-    points = torch.from_numpy(np.stack([curve.points(x) for curve in CURVES])).float()
+    points = torch.from_numpy(np.stack([on_parabola(wire, x) for wire in WIRES])).float()
     which = torch.arange(3)[:, None].expand(-1, 30)
     _, unit = field._in_tube(points, which)
     table = field.grid.table
@@ -174,21 +176,21 @@ def test_a_field_learns_one_curve_without_touching_the_others() -> None:
 
 
 def test_too_many_curves_are_refused() -> None:
-    a_field((CURVES[0],) * SLOTS**2)
+    a_field((WIRES[0],) * SLOTS**2)
     with pytest.raises(ConfigError, match=f"{SLOTS**2} curves at most, but got {SLOTS**2 + 1}"):
-        a_field((CURVES[0],) * (SLOTS**2 + 1))
+        a_field((WIRES[0],) * (SLOTS**2 + 1))
     with pytest.raises(ConfigError, match="hidden of 1 or more"):
         TubeConfig(hidden=0)
 
 
-def a_model(curves: tuple[Curve, ...], seed: int, hidden: int = 8, tubes: bool = True) -> PLNeRF:
+def a_model(wires: tuple[Wire, ...], seed: int, hidden: int = 8, tubes: bool = True) -> PLNeRF:
     config = replace(tiny_config(Path("/none")).model, tubes=replace(SMALL, hidden=hidden) if tubes else None)
-    guides = guides_of(curves) if curves else None
-    return PLNeRF(config, 12, "torch", torch.Generator().manual_seed(seed), guides)
+    known = guides_of(wires, FRAME) if wires else None
+    return PLNeRF(config, 12, "torch", torch.Generator().manual_seed(seed), known)
 
 
 def test_a_checkpoint_comes_back_with_the_same_curves_and_not_into_another_model(tmp_path: Path) -> None:
-    model = a_model(CURVES, 0)
+    model = a_model(WIRES, 0)
     assert model.tubes is not None
     run = tiny_config(Path("/none"))
     optimizer = build_optimizer(model, run.train)
@@ -196,7 +198,7 @@ def test_a_checkpoint_comes_back_with_the_same_curves_and_not_into_another_model
         id(value) for value in model.tubes.parameters()
     }
     saved = save_checkpoint(tmp_path, model, optimizer, step=1, seconds=1.0, frames={"scale": 1.0})
-    again = a_model(CURVES, seed=1)
+    again = a_model(WIRES, seed=1)
     load_checkpoint(saved.path, again)
     assert_same_bits(again.state_dict(), model.state_dict())
     rays, _ = some_samples()
@@ -205,7 +207,7 @@ def test_a_checkpoint_comes_back_with_the_same_curves_and_not_into_another_model
         assert torch.equal(
             model(rays, appearance=appearance).colour, again(rays, appearance=appearance).colour
         )
-    for other in (a_model(CURVES, 1, hidden=9), a_model(CURVES, 1, tubes=False), a_model((), 1)):
+    for other in (a_model(WIRES, 1, hidden=9), a_model(WIRES, 1, tubes=False), a_model((), 1)):
         before = {key: value.clone() for key, value in other.state_dict().items()}
         with pytest.raises(CheckpointError, match="tubes"):
             load_checkpoint(saved.path, other)
@@ -213,7 +215,7 @@ def test_a_checkpoint_comes_back_with_the_same_curves_and_not_into_another_model
 
 
 def test_rays_that_meet_no_curve_are_rendered_as_without_tubes() -> None:
-    with_tubes, without = a_model(CURVES, 0), a_model((), 0)
+    with_tubes, without = a_model(WIRES, 0), a_model((), 0)
     shared = {key: value for key, value in with_tubes.state_dict().items() if not key.startswith("tubes")}
     without.load_state_dict(shared)
     rays, _ = some_samples()
@@ -227,8 +229,8 @@ def test_rays_that_meet_no_curve_are_rendered_as_without_tubes() -> None:
 
 def test_the_tubes_run_on_the_line_that_the_pictures_draw() -> None:
     """A curve's own points are in its tube, at the middle of its slot."""
-    curve = CURVES[0]
-    points = torch.from_numpy(polyline(curve, 50)[1:-1]).float()[None]
+    x = np.linspace(-HALF, HALF, 50)[1:-1]
+    points = torch.from_numpy(on_parabola(WIRES[0], x)).float()[None]
     inside, unit = a_field()._in_tube(points, torch.zeros(1, 48, dtype=torch.int64))
     assert inside.all()
     torch.testing.assert_close(unit[0, :, 1:], torch.full((48, 2), 0.5 / SLOTS), atol=1e-5, rtol=0)

@@ -57,7 +57,7 @@ class Windows:
 
 
 def guides_of(wires: Sequence[Wire], frame: LineFrame) -> Guides:
-    """Upright wires that run along x, as tensors on the CPU.
+    """One or more upright wires that run along x, as tensors on the CPU.
 
     frame: the wires', with a scene.  Every wire must have a reach.
     """
