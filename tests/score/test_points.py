@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.spans import SPAN_M, on, span, turned, wire
 
-from plnerf.line.polylines import lengths_along
 from plnerf.errors import ConfigError
+from plnerf.line.polylines import lengths_along
 from plnerf.line.wire import Wire
 from plnerf.score.config import DEFAULT, PointScoreConfig
 from plnerf.score.points import PointScore, score_points
