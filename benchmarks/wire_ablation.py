@@ -2,7 +2,7 @@
 
     python benchmarks/wire_ablation.py -o runs/wires [--scene SCENE] [--steps 700] [--only NAME ...]
 
-Conductors are found once, for all runs.  Runs that are already there are not repeated: the table can be
+Wires are detected once, for all runs.  Runs that are already there are not repeated: the table can be
 finished after a break.
 """
 
@@ -16,13 +16,16 @@ import tyro
 from rich.console import Console
 
 from plnerf.bench.span_suite import RESULT, VIEWS, score_run
-from plnerf.detect.curves import write_curves
-from plnerf.detect.detect import find_curves
+from plnerf.detect.config import DetectConfig
+from plnerf.detect.detect import detect_wires
+from plnerf.line.files import write_wires
+from plnerf.line.frame import LineFrame
 from plnerf.pipeline import bundled_span, train_scene
 from plnerf.render.files import write_text
 from plnerf.scene.scene import load_scene
-from plnerf.train.guidance import CURVES
+from plnerf.train.guidance import WIRES
 from plnerf.train.protocol import plain
+from plnerf.train.settings import to_json
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "pl-nerf-wire": (),
@@ -60,10 +63,11 @@ class Arguments:
 def main(arguments: Arguments) -> None:
     """Trains and scores every variant and writes the table after each."""
     rows: list[tuple[str, dict[str, Any]]] = []
-    scene, found = arguments.scene or bundled_span(), arguments.out / CURVES
+    scene, found = arguments.scene or bundled_span(), arguments.out / WIRES
     if not found.exists():
         loaded = load_scene(scene, store=arguments.out / "pixels")
-        write_curves(found, find_curves(loaded))
+        wires, frame = detect_wires(loaded), LineFrame.of_scene(loaded.frames)
+        write_wires(found, wires, frame, to_json(DetectConfig()))
     for name, settings in VARIANTS.items():
         if arguments.only and name not in arguments.only:
             continue
@@ -72,7 +76,7 @@ def main(arguments: Arguments) -> None:
             if (run / "config.json").exists():  # cut off: begin this one anew
                 shutil.rmtree(run)
             run.mkdir(parents=True, exist_ok=True)
-            shutil.copy(found, run / CURVES)
+            shutil.copy(found, run / WIRES)
             train_scene(
                 scene, run, preset="pl-nerf-wire", steps=arguments.steps,
                 settings=("train.validations=0", "train.checkpoints=1", *settings), seed=arguments.seed,
@@ -85,7 +89,7 @@ def main(arguments: Arguments) -> None:
 
 
 def table(rows: list[tuple[str, dict[str, Any]]]) -> str:
-    """The table in Markdown; a step's time is without finding conductors."""
+    """The table in Markdown; a step's time is without the detection of wires."""
     lines = [
         "| variant | recall 5, 10, 25 cm | precision 10 cm | longest gap m | PSNR near wires dB | PSNR dB "
         "| ms a step |",

@@ -12,6 +12,7 @@ from plnerf.detect.config import (
     NarrowConfig,
     OddsConfig,
     RefitConfig,
+    RidgeConfig,
     SearchConfig,
     SelectConfig,
     SweepConfig,
@@ -59,6 +60,10 @@ from plnerf.train.settings import from_json, to_json
         (SelectConfig, {"min_sag": -0.1}),
         (CertaintyConfig, {"certain_px": 0.0}),
         (CertaintyConfig, {"nearest_views": 0.0}),
+        (RidgeConfig, {"directions": 30}),
+        (RidgeConfig, {"scales_px": ()}),
+        (RidgeConfig, {"half_length_px": 0.0}),
+        (RidgeConfig, {"edge_weight": -1.0}),
     ],
 )
 def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -> None:
@@ -71,7 +76,7 @@ def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -
 def test_every_part_has_a_name_in_the_error_texts() -> None:
     parts = {field.name for field in fields(DetectConfig)}
     assert parts == {
-        "evidence", "odds", "sweep", "narrow", "refit", "search", "select", "certainty",
+        "evidence", "odds", "sweep", "narrow", "refit", "search", "select", "certainty", "ridges",
     }  # fmt: skip
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tests.conftest import ROOT
 
-from plnerf.detect.ridges import RidgeSettings, find_ridges, ridge_directions, ridge_map
-from plnerf.errors import ConfigError
+from plnerf.detect.config import RidgeConfig
+from plnerf.detect.ridges import find_ridges, ridge_directions, ridge_map
 
 SIZE = 120
 INNER = np.s_[25:-25, 25:-25]
@@ -124,12 +124,16 @@ def test_any_size_will_do(shape: tuple[int, int]) -> None:
     assert ((strength >= 0) & (strength <= 1)).all()
 
 
-@pytest.mark.parametrize(
-    "settings", [{"directions": 30}, {"scales_px": ()}, {"half_length_px": 0.0}, {"edge_weight": -1.0}]
-)
-def test_settings_that_mean_nothing_are_refused(settings: dict) -> None:
-    with pytest.raises(ConfigError, match="but got"):
-        RidgeSettings(**settings)
+def test_a_limit_on_single_pixels_and_wider_lines_are_settings() -> None:
+    """A wire of 9 px needs a wider scale; no wire stands out where no response may."""
+    wide = band(9.0, 17.0, 0.3, 70, noise=3)
+    on = np.abs(across_px(17.0, 0.3))[INNER] < 0.6
+    found = [
+        ridge_map(wide, RidgeConfig(scales_px=scales))[INNER][on].min()
+        for scales in ((0.9, 1.8), (0.9, 1.8, 3.6))
+    ]
+    assert found[0] < 0.5 < found[1]
+    assert ridge_map(band(2.0, 17.0, 0.3, 70), RidgeConfig(max_response=0.1)).max() < 0.5
 
 
 def bench() -> ModuleType:

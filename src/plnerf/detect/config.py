@@ -45,10 +45,10 @@ class EvidenceConfig:
     clear sky."""
 
     def __post_init__(self) -> None:
-        positive = (*self.scales_px, self.max_bend, self.along_px, self.contrast_px, self.full_response,
-                    self.min_bend)  # fmt: skip
+        lengths = (*self.scales_px, self.along_px, self.contrast_px)
+        bends = (self.max_bend, self.full_response, self.min_bend)
         _check(
-            bool(self.scales_px and self.sag_deg) and min(positive) > 0 and self.steps_along >= 1,
+            bool(self.scales_px and self.sag_deg) and min(*lengths, *bends) > 0 and self.steps_along >= 1,
             "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
             self,
         )
@@ -284,6 +284,44 @@ class CertaintyConfig:
 
 
 @dataclass(frozen=True)
+class RidgeConfig:
+    """Wire maps of single photos, without poses (`ridges.py`); chosen on photos (docs/wire-maps.md)."""
+
+    scales_px: tuple[float, ...] = (0.9, 1.8)
+    """Standard deviations of the Gaussians; s serves lines up to 3.5 s wide."""
+    half_length_px: float = 60.0
+    """Half the length over which responses are averaged."""
+    directions: int = 64
+    """Directions in half a turn, a multiple of 4."""
+    edge_weight: float = 1.0
+    """Weight of the first derivative across the line, which is subtracted."""
+    max_response: float = 4.0
+    """Largest response of one pixel, in units of the contrast nearby."""
+    around_px: float = 8.0
+    """Standard deviation of the neighbourhood whose contrast responses are compared with."""
+    floor: float = 0.025
+    """Least contrast, of the standard deviation of the picture's brightness."""
+    min_contrast: float = 1e-4
+    """The same, of the full brightness: a picture without contrast has no ridges, and round-off is none."""
+    half_response: float = 0.75
+    """Average response that the map shows as 0.5."""
+
+    def __post_init__(self) -> None:
+        lengths = (*self.scales_px, self.half_length_px, self.around_px)
+        responses = (self.max_response, self.min_contrast, self.half_response)
+        _check(
+            bool(self.scales_px) and min(*lengths, *responses) > 0 and min(self.edge_weight, self.floor) >= 0,
+            "detect.ridges needs a scale, positive lengths and responses, and no negative weight",
+            self,
+        )
+        _check(
+            self.directions >= 4 and self.directions % 4 == 0,
+            "detect.ridges needs a multiple of 4 directions",
+            self,
+        )
+
+
+@dataclass(frozen=True)
 class DetectConfig:
     """All settings of the detection of wires in images."""
 
@@ -295,6 +333,8 @@ class DetectConfig:
     search: SearchConfig = field(default_factory=SearchConfig)
     select: SelectConfig = field(default_factory=SelectConfig)
     certainty: CertaintyConfig = field(default_factory=CertaintyConfig)
+    ridges: RidgeConfig = field(default_factory=RidgeConfig)
+    """Of the maps that choose detail pixels where `train.detail_map` is "ridge"."""
 
 
 def _check(holds: bool, rule: str, config: object) -> None:

@@ -19,51 +19,13 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
+from plnerf.detect.config import DEFAULT, RidgeConfig
 from plnerf.detect.line_sums import strongest_lines
-from plnerf.errors import ConfigError
-
-LEAST_CONTRAST = 1e-4
-"""Of the brightness; a picture without any has no ridges, and round-off shall not be one."""
-
-
-@dataclass(frozen=True)
-class RidgeSettings:
-    """What counts as a wire; the values were chosen on photos (docs/wire-maps.md)."""
-
-    scales_px: tuple[float, ...] = (0.9, 1.8)
-    """Standard deviations of the Gaussians; s serves lines up to 3.5 s wide."""
-    half_length_px: float = 60.0
-    """Half the length over which responses are averaged."""
-    directions: int = 64
-    """Directions in half a turn, a multiple of 4."""
-    edge_weight: float = 1.0
-    """How much a slope across the line counts against a bend."""
-    most: float = 4.0
-    """Largest response of one pixel, in units of the contrast nearby."""
-    around_px: float = 8.0
-    """Standard deviation of the neighbourhood whose contrast responses are compared with."""
-    floor: float = 0.025
-    """Least contrast, of the standard deviation of the picture's brightness."""
-    half_response: float = 0.75
-    """Average response that the map shows as 0.5."""
-
-    def __post_init__(self) -> None:
-        positive = (*self.scales_px, self.half_length_px, self.most, self.around_px, self.half_response)
-        if not self.scales_px or min(positive) <= 0 or self.edge_weight < 0 or self.floor < 0:
-            raise ConfigError(
-                "Ridges need one scale or more, and scales, lengths and responses that are positive, but got "
-                f"{self}."
-            )
-        if self.directions < 4 or self.directions % 4:
-            raise ConfigError(f"Ridges need a multiple of 4 directions, but got {self.directions}.")
-
-
-DEFAULT = RidgeSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class Ridges:
-    """What the filters say about each pixel."""
+    """The response of the filters at each pixel."""
 
     strength: Float32[np.ndarray, "h w"]
     """0 to 1; from 0.5 on a pixel rather is a wire's."""
@@ -73,36 +35,36 @@ class Ridges:
     """Whether the line is brighter than what lies beside it."""
 
 
-def find_ridges(image: UInt8[np.ndarray, "h w 3"], settings: RidgeSettings = DEFAULT) -> Ridges:
+def find_ridges(image: UInt8[np.ndarray, "h w 3"], config: RidgeConfig = DEFAULT.ridges) -> Ridges:
     """Strength, direction and polarity of the line through each pixel."""
-    parts = _derivatives(image.astype(np.float32).mean(-1) / 255, settings)
+    parts = _derivatives(image.astype(np.float32).mean(-1) / 255, config)
     # Directions within 45 degrees of the x axis run along x, the others along y; together they go to
     # themselves when the picture is turned by 90 degrees.
-    quarter = settings.directions // 2
+    quarter = config.directions // 2
     steps = np.arange(quarter) - quarter // 2
-    angle = np.pi / settings.directions * steps
-    along_x, tangent_x = _strongest(parts.transpose(0, 1, 3, 2), angle, settings)
-    along_y, tangent_y = _strongest(parts[:, [1, 0, 4, 3, 2]], -angle, settings)
+    angle = np.pi / config.directions * steps
+    along_x, tangent_x = _strongest(parts.transpose(0, 1, 3, 2), angle, config)
+    along_y, tangent_y = _strongest(parts[:, [1, 0, 4, 3, 2]], -angle, config)
     first = np.abs(along_x.T) >= np.abs(along_y)
     response = np.where(first, along_x.T, along_y)
     tangent = np.where(first, tangent_x.T, np.pi / 2 - tangent_y) % np.pi
     square = response**2
-    strength = square / (square + np.float32(settings.half_response**2))
+    strength = square / (square + np.float32(config.half_response**2))
     return Ridges(strength, tangent.astype(np.float32), response > 0)
 
 
 def ridge_map(
-    image: UInt8[np.ndarray, "h w 3"], settings: RidgeSettings = DEFAULT
+    image: UInt8[np.ndarray, "h w 3"], config: RidgeConfig = DEFAULT.ridges
 ) -> Float32[np.ndarray, "h w"]:
-    """How much each pixel looks like a wire's, 0 to 1."""
-    return find_ridges(image, settings).strength
+    """Strength of the line through each pixel, 0 to 1."""
+    return find_ridges(image, config).strength
 
 
 def ridge_directions(
-    image: UInt8[np.ndarray, "h w 3"], settings: RidgeSettings = DEFAULT
+    image: UInt8[np.ndarray, "h w 3"], config: RidgeConfig = DEFAULT.ridges
 ) -> Float32[np.ndarray, "h w"]:
     """Direction of the line through each pixel, in [0, pi) from +x towards +y."""
-    return find_ridges(image, settings).tangent_rad
+    return find_ridges(image, config).tangent_rad
 
 
 def gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -142,11 +104,11 @@ def gradient(
     return x, y
 
 
-def _derivatives(grey: Float32[np.ndarray, "h w"], settings: RidgeSettings) -> Float32[np.ndarray, "s 5 h w"]:
+def _derivatives(grey: Float32[np.ndarray, "h w"], config: RidgeConfig) -> Float32[np.ndarray, "s 5 h w"]:
     """Derivatives x, y, xx, xy, yy at each scale (times its powers), in units of the contrast nearby."""
-    parts = np.empty((len(settings.scales_px), 5, *grey.shape), np.float32)
-    floor = max(settings.floor * float(grey.std()), LEAST_CONTRAST)
-    for k, sigma in enumerate(settings.scales_px):
+    parts = np.empty((len(config.scales_px), 5, *grey.shape), np.float32)
+    floor = max(config.floor * float(grey.std()), config.min_contrast)
+    for k, sigma in enumerate(config.scales_px):
         smooth, slope, bend = gaussian_derivatives(sigma)
         filters = ((slope, smooth), (smooth, slope), (bend, smooth), (slope, slope), (smooth, bend))
         for i, (along_x, along_y) in enumerate(filters):
@@ -156,13 +118,13 @@ def _derivatives(grey: Float32[np.ndarray, "h w"], settings: RidgeSettings) -> F
         x, y, xx, xy, yy = parts[k]
         # The mean square over all directions of the slope, and about that of the bend.
         energy = (x**2 + y**2 + xx**2 + yy**2 + 2 * xy**2) / 2
-        around = cv2.GaussianBlur(energy, (0, 0), settings.around_px, borderType=cv2.BORDER_REFLECT)
+        around = cv2.GaussianBlur(energy, (0, 0), config.around_px, borderType=cv2.BORDER_REFLECT)
         parts[k] /= np.sqrt(around + np.float32(floor**2))
     return parts
 
 
 def _strongest(
-    parts: Float32[np.ndarray, "s 5 U V"], angle: Float[np.ndarray, " d"], settings: RidgeSettings
+    parts: Float32[np.ndarray, "s 5 U V"], angle: Float[np.ndarray, " d"], config: RidgeConfig
 ) -> tuple[Float32[np.ndarray, "U V"], Float[np.ndarray, "U V"]]:
     """The largest average over lines that run along the first axis, and the line's angle to that axis."""
     best = np.zeros(parts.shape[2:], np.float32)
@@ -170,9 +132,9 @@ def _strongest(
     strongest_lines(
         np.ascontiguousarray(parts),
         np.tan(angle).astype(np.float32),
-        settings.half_length_px,
-        np.float32(settings.edge_weight),
-        np.float32(settings.most),
+        config.half_length_px,
+        np.float32(config.edge_weight),
+        np.float32(config.max_response),
         best,
         index,
     )

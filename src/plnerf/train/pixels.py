@@ -9,12 +9,14 @@ unbiased: with N pixels in all and D detail pixels, a pixel is drawn with probab
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Generator, Tensor
 
+from plnerf.detect.config import DEFAULT, RidgeConfig
 from plnerf.detect.ridges import hessian, ridge_map
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
@@ -60,17 +62,19 @@ def detail_pixels(
     part: float,
     most: int = MOST_DETAIL_PIXELS,
     detail_map: DetailMap = "hessian",
+    ridges: RidgeConfig = DEFAULT.ridges,
 ) -> Int[np.ndarray, " d"]:
     """Flat indices of the `part` of each image's pixels that the map puts first, in increasing order.
 
     Where these are more than `most` in all, every k-th of them: memory stays bounded, and the loss unbiased,
     since each of these fewer pixels is drawn more often and counts for less.
     """
+    strength_of = partial(ridge_map, config=ridges) if detail_map == "ridge" else DETAIL_MAPS[detail_map]
     total = part * float(np.diff(store.starts)[list(images)].sum())
     stride = max(1, math.ceil(total / most))
     chosen = []
     for image in sorted(images):
-        strength = DETAIL_MAPS[detail_map](store.image(image)).ravel()
+        strength = strength_of(store.image(image)).ravel()
         count = max(1, round(part * strength.size))
         strongest = np.sort(np.argpartition(strength, -count)[-count:])
         chosen.append(store.starts[image] + strongest[image % stride % count :: stride])
@@ -91,9 +95,12 @@ def detail_pools(
     share: float,
     part: float,
     detail_map: DetailMap = "hessian",
+    ridges: RidgeConfig = DEFAULT.ridges,
 ) -> tuple[Pool, ...]:
     """The detail pixels, a `part` of all pixels, as a pool with a share; none where the share is 0."""
-    return (Pool(detail_pixels(store, images, part, detail_map=detail_map), share),) if share else ()
+    if not share:
+        return ()
+    return (Pool(detail_pixels(store, images, part, detail_map=detail_map, ridges=ridges), share),)
 
 
 class PixelSampler:
