@@ -34,13 +34,15 @@ from plnerf.score.wires import WireMatches, match_wires, rules
 from plnerf.survey.clearance import ClearanceConfig, measure_clearances
 
 TRUTH = span(*(wire(y, name=name) for y, name in ((0.0, "A"), (3.0, "B"), (6.0, "C"))))
+RAISED = np.array([0.0, 0.0, 0.02, 0.02, 0.0, 0.0])
+"""Added to theta: 2 cm higher."""
 
 
 def exact(true: Wire, number: int, off: np.ndarray | None = None, kind: Kind = "phase") -> Wire:
     """The true wire, moved, as if fitted."""
     there = np.zeros(3) if off is None else off
     base = Base(true.base.a + there[:2], true.base.b + there[:2])
-    theta = true.theta + [0.0, 0.0, there[2], there[2], 0.0, 0.0]
+    theta = true.theta + there[2] / 0.02 * RAISED
     covariance = np.diag([1e-4] * 4 + [4e-4, 0.0])
     return replace(true, id=number, base=base, theta=theta, covariance=covariance, kind=kind, name=None)
 
@@ -259,7 +261,7 @@ def test_a_survey_is_compared_in_its_own_frame() -> None:
 
 def test_wires_as_detected_are_scored_where_the_survey_kept_them() -> None:
     survey = corridor(np.zeros(3))
-    before = [replace(one, theta=one.theta + [0, 0, 0.02, 0.02, 0, 0]) for one in survey.wires]
+    before = [replace(one, theta=one.theta + RAISED) for one in survey.wires]
     dropped = replace(before[0], id=9)
     truth = span(*(replace(one, name=f"wire {one.id}") for one in wires()))
     score = score_survey(replace(survey, detected=(*before, dropped)), truth)
@@ -276,7 +278,7 @@ def folder(tmp_path: Path) -> Path:
     out.mkdir(parents=True)
     survey = corridor(np.zeros(3))
     clearances, _ = measure_clearances(survey, ClearanceConfig())
-    before = tuple(replace(one, theta=one.theta + [0, 0, 0.02, 0.02, 0, 0]) for one in survey.wires)
+    before = tuple(replace(one, theta=one.theta + RAISED) for one in survey.wires)
     survey = replace(survey, clearances=clearances, detected=before)
     write_survey_json(out / "survey.json", survey)
     entries = [
@@ -441,7 +443,7 @@ def test_a_true_wire_is_what_its_file_states(tmp_path: Path) -> None:
 def test_a_true_wire_may_swing(tmp_path: Path) -> None:
     """A polyline whose plane leans by wind is fitted as one."""
     upright = wire(0.0)
-    swung = replace(upright, theta=upright.theta + [0, 0, 0, 0, 0, 0.3])
+    swung = replace(upright, theta=upright.theta + np.array([0, 0, 0, 0, 0, 0.3]))
     path = tmp_path / "truth.json"
     path.write_text(json.dumps({"conductors": [{"polyline": swung.polyline(0.5).tolist()}]}))
     (found,) = read_truth(path).wires

@@ -267,8 +267,8 @@ def _clearances(row: Mapping[str, Any]) -> Clearances:
 
 def _wire_clearance(row: Mapping[str, Any]) -> WireClearance:
     profile = dict(row["profile"])
-    distances = {group: _array(values, -1) for group, values in profile.pop("distance_m").items()}
-    arrays = {key: _array(profile[key], -1) for key in ("s_m", "sigma_z_m", "ground_z", "vegetation_z")}
+    distances = {group: _gappy(values, -1) for group, values in profile.pop("distance_m").items()}
+    arrays = {key: _gappy(profile[key], -1) for key in ("s_m", "sigma_z_m", "ground_z", "vegetation_z")}
     return WireClearance(
         wire=int(row["wire"]),
         span=int(row["span"]),
@@ -287,6 +287,14 @@ def _place(row: Mapping[str, Any]) -> Place:
 
 
 def _array(value: Any, *shape: int) -> np.ndarray:
+    """Finite numbers of a stated shape."""
+    array = _gappy(value, *shape)
+    if not np.isfinite(array).all():
+        raise ValueError(f"expected finite numbers, but found {str(value)[:60]}")
+    return array
+
+
+def _gappy(value: Any, *shape: int) -> np.ndarray:
     """Numbers of a stated shape; null is NaN."""
     return np.array(value, dtype=np.float64).reshape(shape)
 
