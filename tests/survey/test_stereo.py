@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from tests.support.drawn import BOX as SCENE_BOX
-from tests.support.drawn import HALF, pinhole_cameras, scene_of
+from tests.support.drawn import HALF, hanging, pinhole_cameras, scene_of
 
 from plnerf.errors import ConfigError
 from plnerf.line import catenary
@@ -161,12 +161,6 @@ def photos_with(folder: Path, cameras: Cameras, box: np.ndarray = SCENE_BOX) -> 
     return photos_of(scene_of(folder, cameras, pictures, box))
 
 
-def wire(y: float, z: float, sag: float = 0.04, reach: float = 0.02) -> Wire:
-    """A wire from end to end of the drawn box."""
-    hung = hang((-HALF, y, z), (HALF, y, z), sag)
-    return replace(hung, evidence=replace(hung.evidence, reach_m=reach))
-
-
 def by_x(one: Wire, x: np.ndarray) -> np.ndarray:
     return one.points(x - one.base.a[0])
 
@@ -185,7 +179,7 @@ def check_things(xyz: np.ndarray) -> None:
 def test_of_the_field_only_wires_are_left(tmp_path: Path) -> None:
     """Floaters before the cameras and beneath the ground go; what lies on a wire, between its ends, stays."""
     photos = photos_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3)))
-    hung, config = wire(0.5, 0.3), replace(CONFIG, points=20_000)
+    hung, config = hanging(0.5, 0.3), replace(CONFIG, points=20_000)
     on = points(40, [-0.5, 0, 0], [0.5, 0, 0])
     on = replace(on, xyz=by_x(hung, on.xyz[:, 0]))
     beyond = replace(on, xyz=by_x(hung, on.xyz[:, 0] + 2 * HALF))
@@ -228,7 +222,7 @@ def test_without_a_field_images_alone_show_the_same_things(tmp_path: Path) -> No
 def test_without_a_field_and_pairs_there_is_nothing(tmp_path: Path) -> None:
     for count, offsets in ((2, (0.0, 1.5)), (1, (0.0,))):
         photos = photos_with(tmp_path / str(count), row_of_cameras(offsets))
-        found, (finding,) = stereo_surface(photos, [wire(0.5, 0.3)], None, CONFIG)
+        found, (finding,) = stereo_surface(photos, [hanging(0.5, 0.3)], None, CONFIG)
         assert len(found.xyz) == 0 and finding.degree == "harms" and finding.do
         assert finding.what == (
             f"The images make no stereo (0 of {count} have two partners that look the same way from beside "
@@ -319,7 +313,7 @@ def test_points_smeared_along_their_sight_are_the_wires() -> None:
 
 
 def test_pixels_near_to_wires_are_marked() -> None:
-    view, hung, px = views_of(row_of_cameras())[0], wire(0.5, 0.0), CONFIG.wire_px
+    view, hung, px = views_of(row_of_cameras())[0], hanging(0.5, 0.0), CONFIG.wire_px
     near = shows_wires(view, [hung], CONFIG)
     pixel, inside = view.project(by_x(hung, np.linspace(-0.3, 0.3, 40)))
     column, row = pixel[inside].astype(int).T

@@ -1,0 +1,63 @@
+"""The surfaces that a run's field shows."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from tests.support.tiny_run import Recorder, tiny_config
+
+from plnerf.errors import ConfigError
+from plnerf.line.frame import LineFrame
+from plnerf.survey.field_surface import FieldConfig, field_surface, half_width
+from plnerf.train.loop import train
+from plnerf.train.run import TrainedRun, open_run
+
+CONFIG = FieldConfig(rays=3000)
+
+
+@pytest.fixture(scope="module")
+def run(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainedRun:
+    folder = tmp_path_factory.mktemp("survey") / "run"
+    return open_run(train(tiny_config(built_tiny_scene, steps=3), folder, Recorder()))
+
+
+def test_a_surface_is_the_same_twice_and_in_the_line_frame(run: TrainedRun) -> None:
+    frame = LineFrame.of_scene(run.scene.frames)
+    some = replace(CONFIG, min_accumulation=0.0, max_relative_sigma=9.0, max_isolation=1e3)
+    one, other = (field_surface(run, frame, some) for _ in range(2))
+    assert 0 < len(one.xyz) <= 3000 and (one.xyz == other.xyz).all()
+    assert (one.sigma_m > 0).all() and np.isfinite(one.xyz).all() and one.rgb.dtype == np.uint8
+    assert np.abs(np.linalg.norm(one.sight, axis=1) - 1).max() < 1e-6
+    # Lengths and places are those of the scene in metres: in a frame of half the unit, twice as much.
+    halved = replace(frame, scene_per_unit=frame.to_scene(np.ones(1))[0] / 2)
+    twice = field_surface(run, halved, some)
+    np.testing.assert_allclose(twice.xyz, 2 * one.xyz, rtol=1e-12)
+    np.testing.assert_allclose(twice.sigma_m, 2 * one.sigma_m, rtol=1e-12)
+
+
+def test_points_that_float_alone_or_far_out_are_dropped(run: TrainedRun) -> None:
+    frame = LineFrame.of_scene(run.scene.frames)
+    some = replace(CONFIG, min_accumulation=0.0, max_relative_sigma=9.0, max_isolation=1e3)
+    every = field_surface(run, frame, some)
+    stricter = field_surface(run, frame, replace(some, max_isolation=0.5))
+    assert len(stricter.xyz) < len(every.xyz)
+    low, high = frame.from_scene(run.scene.box)
+    nearer = field_surface(run, frame, replace(some, farthest=0.5))
+    assert len(nearer.xyz) < len(every.xyz)
+    assert (np.abs(nearer.xyz - (low + high) / 2) <= 0.5 * (high - low).max() / 2).all()
+
+
+def test_half_widths_are_those_of_normal_light() -> None:
+    t = torch.linspace(0, 10, 2001)[None].double()
+    for sigma in (0.1, 0.7):
+        middle = (t[:, 1:] + t[:, :-1]) / 2
+        w = torch.exp(-((middle - 5) ** 2) / (2 * sigma**2))
+        assert half_width(t, 0.6 * w / w.sum())[0] == pytest.approx(sigma, rel=0.02)
+
+
+def test_settings_that_cannot_work_are_refused() -> None:
+    for wrong in ({"rays": 0}, {"neighbours": 0}):
+        with pytest.raises(ConfigError, match="rays and neighbours of 1 or more"):
+            FieldConfig(**wrong)
