@@ -14,20 +14,23 @@ from pyproj import CRS, Transformer
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
-from tests.support.catenary_surveys import UTM, corridor
+from tests.support import surveys
+from tests.support.catenary_surveys import UTM, ZERO, corridor, line_of
 
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.errors import CaptureError, SurveyError
-from plnerf.export import crs as places
-from plnerf.export import dxf, exports, gis, las, tables
-from plnerf.export.crs import places_of
-from plnerf.export.files import write_exports
+from plnerf.export import crs, dxf, files, gis, las, rows
+from plnerf.export.crs import crs_transform
+from plnerf.export.files import Exports, write_exports
 from plnerf.export.las import wkt_of
+from plnerf.line.cloud import Cloud
+from plnerf.line.ends import Open, Quantity
+from plnerf.line.frame import LineFrame
+from plnerf.line.survey import Survey, WirePoints
 from plnerf.scene.ply import read_ply
 from plnerf.survey.clearance import measure_clearances
-from plnerf.survey.fit import fit_catenary
-from plnerf.survey.model import Cloud, Conductor, Survey
-from plnerf.survey.thresholds import own_requirement
+from plnerf.survey.fit import fit_wire
+from plnerf.survey.config_ground import ClearanceConfig
 
 ORIGIN = np.array([9.0, 51.45, 250.0])
 RD = np.array([155_000.0, 463_000.0, 0.0])
@@ -37,58 +40,73 @@ ALL = {
 }  # fmt: skip
 
 
-def export(survey: Survey, folder: Path, *, synthetic: bool = False) -> exports.Exports:
-    return write_exports(
-        survey, measure_clearances(survey, own_requirement(5.0)), folder, synthetic=synthetic
-    )
+def measured(survey: Survey) -> Survey:
+    """With its clearances, 5 m being required."""
+    found, _ = measure_clearances(survey, ClearanceConfig(clearance_m=5.0))
+    return replace(survey, clearances=found)
+
+
+def reframed(survey: Survey, **changed: object) -> Survey:
+    """The same in a LineFrame of other properties."""
+    return replace(survey, frame=replace(survey.frame, **changed))
 
 
 @pytest.fixture(scope="module")
 def survey() -> Survey:
-    return corridor(count=600)
+    return replace(measured(corridor(count=600)), from_images=True)
 
 
 @pytest.fixture(scope="module")
 def local() -> Survey:
-    """In metres east, north and up of an origin."""
-    return replace(corridor(np.zeros(3), count=600), origin=ORIGIN)
+    """In a world of metres east, north and up of an origin, from which the LineFrame is turned and moved."""
+    frame = {"origin_world": np.array([40.0, -3.0, 7.0]), "R_line_world": surveys.turned(31.0)}
+    return reframed(measured(corridor(ZERO, count=600)), origin_lon_lat_height=ORIGIN, **frame)
 
 
 @pytest.fixture(scope="module")
-def written(survey: Survey, tmp_path_factory: pytest.TempPathFactory) -> exports.Exports:
-    return export(survey, tmp_path_factory.mktemp("utm"), synthetic=True)
+def written(survey: Survey, tmp_path_factory: pytest.TempPathFactory) -> Exports:
+    return write_exports(survey, tmp_path_factory.mktemp("utm"))
 
 
-def test_all_files_are_written(written: exports.Exports) -> None:
+def world(survey: Survey, points: np.ndarray) -> np.ndarray:
+    return survey.frame.to_world(points)
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_all_files_are_written(written: Exports) -> None:
     assert set(written.files) == ALL
     assert all(path.is_file() for path in written.files.values())
     assert not list(written.files["cloud.laz"].parent.glob("*partial*"))
-    assert any("says nothing of heights" in note for note in written.notes)
+    assert any("says nothing of heights" in text for text in written.about)
 
 
-def test_the_laz_is_what_the_format_asks_for(survey: Survey, written: exports.Exports) -> None:
-    las = laspy.read(written.files["cloud.laz"])
-    header = las.header
+def test_the_laz_is_what_the_format_asks_for(survey: Survey, written: Exports) -> None:
+    read = laspy.read(written.files["cloud.laz"])
+    header = read.header
     assert str(header.version) == "1.4" and header.point_format.id == 7 and header.global_encoding.wkt
-    assert np.abs(las.xyz - survey.cloud.xyz).max() < 1e-3
+    assert np.abs(read.xyz - world(survey, survey.cloud.xyz)).max() < 1e-3
     assert header.scales.tolist() == [0.001] * 3 and np.abs(header.offsets - UTM).max() < 200
-    assert np.array_equal(las.classification, survey.cloud.label)
-    assert np.array_equal(las.wire_id, survey.cloud.wire)
-    assert np.allclose(las.sigma, survey.cloud.sigma_m) and las.sigma.dtype == np.float32
-    assert np.array_equal(np.stack([las.red, las.green, las.blue], 1) // 257, survey.cloud.rgb)
-    assert (np.asarray(las.synthetic) == 1).all() and (las.return_number == 1).all()
-    assert (las.number_of_returns == 1).all()
+    assert np.array_equal(read.classification, survey.cloud.label)
+    assert np.array_equal(read.wire_id, survey.cloud.wire)
+    assert np.allclose(read.sigma, survey.cloud.sigma_m) and read.sigma.dtype == np.float32
+    assert np.array_equal(np.stack([read.red, read.green, read.blue], 1) // 257, survey.cloud.rgb)
+    assert (np.asarray(read.synthetic) == 1).all() and (read.return_number == 1).all()
+    assert (read.number_of_returns == 1).all()
 
 
 def test_the_synthetic_flag_is_for_clouds_from_images(survey: Survey, tmp_path: Path) -> None:
     plain = replace(survey.cloud, sigma_m=None, rgb=None)
-    las.write_las(tmp_path / "c.laz", plain, places_of(survey), synthetic=False)
+    las.write_las(tmp_path / "c.laz", plain, crs_transform(survey), synthetic=False)
     read = laspy.read(tmp_path / "c.laz")
     assert not np.asarray(read.synthetic).any() and "sigma" not in read.point_format.dimension_names
 
 
 @pytest.mark.parametrize(
-    ("crs", "origin"),
+    ("name", "origin"),
     [
         ("EPSG:25832", UTM),
         ("EPSG:28992", RD),
@@ -98,16 +116,16 @@ def test_the_synthetic_flag_is_for_clouds_from_images(survey: Survey, tmp_path: 
         ("+proj=utm +zone=32 +ellps=GRS80 +units=m", UTM),
     ],
 )
-def test_a_crs_comes_back_out_of_the_laz(crs: str, origin: np.ndarray, tmp_path: Path) -> None:
-    survey = replace(corridor(origin, count=200), crs=crs)
-    laz = write_exports(survey, None, tmp_path).files["cloud.laz"]
+def test_a_crs_comes_back_out_of_the_laz(name: str, origin: np.ndarray, tmp_path: Path) -> None:
+    survey = reframed(corridor(origin, count=200), crs=name)
+    laz = write_exports(survey, tmp_path).files["cloud.laz"]
     with laspy.open(laz) as file:
         header = file.header
         found = header.parse_crs()
-    assert found.equals(CRS(crs), ignore_axis_order=True) or found.to_epsg() == CRS(crs).to_epsg()
+    assert found.equals(CRS(name), ignore_axis_order=True) or found.to_epsg() == CRS(name).to_epsg()
     assert sum(vlr.record_id == 2112 for vlr in header.vlrs) == 1 and header.global_encoding.wkt
     assert not any(vlr.record_id in {34735, 34736, 34737} for vlr in header.vlrs)  # no GeoTIFF keys beside
-    assert np.abs(laspy.read(laz).xyz - survey.cloud.xyz).max() < 1e-3
+    assert np.abs(laspy.read(laz).xyz - world(survey, survey.cloud.xyz)).max() < 1e-3
 
 
 def test_a_crs_of_three_dimensions_is_written_by_its_horizontal_part() -> None:
@@ -115,150 +133,236 @@ def test_a_crs_of_three_dimensions_is_written_by_its_horizontal_part() -> None:
     assert CRS.from_wkt(wkt_of(CRS("EPSG:7415"))).is_compound
 
 
-def test_geojson_has_longitudes_and_latitudes(survey: Survey, written: exports.Exports) -> None:
+def test_geojson_has_longitudes_and_latitudes(survey: Survey, written: Exports) -> None:
     data = json.loads(written.files["conductors.geojson"].read_text())
     assert "crs" not in data and len(data["features"]) == 3  # RFC 7946 knows one CRS only
     independent = Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True)
-    for feature, conductor in zip(data["features"], survey.conductors, strict=True):
+    for feature, wire in zip(data["features"], survey.wires, strict=True):
         lon, lat, height = np.array(feature["geometry"]["coordinates"]).T
-        line = conductor.fit.curve.polyline(exports.VERTEX_M)
+        line = world(survey, wire.polyline(files.VERTEX_M))
         east, north = independent.transform(lon, lat)
         assert np.abs(np.stack([east, north, height], 1) - line).max() < 1e-3
         said = feature["properties"]
-        assert said["id"] == conductor.id and said["kind"] == conductor.kind
-        assert said["sag_m"] == pytest.approx(conductor.fit.curve.sag_m, abs=1e-4)
-        assert said["state"] == "as surveyed" and said["class_code"] in {13, 14}
+        assert (said["line"], said["span"], said["id"], said["kind"]) == (1, 1, wire.id, wire.kind)
+        assert said["sag_m"] == pytest.approx(value(wire.sag), abs=1e-4)
+        assert said["state"] == "as surveyed" and said["class_code"] == (13 if wire.kind == "shield" else 14)
 
 
-def test_the_projected_copy_names_its_crs(survey: Survey, written: exports.Exports) -> None:
+def value(one: Quantity | None) -> float:
+    assert one is not None
+    return one.value
+
+
+def half(one: Quantity | None) -> float:
+    assert one is not None
+    return one.half_95
+
+
+def test_the_projected_copy_names_its_crs(survey: Survey, written: Exports) -> None:
     data = json.loads(written.files["conductors-projected.geojson"].read_text())
     assert data["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::25832"
     first = np.array(data["features"][0]["geometry"]["coordinates"])
-    assert np.abs(first - survey.conductors[0].fit.curve.polyline(exports.VERTEX_M)).max() < 1e-3
+    assert np.abs(first - world(survey, survey.wires[0].polyline(files.VERTEX_M))).max() < 1e-3
 
 
-def test_the_drawing_has_a_layer_for_each_kind(survey: Survey, written: exports.Exports) -> None:
+def test_the_drawing_has_a_layer_for_each_kind(survey: Survey, written: Exports) -> None:
     drawing = ezdxf.readfile(written.files["conductors.dxf"])
     assert drawing.header["$INSUNITS"] == 6 and not drawing.audit().has_errors
     lines = list(drawing.modelspace().query("POLYLINE"))
     layers = {line.dxf.layer for line in lines}
-    assert layers >= {"CONDUCTOR-PHASE", "CONDUCTOR-SHIELD", "TOWER", "CLEARANCE-VEGETATION"}
+    assert layers >= {"CONDUCTOR-PHASE", "CONDUCTOR-SHIELD", "STRUCTURE", "CLEARANCE-VEGETATION"}
     assert all(line.is_3d_polyline for line in lines)
     shield = next(line for line in lines if line.dxf.layer == "CONDUCTOR-SHIELD")
     vertices = np.array([list(point) for point in shield.points()])
-    assert np.abs(vertices - survey.conductors[2].fit.curve.polyline(exports.VERTEX_M)).max() < 1e-3
-    tower = next(line for line in lines if line.dxf.layer == "TOWER")
-    assert [point.z for point in tower.points()] == pytest.approx([0.0, 31.0])
+    assert np.abs(vertices - world(survey, survey.wires[2].polyline(files.VERTEX_M))).max() < 1e-3
+    sag = survey.wires[2].sag
+    said = [tag.value for tag in shield.get_xdata("PLNERF")]
+    assert said[0] == 3 and f"sag {value(sag):.3f} +- {half(sag):.3f} m (95 %)" in said
+    mast = next(line for line in lines if line.dxf.layer == "STRUCTURE")
+    assert [point.z for point in mast.points()] == pytest.approx([0.0, 31.0])
+    assert [tag.value for tag in mast.get_xdata("PLNERF")] == [1, "given"]
 
 
-def test_the_tables_hold_the_catenaries_and_the_verdicts(survey: Survey, written: exports.Exports) -> None:
-    with written.files["conductors.csv"].open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    for row, conductor in zip(rows, survey.conductors, strict=True):
-        curve = conductor.fit.curve
-        assert float(row["p_m"]) == pytest.approx(curve.p_m, rel=1e-6)
-        assert float(row["length_m"]) == pytest.approx(curve.length_m, abs=1e-3)
-        assert [float(row[f"lowest_{axis}"]) for axis in "xyz"] == pytest.approx(curve.lowest, abs=1e-3)
-        assert float(row["sag_sigma_m"]) == pytest.approx(conductor.fit.sag_sigma_m, abs=1e-4)
+def test_the_tables_hold_the_catenaries_and_the_verdicts(survey: Survey, written: Exports) -> None:
+    for row, wire in zip(table(written.files["conductors.csv"]), survey.wires, strict=True):
+        for name, one in (("sag", wire.sag), ("span", wire.span_m), ("length", wire.arc_m), ("p", wire.p_m)):
+            assert float(row[f"{name}_m"]) == pytest.approx(value(one), abs=1e-4)
+            assert float(row[f"{name}_95_m"]) == pytest.approx(half(one), abs=1e-4)
+        assert row["no_sag_because"] == "" and (row["end_a"], row["end_b"]) == ("structure 1", "structure 2")
+        dense = world(survey, wire.points(np.linspace(0, wire.base.length_m, 200_001)))
+        lowest = [float(row[f"lowest_{axis}"]) for axis in "xyz"]
+        assert lowest == pytest.approx(dense[dense[:, 2].argmin()], abs=1e-3)
         s = float(row["sag_from_a_m"])
-        chord = curve.a[2] + s / curve.span_m * (curve.b[2] - curve.a[2])
-        assert chord - curve.heights(np.array([s]))[0] == pytest.approx(curve.sag_m, abs=1e-6)
+        (_, z_a), (_, z_b), (_, z) = wire.at(np.array([0.0, wire.base.length_m, s]))
+        chord = z_a + s / wire.base.length_m * (z_b - z_a)
+        assert chord - z == pytest.approx(value(wire.sag), abs=1e-6)
         assert float(row["azimuth_deg"]) == pytest.approx(np.degrees(np.arctan(118 / 22)), abs=0.01)
-        assert row["temperature_c"] == ""
-    found = measure_clearances(survey, own_requirement(5.0))
-    with written.files["clearances.csv"].open(newline="") as file:
-        rows = list(csv.DictReader(file))
+        assert row["temperature_c"] == "" and row["span"] == "1"
+    found = survey.clearances
+    assert found is not None
+    rows = table(written.files["clearances.csv"])
     assert [row["verdict"] for row in rows] == [found.verdict(place) or "" for place in found.all_places()]
     for row, place in zip(rows, found.all_places(), strict=True):
         assert float(row["distance_m"]) == pytest.approx(place.distance_m, abs=1e-4)
-        assert [float(row[f"obstacle_{axis}"]) for axis in "xyz"] == pytest.approx(place.obstacle, abs=1e-3)
+        assert float(row["distance_95_m"]) == pytest.approx(1.959964 * place.sigma_m, abs=1e-4)
+        at = [float(row[f"on_obstacle_{axis}"]) for axis in "xyz"]
+        assert at == pytest.approx(world(survey, place.on_obstacle), abs=1e-3)
     points = json.loads(written.files["clearances.geojson"].read_text())["features"]
     for point, row in zip(points, rows, strict=True):
         assert point["properties"]["distance_m"] == float(row["distance_m"])
 
 
-def test_the_ply_is_in_the_world(survey: Survey, written: exports.Exports) -> None:
+def test_open_ends_have_no_figure_but_the_reason(survey: Survey, tmp_path: Path) -> None:
+    line = survey.lines[0]
+    first, *others = survey.wires
+    cut = replace(first, ends=(first.ends[0], Open("the cloud ends there")))
+    spans = (replace(line.spans[0], wires=(cut, *others)),)
+    done = write_exports(replace(survey, lines=(replace(line, spans=spans),)), tmp_path)
+    reason = "its last end is open (the cloud ends there)"
+    row, other, _ = table(done.files["conductors.csv"])
+    empty = [f"{name}{end}" for name in ("sag", "span", "length", "p") for end in ("_m", "_95_m")]
+    assert {row[name] for name in (*empty, "sag_from_a_m")} == {""} and row["no_sag_because"] == reason
+    assert row["end_b"] == "open: the cloud ends there" and other["no_sag_because"] == ""
+    assert float(row["lowest_z"]) == pytest.approx(cut.lowest[1], abs=1e-3)
+    said = json.loads(done.files["conductors.geojson"].read_text())["features"][0]["properties"]
+    assert said["sag_m"] is said["span_m"] is said["p_m"] is None and said["no_sag_because"] == reason
+    drawn = next(iter(ezdxf.readfile(done.files["conductors.dxf"]).modelspace().query("POLYLINE")))
+    tags = [tag.value for tag in drawn.get_xdata("PLNERF")]
+    assert tags == [1, "sag -", "span length -", "p -", reason]
+
+
+def test_the_lowest_point_is_between_the_ends(survey: Survey, written: Exports) -> None:
+    """Of the steep shield wire the catenary's own lowest point lies before its first end."""
+    row, wire = table(written.files["conductors.csv"])[2], survey.wires[2]
+    assert wire.lowest[0] == 0.0
+    assert [row[f"lowest_{axis}"] for axis in "xyz"] == [row[f"a_{axis}"] for axis in "xyz"]
+
+
+def test_two_lines_keep_their_numbers(tmp_path: Path) -> None:
+    done = write_exports(surveys.two_lines(), tmp_path)
+    rows = table(done.files["conductors.csv"])
+    assert [(row["line"], row["span"]) for row in rows] == [("1", "1")] * 5 + [("2", "1")] * 5
+    assert [row["id"] for row in rows] == [str(k) for k in range(1, 11)]
+    near = table(done.files["clearances.csv"])
+    assert {row["line"] for row in near if int(row["wire"]) > 5} == {"2"}
+
+
+def test_the_ply_is_in_the_world(survey: Survey, written: Exports) -> None:
     vertex = read_ply(written.files["cloud.ply"])["vertex"]
-    assert np.array_equal(np.stack([vertex[axis] for axis in "xyz"], 1), survey.cloud.xyz)
+    assert np.array_equal(np.stack([vertex[axis] for axis in "xyz"], 1), world(survey, survey.cloud.xyz))
     assert np.array_equal(vertex["classification"], survey.cloud.label)
 
 
+def test_points_that_a_field_shows_on_wires_are_in_the_world(local: Survey, tmp_path: Path) -> None:
+    some = WirePoints(local.wires[0].polyline(0.5), np.arange(244) % 7, np.linspace(0, 1, 244), 300)
+    done = write_exports(replace(local, wire_points=some), tmp_path)
+    vertex = read_ply(done.files["wires.ply"])["vertex"]
+    assert np.array_equal(np.stack([vertex[axis] for axis in "xyz"], 1), world(local, some.xyz))
+    assert vertex["x"].dtype == np.float64 and np.array_equal(vertex["view"], some.view)
+    assert np.array_equal(vertex["solid"], some.solid.astype(np.float32))
+    assert "wires.ply" not in write_exports(local, tmp_path).files  # and the earlier one is gone
+    assert not (tmp_path / "wires.ply").exists()
+
+
 def test_local_metres_become_those_of_the_crs(local: Survey, tmp_path: Path) -> None:
-    files = export(local, tmp_path).files
+    files = write_exports(local, tmp_path).files
     assert set(files) == ALL
     frame = LocalFrame("EPSG:25832", tuple(ORIGIN.tolist()))
-    las = laspy.read(files["cloud.laz"])
-    assert np.abs(las.xyz - frame.to_crs(local.cloud.xyz)).max() < 1e-3
-    assert np.abs(frame.to_local(las.xyz) - local.cloud.xyz).max() < 1.5e-3
+    read = laspy.read(files["cloud.laz"])
+    there = world(local, local.cloud.xyz)
+    assert np.abs(read.xyz - frame.to_crs(there)).max() < 1e-3
+    assert np.abs(frame.to_local(read.xyz) - there).max() < 1.5e-3
     data = json.loads(files["conductors.geojson"].read_text())
     place = np.array(data["features"][0]["geometry"]["coordinates"][0])
-    assert place[:2] == pytest.approx(ORIGIN[:2], abs=1e-4)
-    assert place[2] == pytest.approx(270.0, abs=0.05)
+    start = world(local, local.wires[0].points(np.zeros(1)))
+    assert place == pytest.approx(LocalFrame("EPSG:4979", frame.origin).to_crs(start)[0], abs=1e-4)
+    assert place[:2] == pytest.approx(ORIGIN[:2], abs=1e-3)
+    assert place[2] == pytest.approx(277.0, abs=0.05)
     vertex = read_ply(files["cloud.ply"])["vertex"]
-    assert np.array_equal(vertex["x"], local.cloud.xyz[:, 0])
+    assert np.array_equal(vertex["x"], there[:, 0])
+    azimuth = float(table(files["conductors.csv"])[0]["azimuth_deg"])
+    assert azimuth == pytest.approx(np.degrees(np.arctan2(118, 22)) + 31.0, abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["survey", "local"])
+def test_every_transform_can_be_undone(name: str, request: pytest.FixtureRequest) -> None:
+    some: Survey = request.getfixturevalue(name)
+    transform, points = crs_transform(some), some.cloud.xyz
+    for there, back, within in (
+        (transform.to_world, transform.from_world, 1e-8),
+        # PROJ undoes the shift between ETRS89 and WGS 84 to a tenth of a millimetre.
+        (transform.to_map, transform.from_map, 2e-4),
+        (transform.to_lon_lat, transform.from_lon_lat, 2e-4),
+    ):
+        assert np.abs(back(there(points)) - points).max() < within
 
 
 def test_degrees_are_no_metres(local: Survey, survey: Survey, tmp_path: Path) -> None:
-    done = export(replace(local, crs="EPSG:4979"), tmp_path)
+    done = write_exports(reframed(local, crs="EPSG:4979"), tmp_path)
     with laspy.open(done.files["cloud.laz"]) as file:
         assert file.header.parse_crs().to_epsg() == 32632
-    assert "EPSG:4979 has longitudes and latitudes; files that want metres are in EPSG:32632" in done.notes[0]
-    south = places_of(replace(local, crs="EPSG:4979", origin=np.array([-70.5, -33.0, 500.0])))
+    assert "EPSG:4979 has longitudes and latitudes; files that need metres are in EPSG:32632" in done.about[0]
+    andes = np.array([-70.5, -33.0, 500.0])
+    south = crs_transform(reframed(local, crs="EPSG:4979", origin_lon_lat_height=andes))
     assert south.crs is not None and south.crs.to_epsg() == 32719
     with pytest.raises(SurveyError, match="are degrees, so that they hold no metres"):
-        places_of(replace(survey, crs="EPSG:4326"))
+        crs_transform(reframed(survey, crs="EPSG:4326"))
 
 
-@pytest.mark.parametrize(("crs", "said"), [("EPSG:3857", "is 0.50"), ("EPSG:2227", "is 0.30")])
-def test_units_that_are_no_metres_are_told(crs: str, said: str) -> None:
+@pytest.mark.parametrize(("name", "said"), [("EPSG:3857", "is 0.50"), ("EPSG:2227", "is 0.30")])
+def test_units_that_are_no_metres_are_refused(name: str, said: str) -> None:
     """Web Mercator far from the equator, and feet."""
-    origin = np.array([1.2e6, 8.4e6, 0]) if crs == "EPSG:3857" else np.array([6.1e6, 2.1e6, 0])
+    origin = np.array([1.2e6, 8.4e6, 0]) if name == "EPSG:3857" else np.array([6.1e6, 2.1e6, 0])
     with pytest.raises(SurveyError, match=said + r".* does not hold metres\. Project the cloud"):
-        places_of(replace(corridor(origin, count=50), crs=crs))
+        crs_transform(reframed(corridor(origin, count=50), crs=name))
 
 
 def test_without_a_crs_the_local_files_are_written_and_the_others_named(
     survey: Survey, tmp_path: Path
 ) -> None:
-    done = export(replace(survey, crs=None), tmp_path)
+    done = write_exports(reframed(survey, crs=None), tmp_path)
     assert set(done.files) == {"cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "clearances.csv"}
-    said = " ".join(done.notes)
+    said = " ".join(done.about)
     assert "conductors-projected.geojson is left out" in said
     assert "conductors.geojson and clearances.geojson are left out: they need longitudes" in said
     with laspy.open(done.files["cloud.laz"]) as file:
         assert file.header.parse_crs() is None and file.header.global_encoding.wkt
-    assert np.abs(laspy.read(done.files["cloud.laz"]).xyz - survey.cloud.xyz).max() < 1e-3
+    read = laspy.read(done.files["cloud.laz"])
+    assert np.abs(read.xyz - world(survey, survey.cloud.xyz)).max() < 1e-3
 
 
 def test_without_a_grid_for_heights_what_needs_them_is_left_out(
     survey: Survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def no_grid(crs: str, xyz: np.ndarray) -> LocalFrame:
-        raise CaptureError(f"{crs} needs its grid")
+    def no_grid(name: str, xyz: np.ndarray) -> LocalFrame:
+        raise CaptureError(f"{name} needs its grid")
 
-    monkeypatch.setattr(places, "local_frame", no_grid)
-    done = export(survey, tmp_path)
+    monkeypatch.setattr(crs, "local_frame", no_grid)
+    done = write_exports(survey, tmp_path)
     assert set(done.files) == ALL - {"conductors.geojson", "clearances.geojson"}
-    assert any("not known: EPSG:25832 needs its grid" in note for note in done.notes)
+    assert any("not known: EPSG:25832 needs its grid" in text for text in done.about)
 
 
-def test_a_survey_without_scale_claims_no_metres(survey: Survey, tmp_path: Path) -> None:
-    done = write_exports(replace(survey, unit="unscaled"), None, tmp_path)
+def test_a_survey_without_scale_claims_no_metres(tmp_path: Path) -> None:
+    """Its files hold LineFrame coordinates, whatever the unit of its world."""
+    survey = surveys.unscaled()
+    done = write_exports(survey, tmp_path)
     assert set(done.files) == {"cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv"}
-    assert any("not in metres" in note for note in done.notes)
-    assert any("There are no clearances" in note for note in done.notes)
-    with done.files["conductors.csv"].open(newline="") as file:
-        names = csv.DictReader(file).fieldnames or []
-    assert "sag_unscaled" in names and not [name for name in names if name.endswith("_m")]
+    assert any("unscaled" in text and "not in metres" in text for text in done.about)
+    assert any("There are no clearances" in text for text in done.about)
+    rows = table(done.files["conductors.csv"])
+    assert "sag_unscaled" in rows[0] and "sag_95_unscaled" in rows[0]
+    assert not [name for name in rows[0] if name.endswith("_m")]
+    assert float(rows[0]["lowest_z"]) == pytest.approx(survey.wires[0].lowest[1], abs=1e-4)
     assert ezdxf.readfile(done.files["conductors.dxf"]).header["$INSUNITS"] == 0
+    vertex = read_ply(done.files["cloud.ply"])["vertex"]
+    assert np.array_equal(vertex["z"], survey.cloud.xyz[:, 2])
 
 
 def test_an_empty_survey_is_written_and_says_so(survey: Survey, tmp_path: Path) -> None:
-    cloud = survey.cloud
-    none = Cloud(cloud.xyz[:0], cloud.label[:0], cloud.wire[:0])
-    done = export(replace(survey, conductors=(), towers=(), cloud=none), tmp_path)
+    done = write_exports(replace(survey, lines=(), clearances=None, cloud=Cloud.empty()), tmp_path)
     assert set(done.files) == {"cloud.laz", "cloud.ply", "conductors.dxf"}
-    assert any("No conductors were found" in note for note in done.notes)
+    assert any("No wires were found" in text for text in done.about)
 
 
 @pytest.mark.parametrize(
@@ -275,20 +379,20 @@ def test_a_file_that_reads_back_differently_is_not_kept(
 ) -> None:  # fmt: skip
     monkeypatch.setattr(module, name, value)
     with pytest.raises(SurveyError, match=f"{file} reads back differently"):
-        write_exports(survey, None, tmp_path)
+        write_exports(survey, tmp_path)
     assert not (tmp_path / file).exists() and not list(tmp_path.glob("*partial*"))
 
 
 def test_a_table_that_reads_back_differently_is_not_kept(tmp_path: Path) -> None:
     with pytest.raises(SurveyError, match="reads back differently: numbers of the column 'a' differ"):
-        tables.write_csv(tmp_path / "t.csv", [{"a": float("nan")}], ["a"])
+        rows.write_csv(tmp_path / "t.csv", [{"a": float("nan")}], ["a"])
     assert not (tmp_path / "t.csv").exists()
 
 
 def test_a_drawing_that_reads_back_differently_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    line = dxf.Line("TOWER", 1, np.array([UTM, UTM + 1]))
+    line = dxf.Drawn("STRUCTURE", 1, np.array([UTM, UTM + 1]))
     read = dxf.readfile
 
     def moved(path: Path) -> Drawing:
@@ -302,44 +406,58 @@ def test_a_drawing_that_reads_back_differently_is_not_kept(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_las_cannot_hold_is_told(survey: Survey, tmp_path: Path) -> None:
+def test_long_texts_are_cut_where_dxf_allows_no_more(tmp_path: Path) -> None:
+    line = dxf.Drawn("STRUCTURE", 1, np.array([UTM, UTM + 1]), ("ä" * 200,))
+    dxf.write_dxf(tmp_path / "t.dxf", [line], "metre")
+    (read,) = ezdxf.readfile(tmp_path / "t.dxf").modelspace()
+    assert read.get_xdata("PLNERF")[-1].value == "ä" * 127
+
+
+def test_a_cloud_wider_than_las_can_hold_is_refused(survey: Survey, tmp_path: Path) -> None:
     cloud = replace(survey.cloud, xyz=survey.cloud.xyz.copy())
     cloud.xyz[-1] += 3e6
+    transform = crs_transform(reframed(survey, crs=None))
     with pytest.raises(SurveyError, match=r"cannot hold the cloud, which is wider than 2147484 m"):
-        las.write_las(tmp_path / "c.laz", cloud, places_of(replace(survey, crs=None)), synthetic=False)
+        las.write_las(tmp_path / "c.laz", cloud, transform, synthetic=False)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_crs_that_is_none_is_told(survey: Survey, tmp_path: Path) -> None:
+def test_a_crs_that_is_none_is_refused(survey: Survey, tmp_path: Path) -> None:
     with pytest.raises(SurveyError, match=r"'EPSG:0' of cloud.laz is not known"):
-        write_exports(replace(survey, crs="EPSG:0"), None, tmp_path)
+        write_exports(reframed(survey, crs="EPSG:0"), tmp_path)
 
 
 @pytest.mark.data
 def test_a_real_cloud_of_lidar_is_exported_to_the_millimetre(shared_data: Path, tmp_path: Path) -> None:
     """Airborne LiDAR of a 380 kV line in RD New; of its wires, the longest piece in one."""
-    las = laspy.read(shared_data / "lidar" / "12AN2_20.laz")
-    code = np.asarray(las.classification, dtype=np.uint8)
+    cloud = laspy.read(shared_data / "lidar" / "12AN2_20.laz")
+    code = np.asarray(cloud.classification, dtype=np.uint8)
     some = (code == 14) | (np.arange(len(code)) % 4 == 0)
-    xyz, label = las.xyz[some], code[some]
+    label = code[some]
+    frame = LineFrame.of_cloud(cloud.xyz, "EPSG:28992")
+    xyz = frame.from_world(cloud.xyz[some])
     on = np.flatnonzero(label == 14)
     pairs = cKDTree(xyz[on]).query_pairs(1.0, output_type="ndarray")
     near = coo_matrix((np.ones(len(pairs)), pairs.T), (len(on), len(on)))
     piece = connected_components(near, directed=False)[1]
     mine = on[piece == np.bincount(piece).argmax()]
-    wire = np.zeros(len(xyz), np.int64)
-    wire[mine] = 1
-    conductor = Conductor(1, 0, "phase", fit_catenary(xyz[mine]), 1.0, 1.0, len(mine), "its points")
-    survey = Survey((conductor,), (), Cloud(xyz, label, wire), "m", "EPSG:28992", None, "12AN2_20.laz")
-    assert conductor.fit.inlier.mean() > 0.99 and conductor.fit.curve.span_m > 200
-    found = measure_clearances(survey)
-    files = write_exports(survey, found, tmp_path).files
+    of_wire = np.zeros(len(xyz), np.int64)
+    of_wire[mine] = 1
+    found, inlier = fit_wire(xyz[mine])
+    wire = replace(found, id=1, kind="phase")
+    survey = Survey(frame, (line_of([wire]),), Cloud(xyz, label, of_wire), "12AN2_20.laz")
+    assert inlier.mean() > 0.99 and wire.base.length_m > 200 and wire.open is not None
+    survey = replace(survey, clearances=measure_clearances(survey, ClearanceConfig())[0])
+    files = write_exports(survey, tmp_path).files
     assert set(files) == ALL
     back = laspy.read(files["cloud.laz"])
-    assert np.abs(back.xyz - xyz).max() <= 1e-3 and np.array_equal(back.classification, label)
+    assert np.abs(back.xyz - cloud.xyz[some]).max() <= 1e-3
+    assert np.array_equal(back.classification, label)
     assert back.header.parse_crs().to_epsg() == 28992
-    line = conductor.fit.curve.polyline(0.02)
+    line = wire.polyline(0.02)
+    assert survey.clearances is not None
     for group, codes in (("ground", (2, 9)), ("vegetation", (5,))):
-        assert found.conductors[0].least(group).distance_m == pytest.approx(
+        least = survey.clearances.wires[0].least(group)
+        assert least is not None and least.distance_m == pytest.approx(
             cKDTree(line).query(xyz[np.isin(label, codes)])[0].min(), abs=1e-3
         )

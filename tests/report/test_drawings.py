@@ -6,21 +6,33 @@ from functools import cache
 
 import numpy as np
 import pytest
-import surveys
+from tests.support import surveys
 from tests.support.read_html import Read
 
-from plnerf.line.catenary import hang
-from plnerf.report.data import Profile, Report
-from plnerf.report.overlay import ASIDE, LEAST_ASIDE_PX, overlay
-from plnerf.report.profile import profile
+from plnerf.line.clearances import Clearances
+from plnerf.line.cloud import CONDUCTOR, GROUND, HIGH_VEGETATION, Cloud
+from plnerf.line.survey import Picture, Survey
+from plnerf.line.wire import Wire
+from plnerf.report.nearest import by_need, worst
+from plnerf.report.overlay import ASIDE, LEAST_ASIDE_PX, overlay, shown_picture
+from plnerf.report.profile import UNSEEN, Drawing, profile
 from plnerf.report.scene_view import MOST_POINTS, scene, thinned
 from plnerf.report.side import below, fitting, runs, side_of, ticks
-from plnerf.survey.model import CONDUCTOR, GROUND, HIGH_VEGETATION, Cloud
 
 
 @cache
-def report(name: str) -> Report:
-    return {"short": surveys.short, "long": surveys.long}[name](0.1)
+def report(name: str) -> Survey:
+    return getattr(surveys, name)(0.1)
+
+
+def clearances(survey: Survey) -> Clearances:
+    assert survey.clearances is not None
+    return survey.clearances
+
+
+def drawing(survey: Survey, span: int = 0) -> Drawing:
+    line = survey.lines[0]
+    return profile(survey, line, line.spans[span], by_need(survey))
 
 
 # The view in space
@@ -32,34 +44,36 @@ def positions(data: dict) -> np.ndarray:
     return data["corner"] + steps * data["step"]
 
 
-def test_points_come_out_where_they_are() -> None:
-    told = report("short")  # far fewer than are drawn at most: none is left out
-    data = scene(told)
-    held = np.concatenate([one.fit.curve.points(np.linspace(0, 1, 9) * one.fit.curve.span_m)
-                           for one in told.survey.conductors])  # fmt: skip
-    assert data["count"] == len(told.survey.cloud.xyz) < MOST_POINTS
-    shift = told.survey.cloud.xyz - positions(data)
+def test_points_come_out_where_they_are_in_the_world() -> None:
+    survey = report("short")  # far fewer than are drawn at most: none is left out
+    data, world = scene(survey, by_need(survey)), survey.frame.to_world(survey.cloud.xyz)
+    assert data["count"] == len(survey.cloud.xyz) < MOST_POINTS
+    shift = world - positions(data)
     assert np.ptp(shift, axis=0).max() < 0.002  # of a box of 100 m
-    wire = np.array(data["wires"][0]["points"]) + shift.mean(0)
-    assert np.abs(wire[[0, -1]] - held[[0, 8]]).max() < 0.002
-    mark, worst = data["marks"][0], told.worst()[0]
+    first = survey.wires[0]
+    ends = survey.frame.to_world(first.points(np.array([0.0, first.base.length_m])))
+    assert np.abs(np.array(data["wires"][0]["points"])[[0, -1]] + shift.mean(0) - ends).max() < 0.002
+    mark, least = data["marks"][0], worst(by_need(survey))[0]
     apart = np.linalg.norm(np.subtract(*mark["points"]))
-    assert apart == pytest.approx(worst.distance_m, abs=1e-4) and f"{worst.distance_m:.2f}" in mark["text"]
+    assert apart == pytest.approx(least.place.distance_m, abs=1e-4)
+    assert f"{least.place.distance_m:.2f}" in mark["text"] and data["axes"] == ["E", "N", "up"]
 
 
-def test_a_grid_far_from_the_origin_keeps_its_millimetres() -> None:
-    told, move = report("short"), np.array([5e5, 5.7e6, 300.0])
-    cloud = replace(told.survey.cloud, xyz=told.survey.cloud.xyz + move)
-    conductors = tuple(
-        replace(one, fit=replace(one.fit, base=replace(one.fit.base, o=one.fit.base.o + move[:2]),
-                                 q=one.fit.q + move[2] * np.array([0, 0, 1, 1, 0])))
-        for one in told.survey.conductors
-    )  # fmt: skip
-    towers = tuple(replace(one, foot=one.foot + move) for one in told.survey.towers)
-    near = scene(Report(replace(told.survey, towers=towers, conductors=conductors, cloud=cloud)))
-    here = scene(Report(told.survey))
-    assert np.abs(positions(near) - positions(here)).max() < 0.004
-    for a, b in zip(near["wires"], here["wires"], strict=True):
+def test_unscaled_points_come_out_where_they_are_in_the_line_frame() -> None:
+    survey = report("unscaled")
+    data = scene(survey, [])
+    shift = survey.cloud.xyz - positions(data)
+    assert np.ptp(shift, axis=0).max() < 0.002
+    assert data["axes"] == ["x", "y", "z"] and data["unit"] == "units"
+
+
+def test_a_world_far_from_the_origin_keeps_its_millimetres() -> None:
+    survey = report("short")
+    move = np.array([5e5, 5.7e6, 300.0])
+    far = replace(survey.frame, origin_world=survey.frame.origin_world + move)
+    there, here = scene(replace(survey, frame=far), []), scene(survey, [])
+    assert np.abs(positions(there) - positions(here)).max() < 0.004
+    for a, b in zip(there["wires"], here["wires"], strict=True):
         assert np.abs(np.subtract(a["points"], b["points"])).max() < 1e-5
 
 
@@ -89,26 +103,31 @@ def test_points_are_thinned_evenly_and_every_class_stays() -> None:
 
 
 def test_profiles_of_a_span_are_put_together() -> None:
-    told = report("short")
-    conductors = told.spans[0]
-    under = below(side_of(conductors), conductors, list(told.profiles))
+    survey = report("short")
+    side = side_of(survey.wires)
+    profiles = [one.profile for one in clearances(survey).wires]
+    under = below(side, profiles)
     assert (under.lowest <= under.highest + 1e-9)[np.isfinite(under.lowest)].all()
-    every = np.concatenate([one.ground_m for one in told.profiles])
+    every = np.concatenate([one.ground_z for one in profiles])
     assert np.nanmin(under.lowest) == pytest.approx(np.nanmin(every), abs=0.02)
-    tops = np.concatenate([one.vegetation_m for one in told.profiles])
+    tops = np.concatenate([one.vegetation_z for one in profiles])
     assert np.nanmax(under.vegetation) == pytest.approx(np.nanmax(tops), abs=0.1)
-    alone = below(side_of(conductors), conductors, [told.profiles[0]])
+    alone = below(side, profiles[:1])
     assert ((under.lowest <= alone.lowest + 1e-9) | np.isnan(alone.lowest)).all()
 
 
-def test_wires_fitted_from_either_end_share_an_axis() -> None:
-    told = report("short")
-    first, second = told.spans[0][:2]
-    base = second.fit.base
-    q = second.fit.q[[1, 0, 3, 2, 4]] * [-1, -1, 1, 1, 1]
-    back = replace(base, o=base.o + base.length_m * base.u, u=-base.u)
-    turned = replace(second, fit=replace(second.fit, base=back, q=q))
-    assert np.abs(np.subtract(turned.fit.curve.a, second.fit.curve.b)).max() < 1e-9
+def reversed_wire(wire: Wire) -> Wire:
+    """The same curve, counted from its other end."""
+    base = replace(wire.base, a=wire.base.b, b=wire.base.a)
+    theta = wire.theta[[1, 0, 3, 2, 4, 5]] * [-1, -1, 1, 1, 1, -1]
+    return replace(wire, base=base, theta=theta, ends=wire.ends[::-1])
+
+
+def test_wires_that_run_either_way_share_an_axis() -> None:
+    first, second = report("short").wires[:2]
+    turned = reversed_wire(second)
+    length = np.array([0.0, second.base.length_m])
+    assert np.abs(turned.points(length) - second.points(length)[::-1]).max() < 1e-9
     one, other = side_of([first, second]), side_of([first, turned])
     assert np.abs(one.u - other.u).max() < 1e-12 and one.length == pytest.approx(other.length)
     assert one.length == pytest.approx(40.0, abs=0.2)
@@ -140,14 +159,59 @@ def test_runs_are_the_stretches_that_are_true() -> None:
 
 
 def test_a_profile_states_its_stretch_and_what_is_not_known() -> None:
-    long = "".join(Read(profile(report("long"), 0)).texts)
-    assert "heights exaggerated" in long and "no ground known" not in long
-    told = report("short")
-    unknown = tuple(replace(one, ground_m=np.full_like(one.ground_m, np.nan)) for one in told.profiles)
-    text = "".join(Read(profile(replace(told, profiles=unknown), 0)).texts)
-    assert "at the same scale" in text and "no ground known" in text
-    worst = told.worst()[0]
-    assert f"conductor {worst.conductor}" in text and worst.verdict in text
+    long, survey = drawing(report("long")), report("short")
+    assert "Heights exaggerated" in long.about and "no ground known" not in long.svg
+    unknown = tuple(
+        replace(one, profile=replace(one.profile, ground_z=np.full_like(one.profile.ground_z, np.nan)))
+        for one in clearances(survey).wires
+    )
+    found = drawing(replace(survey, clearances=replace(clearances(survey), wires=unknown)))
+    assert "at the same scale" in found.about and "no ground known" in found.svg
+    letter, text = found.marks[0]
+    least = worst(by_need(survey))[0]
+    assert letter == "A" and f"wire {least.place.wire}" in text and least.words in text
+    unmeasured = drawing(replace(survey, clearances=None))
+    assert "the ground was not measured" in unmeasured.svg and not unmeasured.marks
+
+
+def ticks_of_heights(svg: str) -> list[float]:
+    """The numbers beside the drawing's grid."""
+    grid = svg.split('class="grid"/>')[1:]
+    return [float(part.split(">")[1].split("<")[0].replace("−", "-")) for part in grid]
+
+
+def test_heights_of_a_profile_are_those_of_the_world() -> None:
+    survey = report("short")
+    tall = ticks_of_heights(drawing(survey).svg)
+    wires = np.concatenate([survey.frame.to_world(wire.polyline(1.0)) for wire in survey.wires])
+    assert min(tall) < wires[:, 2].min() - 5 < wires[:, 2].max() < max(tall) + 2
+    leaning = replace(survey.frame, R_line_world=survey.frame.R_line_world @ lean(2.0))
+    assert max(ticks_of_heights(drawing(replace(survey, frame=leaning)).svg)) < 20  # the LineFrame's
+
+
+def lean(degrees: float) -> np.ndarray:
+    """A rotation about x."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def test_open_ends_and_what_was_not_seen_are_drawn_so() -> None:
+    whole, cut = drawing(report("short")), drawing(report("open_ended"))
+    assert whole.svg.count('fill="white" stroke="#d55e00"') == 0 and "open end" not in whole.about
+    assert cut.svg.count('r="3.6" fill="white"') == 5 and "a ring an open end" in cut.about
+    pale = f'stroke-opacity="{UNSEEN:g}"'
+    assert pale not in whole.svg and cut.svg.count(pale) == 1 and "not seen are pale" in cut.about
+    assert "structure 1" in cut.svg and "structure 2" not in cut.svg
+
+
+def test_every_span_is_drawn_under_its_number() -> None:
+    two = report("two_lines")
+    titles = [
+        profile(two, line, span, by_need(two)).title for line in two.lines for span in line.spans
+    ]  # fmt: skip
+    assert titles == ["Line 1, span 1", "Line 2, span 1"]
+    assert [drawing(report("long"), k).title for k in (0, 1)] == ["Span 1", "Span 2"]
+    Read(drawing(two).svg)  # whose tags match
 
 
 # Wires over photos
@@ -193,10 +257,24 @@ def test_what_cannot_be_seen_is_not_drawn() -> None:
     assert (overlay(grey, [np.zeros((0, 2))], [(1, 2, 3)]) == grey).all()
 
 
+def test_pictures_show_every_wire_in_the_colour_of_its_kind() -> None:
+    survey = report("short")
+    grey = np.full((300, 640, 3), 90, np.uint8)
+    lines = tuple(np.column_stack([np.linspace(0, 640, 9), np.full(9, 40.0 + 50 * k)]) for k in range(5))
+    outside = (*lines[:3], lines[3] + [0, 900], np.full((4, 2), np.nan))
+    found = shown_picture(Picture("a.jpg", grey, outside), survey.wires)
+    assert found.caption == "a.jpg: wires 1 to 3" and (found.width, found.height) == (640, 300)
+    with pytest.raises(ValueError, match="zip"):
+        shown_picture(Picture("a.jpg", grey, lines[:2]), survey.wires)
+    assert (
+        shown_picture(Picture("a.jpg", np.zeros((90, 2560, 3), np.uint8), lines), survey.wires).width == 1280
+    )
+
+
 def test_the_helper_draws_the_wires_that_it_says() -> None:
-    told = report("short")
-    assert len(told.survey.conductors) == 5 and len(report("long").survey.conductors) == 12
-    true = hang((-20.0, -3.1, 10.0), (20.0, -2.7, 10.9), 1.21)
-    assert told.survey.conductors[0].fit.curve.sag_m == pytest.approx(true.sag_m, abs=0.02)
-    assert (told.survey.cloud.label == HIGH_VEGETATION).any()
-    assert isinstance(told.profiles[0], Profile)
+    survey = report("short")
+    assert len(survey.wires) == 5 and len(report("long").wires) == 12
+    sag = survey.wires[0].sag
+    assert sag is not None and sag.value == pytest.approx(1.21, abs=1e-9)
+    assert (survey.cloud.label == HIGH_VEGETATION).any()
+    assert clearances(survey).wires[0].profile.wire == 1

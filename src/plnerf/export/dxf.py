@@ -60,8 +60,8 @@ def write_dxf(path: Path, lines: list[Drawn], unit: str | None) -> None:
         check_same(path, len(lines), len(found), "the number of lines")
         for line, read in zip(lines, found, strict=True):
             check_same(path, line.layer, read.dxf.layer, "a layer")
-            said = [(tag.code, tag.value) for tag in read.get_xdata(APPLICATION)]
-            check_same(path, _data(line), said[1:], "a line's extended data")  # the first is the application
+            data = [(tag.code, tag.value) for tag in read.get_xdata(APPLICATION)]
+            check_same(path, _data(line), data, "a line's extended data")
             vertices = np.array([list(vertex) for vertex in read.points()], dtype=np.float64)
             check_places(path, line.vertices, vertices.reshape(-1, 3), "vertices")
 

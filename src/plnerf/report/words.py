@@ -18,6 +18,8 @@ LEAST_COVERAGE = 0.8
 """A wire with evidence on less of its length gets a caveat."""
 LOOSE_SAG = 0.1
 """So does one whose sag is less certain than this, relatively (95 %)."""
+STATE = "state of the line"
+"""Kind of the finding by which measured clearances say that they are as surveyed."""
 DEGREES: tuple[Degree, ...] = ("stops", "harms", "note")
 
 
@@ -93,7 +95,7 @@ def caveats(survey: Survey) -> list[str]:
             "Lengths are in units, unscaled: ratios hold, but no distance can be compared with a required "
             "clearance. Give positions or control points for a scale."
         )
-    if survey.wires:
+    if survey.wires and not any(one.kind == STATE for one in survey.findings):
         texts.append(
             "As surveyed: clearances and sags hold for the conductor temperature and wind at that time "
             f"(temperature: {temperature(survey)}). At their highest temperature conductors hang lower."
