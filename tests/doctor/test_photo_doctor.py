@@ -11,16 +11,16 @@ import cv2
 import numpy as np
 import pytest
 from PIL import ExifTags, Image
-from rich.console import Console
 from tests.capture.test_frames import seen
 
-from plnerf.capture.cost import FEATURES_S_PER_MP, MODEL_S_PER_IMAGE, PAIR_S, about_cost, in_words
 from plnerf.capture.exif import GpsFix, PhotoFacts
-from plnerf.capture.findings import about_files, about_positions, about_wires
 from plnerf.capture.references import from_photos
 from plnerf.cli.main import main
-from plnerf.doctor.photo_doctor import examine_photos
-from plnerf.errors import CaptureError
+from plnerf.doctor.config import PhotoDoctorConfig
+from plnerf.doctor.cost import FEATURES_S_PER_MP, MODEL_S_PER_IMAGE, PAIR_S, about_cost, in_words
+from plnerf.doctor.photo_doctor import examine_photos, photo_text, write_photo_diagnosis
+from plnerf.doctor.photo_rules import about_files, about_positions, about_wires
+from plnerf.errors import CaptureError, ConfigError
 from plnerf.findings import Finding
 
 COST: dict[str, Any] = {"preset": "nerfacto", "rays_per_s": 2e4}
@@ -70,17 +70,15 @@ def photos(tmp_path: Path) -> Path:
 
 
 def test_every_fault_is_named_with_its_photos(photos: Path, tmp_path: Path) -> None:
-    usable = examine_photos(
-        photos,
-        distance_m=None,
-        wire_diameter_m=0.03,
-        **COST,
-        out=tmp_path / "d.json",
-        console=Console(quiet=True),
+    calls: list[tuple[int, int]] = []
+    diagnosis = examine_photos(
+        photos, distance_m=None, **COST, progress=lambda done, of: calls.append((done, of))
     )
+    write_photo_diagnosis(tmp_path / "d.json", diagnosis)
+    assert calls == [(k, 18) for k in range(1, 19)]
     content = json.loads((tmp_path / "d.json").read_text())
     found = {finding["kind"]: finding for finding in content["findings"]}
-    assert usable and content["usable"] and content["photos"] == 17
+    assert diagnosis.usable and content["usable"] and content["photos"] == 17
     assert set(found["unreadable"]["where"]) == {"21.jpg", "22.NEF"}
     assert "05b.jpg" in found["blurred"]["where"] and len(found["blurred"]["where"]) <= 2
     assert found["over-exposed"]["where"] == ["06b.jpg"] and found["under-exposed"]["where"] == ["07b.jpg"]
@@ -88,14 +86,18 @@ def test_every_fault_is_named_with_its_photos(photos: Path, tmp_path: Path) -> N
     assert found["unequal sizes"]["where"] == ["20.jpg"]
     assert found["not georeferenced"]["degree"] == found["wire width unknown"]["degree"] == "note"
     assert all(finding["do"] for finding in content["findings"] if finding["kind"] != "cost")
+    for finding in diagnosis.findings:  # whole sentences
+        assert all(text[0].isupper() or text[0].isdigit() for text in (finding.what, finding.do) if text)
+        assert finding.text.endswith(".") and ".." not in finding.text
+    text = photo_text(diagnosis)
+    assert "harms  over-exposed: 1 of 17 photos are white over more than 25% of their area. " in text
+    assert "before a white sky wires vanish. (06b.jpg)" in text
 
 
 def test_too_few_photos_stop(photos: Path, tmp_path: Path) -> None:
     for path in sorted(photos.iterdir())[2:]:
         path.unlink()
-    assert not examine_photos(
-        photos, distance_m=None, wire_diameter_m=0.03, **COST, out=None, console=Console(quiet=True)
-    )
+    assert not examine_photos(photos, distance_m=None, **COST).usable
     assert about_files({}, [])[0].degree == "stops"
 
 
@@ -129,24 +131,24 @@ def test_positions_that_stand_still_or_lack() -> None:
     ("distance", "degree", "px"), [(10.0, "note", "9.0"), (50.0, "harms", "1.8"), (150.0, "stops", "0.6")]
 )
 def test_a_wire_is_as_wide_as_lens_and_distance_make_it(distance: float, degree: str, px: str) -> None:
-    (finding,) = about_wires({"a": FACTS}, distance, 0.03)
+    (finding,) = about_wires({"a": FACTS}, distance)
     assert finding.degree == degree and f"is {px} px wide" in finding.what
-    assert f"a pixel is {100 * distance / 3000:.1f} cm at {distance:g} m" in finding.what
+    assert f"A pixel is {100 * distance / 3000:.1f} cm at {distance:g} m" in finding.what
 
 
-def test_an_unknown_lens_or_distance_is_said() -> None:
-    assert "how far the wires are" in about_wires({"a": FACTS}, None, 0.03)[0].what
-    assert "a focal length" in about_wires({"a": replace(FACTS, focal_px=None)}, 10.0, 0.03)[0].what
+def test_an_unknown_lens_or_distance_is_reported() -> None:
+    assert "how far the wires are" in about_wires({"a": FACTS}, None)[0].what
+    assert "a focal length" in about_wires({"a": replace(FACTS, focal_px=None)}, 10.0)[0].what
 
 
 def test_the_cost_grows_with_pixels_and_pairs() -> None:
     few = about_cost({f"{i}": FACTS for i in range(20)}, "nerfacto", 2e4)
-    # 1600 x 1200 px of each are looked at; 190 pairs; 240 MP, of which a 16th takes 3 minutes.
+    # Features come from 1600 x 1200 px of each; 190 pairs; 240 MP, of which a 16th takes 3 minutes.
     seconds = FEATURES_S_PER_MP * 20 * 1.92 + PAIR_S * 190 + MODEL_S_PER_IMAGE * 20
-    assert f"poses take about {in_words(seconds)}; " in few.what
+    assert f"On two cores, poses take about {in_words(seconds)}; " in few.what
     assert f"training nerfacto on each pixel once, {in_words(12_000.0)}; 1.5 GB of memory" in few.what
-    assert few.what.endswith("and 0.7 GB of pixels on disk")
-    assert few.do.startswith("train with --downscale 8: 3 min")  # by 4 it is still more than ten minutes
+    assert few.what.endswith("and 0.7 GB of pixels on disk.")
+    assert few.do.startswith("Train with --downscale 8: 3 min")  # by 4 it is still more than ten minutes
     unknown = about_cost({f"{i}": FACTS for i in range(20)}, "mine", None)
     assert "training" not in unknown.what and not unknown.do
     assert [in_words(s) for s in (40.0, 720.0, 20_000.0, 300_000.0)] == ["40 s", "12 min", "5.6 h", "3 days"]
@@ -168,11 +170,16 @@ def test_the_command_takes_photos_and_ends_with_its_status(
         out = capsys.readouterr().out
         assert stop.value.code == status and "17 photos can be read" in out and "px wide" in out
     with pytest.raises(CaptureError, match="is no folder of photos"):
-        examine_photos(
-            photos / "absent",
-            distance_m=None,
-            wire_diameter_m=0.03,
-            **COST,
-            out=None,
-            console=Console(quiet=True),
-        )
+        examine_photos(photos / "absent", distance_m=None, **COST)
+
+
+def test_the_configuration_decides(photos: Path) -> None:
+    thick = about_wires({"a": FACTS}, 50.0, PhotoDoctorConfig(wire_diameter_m=0.06, good_wire_px=3.5))
+    assert "is 3.6 px wide" in thick[0].what and thick[0].degree == "note"
+    lenient = examine_photos(
+        photos, distance_m=None, **COST, config=PhotoDoctorConfig(clipped=1.0, alike=0.0)
+    )
+    assert not {"over-exposed", "under-exposed", "duplicates"} & {one.kind for one in lenient.findings}
+    for wrong in ({"clipped": 0.0}, {"dark": 250}, {"fastest_m_s": 0.0}):
+        with pytest.raises(ConfigError):
+            PhotoDoctorConfig(**wrong)  # type: ignore[arg-type]

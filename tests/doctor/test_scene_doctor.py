@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from rich.console import Console
 from tests.conftest import look_at
 
+import plnerf
 from plnerf.cli.main import main
-from plnerf.detect.curves import CERTAIN_PX
-from plnerf.doctor.coverage import ADVICE, Diagnosis
-from plnerf.doctor.scene_doctor import examine, table, to_json
-from plnerf.errors import SceneError
-from plnerf.pipeline import bundled_span
+from plnerf.doctor.config import SCENES, SceneDoctorConfig
+from plnerf.doctor.coverage import Diagnosis, advice
+from plnerf.doctor.scene_doctor import examine_scene, table, to_json
+from plnerf.errors import ConfigError, SceneError
 
+BUNDLED = Path(plnerf.__file__).parent / "data" / "span"
 BOX = {"span_min": [-20, -4, 0], "span_max": [20, 4, 13]}
 
 
@@ -55,7 +55,7 @@ def flight(
 
 
 def examined(scene: Path, **options: float) -> Diagnosis:
-    return examine(scene, wire_diameter_m=0.3, sigma_px=0.1, console=Console(quiet=True), **options)
+    return examine_scene(scene, config=SceneDoctorConfig(wire_diameter_m=0.3, sigma_px=0.1), **options)
 
 
 @pytest.mark.parametrize("box", [BOX, {}], ids=["box", "no box"])
@@ -103,21 +103,20 @@ def test_a_line_that_no_camera_sees(tmp_path: Path) -> None:
     scene = flight(tmp_path / "a", (8.0, 9.0), (8.0, 15.0), plnerf=behind, turn_rad=0.0)
     found = examined(scene)
     assert {stretch.verdict for stretch in found.stretches} == {"unseen"} and not found.usable
-    thin = examine(
-        flight(tmp_path / "b", (8.0, 9.0), (8.0, 15.0)), wire_diameter_m=1e-3, console=Console(quiet=True)
-    )
+    scene = flight(tmp_path / "b", (8.0, 9.0), (8.0, 15.0))
+    thin = examine_scene(scene, config=SceneDoctorConfig(wire_diameter_m=1e-3))
     assert {stretch.verdict for stretch in thin.stretches} == {"unseen"}
 
 
 def test_the_distance_of_what_a_capture_sees_stands_for_that_of_its_wires(tmp_path: Path) -> None:
     scene = tmp_path / "scene"
-    shutil.copytree(bundled_span(), scene)
+    shutil.copytree(BUNDLED, scene)
     data = json.loads((scene / "transforms.json").read_text())
     del data["plnerf"]["span_min"], data["plnerf"]["span_max"]
     (scene / "transforms.json").write_text(json.dumps(data))
     (scene / "capture.json").write_text(json.dumps({"view_distance": 43.21}))
-    assert "about 43.2 m away" in examine(scene, console=Console(quiet=True)).box
-    assert "about 12 m away" in examine(scene, distance=12.0, console=Console(quiet=True)).box
+    assert "about 43.2 m away" in examine_scene(scene).box
+    assert "about 12 m away" in examine_scene(scene, distance=12.0).box
 
 
 def test_an_unscaled_scene_is_judged_by_shares_of_the_distance(tmp_path: Path) -> None:
@@ -141,11 +140,11 @@ def test_what_the_search_would_not_trust_is_not_called_good(tmp_path: Path) -> N
     near = {"span_min": [-20, -0.001, 4.5], "span_max": [20, 0.001, 10.9]}
     scene = flight(tmp_path / "a", (3.0, 9.0), (3.0, 9.4), plnerf=near, turn_rad=0.0)
     sharp, coarse = (
-        examine(scene, wire_diameter_m=0.1, sigma_px=px, console=Console(quiet=True)) for px in (0.02, 1.0)
+        examine_scene(scene, config=SceneDoctorConfig(wire_diameter_m=0.1, sigma_px=px)) for px in (0.02, 1.0)
     )
     for one, other in zip(sharp.stretches[2:-2], coarse.stretches[2:-2], strict=True):
         assert (other.sigma_px or 0) == pytest.approx(50 * (one.sigma_px or 0), rel=1e-3)
-        assert (other.sigma_m or 0) < 1 and (other.sigma_px or 0) > CERTAIN_PX and other.verdict == "poor"
+        assert (other.sigma_m or 0) < 1 and (other.sigma_px or 0) > SCENES.good_px and other.verdict == "poor"
         assert one.verdict == "good" and one.wire_px is not None
         footprint = 0.1 / one.wire_px  # of a pixel
         assert one.sigma_px == pytest.approx((one.sigma_m or 0) / footprint, rel=0.3)  # medians of points
@@ -154,11 +153,12 @@ def test_what_the_search_would_not_trust_is_not_called_good(tmp_path: Path) -> N
 
 
 def test_the_bundled_span_is_good_and_its_json_is_strict() -> None:
-    found = examine(bundled_span(), console=Console(quiet=True))
+    found = examine_scene(BUNDLED)
     assert found.usable and [stretch.verdict for stretch in found.stretches[2:]] == ["good"] * 18
     content = json.loads(json.dumps(to_json(found), allow_nan=False))
     assert content["unit"] == "m" and content["stretches"][5]["verdict"] == "good"
     assert content["stretches"][5]["sigma_m"] < 0.05
+    assert content["settings"]["sigma_px"] == 0.5 and content["usable"] is True
 
 
 def test_the_command_writes_and_ends_with_its_status(
@@ -176,10 +176,22 @@ def test_the_command_writes_and_ends_with_its_status(
         assert "along the line m" in out and str(tmp_path / "d.json") in out
         content = json.loads((tmp_path / "d.json").read_text())
         assert content["usable"] is (status == 0)
-        assert {s["advice"] for s in content["stretches"]} <= set(ADVICE.values())
+        assert {s["advice"] for s in content["stretches"]} <= set(advice(SCENES).values())
     assert content["stretches"][5]["sigma_m"] > 0
 
 
-def test_wrong_numbers_are_told(tmp_path: Path) -> None:
+def test_wrong_numbers_are_refused() -> None:
     with pytest.raises(SceneError, match="The distance must be a positive number, but is -1"):
-        examine(bundled_span(), distance=-1.0)
+        examine_scene(BUNDLED, distance=-1.0)
+    for name, value in (("sigma_px", -1.0), ("wire_diameter_m", math.nan), ("stretches", 0)):
+        with pytest.raises(ConfigError, match=f"The doctor's {name} must be a positive number"):
+            SceneDoctorConfig(**{name: value})
+    with pytest.raises(ConfigError, match="needs places across the line"):
+        SceneDoctorConfig(depths=())
+
+
+def test_the_configuration_decides() -> None:
+    coarse = examine_scene(BUNDLED, config=SceneDoctorConfig(stretches=4, good_px=1e-6))
+    assert len(coarse.stretches) == 4 and not coarse.usable
+    assert {stretch.verdict for stretch in coarse.stretches} == {"poor"}
+    assert "within 1e-06 px" in table(coarse)

@@ -1,8 +1,8 @@
-"""Before training: will these camera poses show where a wire is?
+"""Whether camera poses fix where a wire is, before anything is trained.
 
-Looks at poses alone, at no pixel.  The line is cut into stretches along its axis; where in a stretch the
-wires are is not known yet, so a grid of points across it stands for them, each with a wire through it that
-runs along the line.  Lengths are in metres where the scene is metric, else in its own unit.
+Only poses are used, no pixels.  The line is cut into stretches along its axis; where in a stretch the wires
+are is not known yet, so a grid of points across it stands for them, each with a wire through it that runs
+along the line.  Lengths are in metres where the scene is metric, else in its own unit.
 """
 
 import math
@@ -12,45 +12,31 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.detect.curves import CERTAIN_PX
-from plnerf.doctor.observability import SIGMA_PX, Observability, observe_wire
+from plnerf.doctor.config import SCENES, SceneDoctorConfig
+from plnerf.doctor.observability import Observability, observe_wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.listing import Listing
 from plnerf.scene.orientation import frames_for
 from plnerf.scene.scene import scene_cameras
 from plnerf.scene.transforms import Frames
 
-UNOBSERVABLE_M = 1.0
-DISTANCE_M = 10.0
-"""Between cameras and wires, where the scene names no span box.  In an unscaled scene it stands for the
-distance that is assumed there, so that what is unobservable is a share of it: 10 %."""
-SPACINGS = 10.0
-"""That assumption: as many times the typical way between two photos."""
-LEAST_PX = 0.5
-"""Thinner, a wire is not found in an image, and the view does not count."""
-STRETCHES = 20
-"""Most stretches that a line is cut into, but none is shorter than 2 m."""
-ACROSS, HEIGHTS = (-0.7, 0.0, 0.7), (0.5, 0.7, 0.9)
-"""Grid of points: shares of the span box's half width, and of its height (conductors hang high)."""
-DEPTHS = (0.7, 1.0, 1.4)
-"""Without a span box: points on every camera's optical axis, in shares of the distance."""
 Verdict = Literal["good", "poor", "unobservable", "unseen"]
 _SECOND = (
     "fly a second pass that sees the wires from another angle: higher or lower, or on the other side at "
     "another height (at the same height, level views from both sides share one plane)"
 )
-ADVICE: dict[Verdict, str] = {
-    "good": "",
-    "poor": (
-        f"the views differ too little to place a wire within {CERTAIN_PX:g} px, and where the rest of its "
-        f"span does not either, training loses it: {_SECOND}"
-    ),
-    "unobservable": (
-        "all views (or the only one) lie in one plane with the wire, as those of a camera that moves along "
-        f"it: {_SECOND}"
-    ),
-    "unseen": f"no camera sees a wire there at {LEAST_PX:g} px or more: fly there, or closer",
-}
+
+
+def advice(config: SceneDoctorConfig) -> dict[Verdict, str]:
+    """What to do about a stretch of each verdict; empty for a good one."""
+    return {
+        "good": "",
+        "poor": f"the views differ too little to place a wire within {config.good_px:g} px, and where the "
+        f"rest of its span does not either, training loses it: {_SECOND}",
+        "unobservable": "all views (or the only one) lie in one plane with the wire, as those of a camera "
+        f"that moves along it: {_SECOND}",
+        "unseen": f"no camera sees a wire there at {config.least_px:g} px or more: fly there, or closer",
+    }
 
 
 @dataclass(frozen=True)
@@ -64,7 +50,7 @@ class Stretch:
     sigma_m: float | None
     """Of a wire's position across its direction, in the worse direction."""
     sigma_px: float | None
-    """The same in pixels of the view that magnifies it most: what the search for curves trusts, or not."""
+    """The same in pixels of the view that magnifies it most."""
     sigma_best_m: float | None
     """At the point of the grid that is known best; likewise worst."""
     sigma_worst_m: float | None
@@ -89,21 +75,20 @@ class Diagnosis:
     """Whether half of the stretches or more are good."""
     unit: str
     box: str
-    """Where the wires are looked for, in words."""
+    """Where the wires are assumed, in words; reads on after "Wires are assumed"."""
     cameras: int
-    sigma_px: float
-    pose_sigma_m: float
-    wire_diameter_m: float
+    config: SceneDoctorConfig
 
 
 def diagnose(
     listing: Listing,
     distance: float | None = None,
-    wire_diameter_m: float = 0.03,
-    sigma_px: float = SIGMA_PX,
-    pose_sigma_m: float = 0.0,
+    config: SceneDoctorConfig = SCENES,
 ) -> Diagnosis:
-    """The viewing geometry of a listing's poses, stretch by stretch."""
+    """The viewing geometry of a listing's poses, stretch by stretch.
+
+    distance: from the cameras to the wires in the scene's unit, where no span box is known.
+    """
     poses = np.stack([shot.T_world_camera for shot in listing.shots])
     frames = frames_for(
         poses,
@@ -117,34 +102,34 @@ def diagnose(
     cameras = scene_cameras(listing, frames, 1)
     if distance is None:
         steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-        distance = DISTANCE_M if listing.unit == "m" else SPACINGS * float(np.median(steps))
+        distance = config.distance_m if listing.unit == "m" else config.spacings * float(np.median(steps))
     metric = listing.unit == "m"
-    limit = distance / DISTANCE_M if not metric else 1.0  # of the thresholds, in the scene's unit
+    limit = distance / config.distance_m if not metric else 1.0  # of the thresholds, in the scene's unit
     if listing.span is not None:
-        points, box = _grid(listing.span, frames), "in the span box of the file"
+        points, box = _grid(listing.span, frames, config), "in the span box of the file"
     else:
-        points = _on_axes(cameras, distance * frames.scale)
+        points = _on_axes(cameras, distance * frames.scale, config)
         box = f"on the cameras' optical axes, about {distance:.3g} {'m' if metric else '(unscaled)'} away"
     u = np.tile([1.0, 0.0, 0.0], (len(points), 1))
     known = observe_wire(
         cameras,
         points,
         u,
-        sigma_px=sigma_px,
-        pose_sigma=pose_sigma_m * frames.scale,
-        least_px_per_length=LEAST_PX / (wire_diameter_m * frames.scale) if metric else 0.0,
+        sigma_px=config.sigma_px,
+        pose_sigma=config.pose_sigma_m * frames.scale,
+        least_px_per_length=config.least_px / (config.wire_diameter_m * frames.scale) if metric else 0.0,
     )
     x = points[:, 0] / frames.scale
     begin, end = float(x.min()), float(x.max())
-    count = max(1, min(STRETCHES, int((end - begin) / (2 * limit))))
+    count = max(1, min(config.stretches, int((end - begin) / (config.least_stretch_m * limit))))
     slot = np.minimum(((x - begin) / max(end - begin, 1e-12) * count).astype(np.int64), count - 1)
     width = (end - begin) / count
     stretches = []
     for i in np.unique(slot):
         inside = slot == i
         track = _track_deg(cameras, points[inside], 2 * distance * frames.scale)
-        mm = wire_diameter_m if metric else None
-        stretches.append(_stretch(i * width, (i + 1) * width, known[inside], frames, limit, mm, track))
+        ends = (i * width, (i + 1) * width)
+        stretches.append(_stretch(ends, known[inside], frames, limit, track, config))
     fine = sum(stretch.verdict == "good" for stretch in stretches)
     return Diagnosis(
         stretches=tuple(stretches),
@@ -152,34 +137,34 @@ def diagnose(
         unit=listing.unit,
         box=box,
         cameras=len(cameras),
-        sigma_px=sigma_px,
-        pose_sigma_m=pose_sigma_m,
-        wire_diameter_m=wire_diameter_m,
+        config=config,
     )
 
 
-def _grid(span: Float[np.ndarray, "2 3"], frames: Frames) -> Float[np.ndarray, "p 3"]:
+def _grid(
+    span: Float[np.ndarray, "2 3"], frames: Frames, config: SceneDoctorConfig
+) -> Float[np.ndarray, "p 3"]:
     """Points across the line through the middle of the world box, as far along as the box reaches (scene)."""
     middle, half = span.mean(0), (span[1] - span[0]) / 2
     axes = frames.R_scene_world  # rows: along the line, across it, up
     reach = [
         1 / max(np.abs(axes[k] / half).max(), 1e-12) for k in range(3)
     ]  # from the middle to the box's side
-    steps = np.linspace(-1, 1, 2 * STRETCHES + 1)
+    steps = np.linspace(-1, 1, 2 * config.stretches + 1)
     local = np.array([
         (along * reach[0], across * reach[1], (2 * height - 1) * reach[2])
         for along in steps
-        for across in ACROSS
-        for height in HEIGHTS
+        for across in config.across
+        for height in config.heights
     ])
     return frames.to_scene(middle + local @ axes)
 
 
-def _on_axes(cameras: Cameras, distance: float) -> Float[np.ndarray, "p 3"]:
+def _on_axes(cameras: Cameras, distance: float, config: SceneDoctorConfig) -> Float[np.ndarray, "p 3"]:
     centre = cameras.centre.double().numpy()
     forward = cameras.R_scene_camera.double().numpy()[:, :, 2]
     points: Float[np.ndarray, "p 3"] = np.concatenate([
-        centre + share * distance * forward for share in DEPTHS
+        centre + share * distance * forward for share in config.depths
     ])
     return points
 
@@ -195,21 +180,26 @@ def _track_deg(cameras: Cameras, points: Float[np.ndarray, "p 3"], near: float) 
 
 
 def _stretch(
-    begin: float, end: float, known: Observability, frames: Frames, limit: float, diameter_m: float | None,
+    ends: tuple[float, float],
+    known: Observability,
+    frames: Frames,
+    limit: float,
     track_deg: float | None,
-) -> Stretch:  # fmt: skip
+    config: SceneDoctorConfig,
+) -> Stretch:
+    """limit: the scene's units per metre of the thresholds."""
     seen = known[known.views > 0]
     sigma = seen.worst / frames.scale
     typical = float(np.median(sigma)) if len(sigma) else math.inf
     in_pixels = float(np.median(seen.worst * seen.px_per_length)) if len(sigma) else math.inf
-    verdict: Verdict = "good" if in_pixels <= CERTAIN_PX else "poor"
-    if typical > UNOBSERVABLE_M * limit:
+    verdict: Verdict = "good" if in_pixels <= config.good_px else "poor"
+    if typical > config.unobservable_m * limit:
         verdict = "unobservable"
     if not len(sigma):
         verdict = "unseen"
     return Stretch(
-        from_m=begin,
-        to_m=end,
+        from_m=ends[0],
+        to_m=ends[1],
         verdict=verdict,
         sigma_m=typical if len(sigma) else None,
         sigma_px=in_pixels if len(sigma) else None,
@@ -220,8 +210,8 @@ def _stretch(
         views=int(np.median(seen.views)) if len(sigma) else 0,
         distance_m=float(np.median(seen.distance)) / frames.scale if len(sigma) else None,
         wire_px=(
-            float(np.median(seen.px_per_length)) * frames.scale * diameter_m
-            if len(sigma) and diameter_m is not None
+            float(np.median(seen.px_per_length)) * frames.scale * config.wire_diameter_m
+            if len(sigma) and frames.unit == "m"
             else None
         ),
         seen_share=len(sigma) / max(1, len(known.views)),

@@ -19,11 +19,9 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
-from plnerf.line.polylines import resample
+from plnerf.doctor.config import SCENES
 from plnerf.scene.cameras import Cameras, distort
 
-SIGMA_PX = 0.5
-"""How well a wire's axis is found in an image."""
 SINGULAR = 1e-6
 """Singular values below this share of the largest are rounding (camera centres are float32): not seen."""
 
@@ -56,16 +54,14 @@ def observe_wire(
     points: Float[np.ndarray, "p 3"],
     tangents: Float[np.ndarray, "p 3"],
     *,
-    sigma_px: float = SIGMA_PX,
+    sigma_px: float = SCENES.sigma_px,
     pose_sigma: float = 0.0,
-    max_views: int | None = None,
     least_px_per_length: float = 0.0,
 ) -> Observability:
-    """What the cameras know of the points of a wire (the cameras' frame).
+    """How well the cameras fix the points of a wire (the cameras' frame).
 
-    max_views: only the nearest of those that see a point.  least_px_per_length: views that magnify less do
-    not count (a wire needs some width to be found).  A lens's distortion decides what is in the image, and
-    is neglected in the derivatives.
+    least_px_per_length: views that magnify less do not count (a wire needs some width to be found).  A lens's
+    distortion decides what is in the image, and is neglected in the derivatives.
     """
     u = tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
     across = _across(u)
@@ -76,11 +72,6 @@ def observe_wire(
     m, sees = _derivatives(cameras, rotation, offset, u, across)
     magnification = np.linalg.norm(m, axis=2)
     sees &= (magnification >= least_px_per_length) & (magnification > 0)
-    if max_views is not None:
-        order = np.argsort(np.where(sees, distance, np.inf), axis=0, kind="stable")
-        rank = np.empty_like(order)
-        np.put_along_axis(rank, order, np.arange(len(order))[:, None], axis=0)
-        sees &= rank < max_views
     noise = np.sqrt(sigma_px**2 + (magnification * pose_sigma) ** 2)
     rows = np.where(sees[..., None], m / noise[..., None], 0.0).transpose(1, 0, 2)  # p n 2
     if rows.shape[1] < 2:
@@ -159,12 +150,3 @@ def _spread_deg(m: Float[np.ndarray, "n p 2"], sees: Bool[np.ndarray, "n p"]) ->
             between = np.abs(mine[:, None] - mine) % np.pi
             spread[i] = np.degrees(np.minimum(between, np.pi - between).max())
     return spread
-
-
-def stretches(
-    line: Float[np.ndarray, "v 3"], step: float
-) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-    """Middles and unit tangents of even stretches of a polyline, at most `step` long."""
-    samples = resample(line, step)
-    along = np.diff(samples, axis=0)
-    return (samples[1:] + samples[:-1]) / 2, along / np.linalg.norm(along, axis=1, keepdims=True)

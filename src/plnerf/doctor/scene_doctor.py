@@ -1,4 +1,4 @@
-"""`plnerf doctor`: a scene's poses in, a table and doctor.json out."""
+"""A scene's poses in, a diagnosis out; and the diagnosis as a table and as JSON."""
 
 import json
 import math
@@ -7,64 +7,55 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
-from plnerf.detect.curves import CERTAIN_PX
-from plnerf.doctor.coverage import ADVICE, DISTANCE_M, UNOBSERVABLE_M, Diagnosis, Stretch, diagnose
-from plnerf.doctor.observability import SIGMA_PX
+from plnerf.doctor.config import SCENES, SceneDoctorConfig
+from plnerf.doctor.coverage import Diagnosis, Stretch, advice, diagnose
 from plnerf.errors import SceneError
 from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""1 had some of the settings among the results."""
 CAPTURE_REPORT = "capture.json"
 
 
-def examine(
-    source: Path,
-    *,
-    out: Path | None = None,
-    distance: float | None = None,
-    wire_diameter_m: float = 0.03,
-    sigma_px: float = SIGMA_PX,
-    pose_sigma_m: float = 0.0,
-    console: Console | None = None,
+def examine_scene(
+    source: Path, *, distance: float | None = None, config: SceneDoctorConfig = SCENES
 ) -> Diagnosis:
-    """Reads a scene's poses, prints a table of its stretches, and writes doctor.json to `out` if given.
+    """The viewing geometry of a scene's poses.
 
-    distance: from the cameras to the wires in the scene's unit, where its file names no span box; left out,
-    it is that of what the images of a capture see.  Raises SceneError where the scene cannot be read.
+    distance: from the cameras to the wires in the scene's unit, where its file names no span box; None: that
+    of what the images of a capture see, else the configuration's.  Raises SceneError where the scene cannot
+    be read.
     """
-    for name, value in (("distance", distance), ("wire diameter", wire_diameter_m), ("sigma", sigma_px)):
-        if value is not None and not 0 < value < math.inf:
-            raise SceneError(f"The {name} must be a positive number, but is {value:g}. Give it anew.")
+    if distance is not None and not 0 < distance < math.inf:
+        raise SceneError(f"The distance must be a positive number, but is {distance:g}. Give it anew.")
     listing = read_listing(source)
     if distance is None and listing.span is None:
         distance = _view_distance(listing.root)
-    diagnosis = diagnose(listing, distance, wire_diameter_m, sigma_px, pose_sigma_m)
-    console = console or Console()
-    console.print(table(diagnosis), highlight=False, markup=False, soft_wrap=True)
-    if out is not None:
-        write_text(out, json.dumps(to_json(diagnosis), indent=1, allow_nan=False) + "\n")
-        console.print(f"diagnosis: {out}", markup=False, highlight=False, emoji=False, soft_wrap=True)
-    return diagnosis
+    return diagnose(listing, distance, config)
+
+
+def write_diagnosis(path: Path, diagnosis: Diagnosis) -> None:
+    """Writes it as JSON."""
+    write_text(path, json.dumps(to_json(diagnosis), indent=1, allow_nan=False) + "\n")
 
 
 def _view_distance(folder: Path) -> float | None:
-    """What `plnerf capture` wrote down, in the scene's unit."""
+    """The distance that a capture measured, in the scene's unit."""
     path = folder / CAPTURE_REPORT
     return json.loads(path.read_text())["view_distance"] if path.is_file() else None
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """Plain values; what is infinite (not observable) is null."""
-    content = asdict(diagnosis)
+    content, do = asdict(diagnosis), advice(diagnosis.config)
     for stretch in content["stretches"]:
         for key, value in stretch.items():
             stretch[key] = None if isinstance(value, float) and math.isinf(value) else value
-        stretch["advice"] = ADVICE[stretch["verdict"]]
-    thresholds = {"poor_px": CERTAIN_PX, "unobservable_m": UNOBSERVABLE_M, "distance_if_unscaled": DISTANCE_M}
-    return {"format_version": FORMAT_VERSION, **content, "thresholds": thresholds}
+        stretch["advice"] = do[stretch["verdict"]]
+    settings = content.pop("config")
+    return {"format_version": FORMAT_VERSION, **content, "settings": settings}
 
 
 def table(diagnosis: Diagnosis) -> str:
@@ -97,17 +88,16 @@ def table(diagnosis: Diagnosis) -> str:
     verdicts = {stretch.verdict for stretch in diagnosis.stretches}
     lines += [
         "",
-        f"Wires are looked for {diagnosis.box}; {diagnosis.cameras} cameras; sigma is that of a wire's "
-        f"position across it, at {diagnosis.sigma_px:g} px in each image.",
+        f"Wires are assumed {diagnosis.box}; {diagnosis.cameras} cameras; sigma is that of a wire's position "
+        f"across it, at {diagnosis.config.sigma_px:g} px in each image.",
     ]
-    lines += [
-        f"{verdict}: {ADVICE[verdict]}." for verdict in ADVICE if verdict in verdicts and ADVICE[verdict]
-    ]
+    do = advice(diagnosis.config)
+    lines += [f"{verdict}: {do[verdict]}." for verdict in do if verdict in verdicts and do[verdict]]
     thin = [stretch.wire_px for stretch in diagnosis.stretches if stretch.wire_px is not None]
     if thin and np.median(thin) < 1:
         lines.append(
-            f"Wires of {1000 * diagnosis.wire_diameter_m:.0f} mm are {np.median(thin):.1f} px wide: below "
-            "1 px they show only where they contrast, and not in smaller images. Fly closer, or with a "
+            f"Wires of {1000 * diagnosis.config.wire_diameter_m:.0f} mm are {np.median(thin):.1f} px wide: "
+            "below 1 px they show only where they contrast, and not in smaller images. Fly closer, or with a "
             "longer lens."
         )
     if not diagnosis.usable:

@@ -11,7 +11,7 @@ from plnerf.capture.sfm import SfmConfig
 from plnerf.findings import Finding
 
 FEATURES_S_PER_MP, PAIR_S, MODEL_S_PER_IMAGE = 2.2, 0.15, 0.7
-"""Seconds of structure from motion: of a megapixel in which features are looked for, of a pair of images, of
+"""Seconds of structure from motion: of a megapixel in which features are extracted, of a pair of images, of
 an image in the model."""
 MEMORY_GB = 1.5
 """Peak of structure from motion (1.1 to 1.5 for 18 to 70 photos); of training, whose pixels stay on disk."""
@@ -27,26 +27,26 @@ def about_cost(facts: Mapping[str, PhotoFacts], preset: str, rays_per_s: float |
     """
     sfm = SfmConfig()
     pixels = [fact.width_px * fact.height_px for fact in facts.values()]
-    looked_at = sum(
+    extracted = sum(
         count * min(1.0, sfm.max_image_px / max(fact.width_px, fact.height_px)) ** 2
         for count, fact in zip(pixels, facts.values(), strict=True)
     )
     pairs = len(choose_pairs(len(facts), PairConfig()))
-    poses_s = FEATURES_S_PER_MP * looked_at / 1e6 + PAIR_S * pairs + MODEL_S_PER_IMAGE * len(facts)
-    what = f"on two cores, poses take about {in_words(poses_s)}"
+    poses_s = FEATURES_S_PER_MP * extracted / 1e6 + PAIR_S * pairs + MODEL_S_PER_IMAGE * len(facts)
+    what = f"On two cores, poses take about {in_words(poses_s)}"
     do = ""
     if rays_per_s is not None:
         seconds = {k: sum(pixels) / k**2 / rays_per_s for k in DOWNSCALES}
         k = next((k for k in DOWNSCALES if seconds[k] <= ENOUGH_S), DOWNSCALES[-1])
         what += f"; training {preset} on each pixel once, {in_words(seconds[1])}"
         if k > 1:
-            do = f"train with --downscale {k}: {in_words(seconds[k])}; as little as wires allow"
-    what += f"; {MEMORY_GB:g} GB of memory, and {3 * sum(pixels) / 1e9:.1f} GB of pixels on disk"
+            do = f"Train with --downscale {k}: {in_words(seconds[k])}; as little as wires allow."
+    what += f"; {MEMORY_GB:g} GB of memory, and {3 * sum(pixels) / 1e9:.1f} GB of pixels on disk."
     return Finding("cost", "note", what, (), do)
 
 
 def in_words(seconds: float) -> str:
-    """As a person would say it: 40 s, 12 min, 5.5 h, 3 days."""
+    """In the unit that suits it: 40 s, 12 min, 5.5 h, 3 days."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     if seconds < 5400:
