@@ -1,10 +1,17 @@
 """The house: imports go downwards, in no circle; files stay short; the way to the rendering sum is short."""
 
 import ast
-from itertools import pairwise
+import inspect
+import re
+import sys
 from pathlib import Path
+from traceback import walk_stack
+from types import FrameType
 
 import pytest
+
+from plnerf.cli.main import main
+from plnerf.render import model, ray_ops
 
 SOURCE = Path(__file__).resolve().parent.parent / "src" / "plnerf"
 FLOORS = {
@@ -32,16 +39,11 @@ FLOORS = {
     "cli": 10,
 }
 MAX_LINES = 400
-# From the command line to the rendering sum: (file, function, the name by which it calls the next one).
-CHAIN = [
-    ("cli/main.py", "train", "train_scene"),
-    ("pipeline.py", "train_scene", "train"),
-    ("train/loop.py", "train", "Training"),
-    ("train/step.py", "Training.step", "model"),  # calling a module runs its forward
-    ("render/model.py", "PLNeRF.forward", "composite"),
-    ("render/volume.py", "composite", None),
-]
-MAX_HOPS = 5
+MAX_CALLS = 6
+"""From the entry point of the command line to the rendering sum, on the path that runs.
+
+What `cli/` calls to parse the arguments counts as the entry point.
+"""
 
 FILES = sorted(path for path in SOURCE.rglob("*.py") if "data" not in path.relative_to(SOURCE).parts)
 MODULES = {".".join(("plnerf", *path.relative_to(SOURCE).with_suffix("").parts)): path for path in FILES}
@@ -100,43 +102,62 @@ def test_files_are_short() -> None:
     assert {name: length for name, length in lengths.items() if length > MAX_LINES} == {}
 
 
-def function(path: Path, name: str) -> ast.FunctionDef:
-    body: list[ast.stmt] = ast.parse(path.read_text(encoding="utf-8")).body
-    for part in name.split("."):
-        (node,) = [n for n in body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == part]
-        body = node.body
-    assert isinstance(node, ast.FunctionDef)
-    return node
+def stack_at_the_rendering_sum(
+    backend: str, scene: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
+    """Functions of plnerf from the entry point to the rendering sum in one training step; empty without one.
+
+    Runs `plnerf train` in this process.  Calls of other packages on the way do not count.
+    """
+    steps = ["--steps", "1", "--device", "cpu", "--backend", backend]
+    monkeypatch.setattr(sys, "argv", ["plnerf", "train", str(scene), "--out", str(out), *steps])
+    code = inspect.unwrap(ray_ops.ray_ops(backend).render_rays).__code__  # type: ignore[arg-type]
+    stack: list[str] = []
+
+    def on_event(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and not stack and frame.f_code is code:
+            codes = [each.f_code for each, _ in walk_stack(frame)]
+            own = [each for each in codes if Path(each.co_filename).is_relative_to(SOURCE)]
+            stack.extend(dict.fromkeys(f"{each.co_filename}:{each.co_qualname}" for each in own[::-1]))
+
+    sys.setprofile(on_event)
+    try:
+        main()
+    finally:
+        sys.setprofile(None)
+    return stack
 
 
-def bases(path: Path, name: str) -> set[str]:
-    """What a class is a kind of; nothing for a function."""
-    nodes = [n for n in ast.parse(path.read_text()).body if isinstance(n, ast.ClassDef) and n.name == name]
-    return {base.id for node in nodes for base in node.bases if isinstance(base, ast.Name)}
+@pytest.mark.parametrize("backend", ["torch", "numba"])
+def test_the_way_from_the_command_line_to_the_rendering_sum_is_short(
+    backend: str, tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stack = stack_at_the_rendering_sum(backend, tiny_scene, tmp_path / "run", monkeypatch)
+    assert stack and stack[0].endswith("main.py:main") and stack[-1].endswith(":render_rays"), stack
+    subcommand = max(i for i, name in enumerate(stack) if Path(name).parent == SOURCE / "cli")
+    assert len(stack[subcommand:]) <= MAX_CALLS, stack
 
 
-def all_imported(tree: ast.Module) -> set[str]:
-    return {alias.name for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for alias in n.names}
+def test_without_the_rendering_sum_nothing_is_trained(
+    tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that the test above follows the sum that training really uses."""
+    without = ray_ops.TORCH._replace(render_rays=None)  # type: ignore[arg-type]
+    monkeypatch.setattr(model, "ray_ops", lambda backend: without)
+    with pytest.raises(TypeError, match="'NoneType' object is not callable"):
+        stack_at_the_rendering_sum("torch", tiny_scene, tmp_path / "run", monkeypatch)
 
 
-def test_the_way_from_the_command_line_to_the_rendering_sum_is_short() -> None:
-    assert len(CHAIN) - 1 <= MAX_HOPS
-    for (file, name, calls), (next_file, next_name, _) in pairwise(CHAIN):
-        node = function(SOURCE / file, name)
-        called = {
-            n.func.id for n in ast.walk(node) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
-        }
-        assert calls in called, f"{file}:{name} does not call {calls}"
-        next_module = "plnerf." + next_file.removesuffix(".py").replace("/", ".")
-        owner = next_name.split(".", maxsplit=1)[0]
-        tree = ast.parse((SOURCE / file).read_text(encoding="utf-8"))
-        imported = {
-            alias.name
-            for n in ast.walk(tree)
-            if isinstance(n, ast.ImportFrom) and n.module == next_module
-            for alias in n.names
-        }
-        assert owner in imported or bases(SOURCE / next_file, owner) & all_imported(tree), (
-            f"{file} does not import {owner} from {next_module}, nor what it is a kind of"
-        )
-    function(SOURCE / CHAIN[-1][0], CHAIN[-1][1])
+FRAME_INTERNALS = re.compile(
+    r"R_scene_world|R_line_world|\bframes?\.scale\b|scene_per_unit|shift_world|origin_world|\._per_unit\b"
+)
+CHANGE_FRAMES = {"scene/transforms.py", "scene/orientation.py", "line/frame.py", "line/files.py"}
+"""Where frames change; where they are chosen; and where they are written."""
+
+
+def test_frames_change_in_two_files() -> None:
+    found = {
+        str(path.relative_to(SOURCE)): sorted(set(FRAME_INTERNALS.findall(path.read_text("utf-8"))))
+        for path in FILES
+    }
+    assert {name: what for name, what in found.items() if what and name not in CHANGE_FRAMES} == {}

@@ -1,6 +1,7 @@
 """Pruned rendering: exact where nothing is left out, off by what differs within groups where something is."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from tests.support.oracle import one_camera
 
 from plnerf.errors import ConfigError
-from plnerf.field.config import DensityConfig, RadianceConfig
+from plnerf.field.config import DensityConfig, RadianceConfig, TubeConfig
+from plnerf.field.guides import Guides
 from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays
@@ -20,8 +22,14 @@ from plnerf.render.config import ModelConfig, SamplerConfig
 from plnerf.render.field_samples import heaviest
 from plnerf.render.images import RenderedView, default_chunk, render_view
 from plnerf.render.model import PLNeRF
-from plnerf.render.pruning import Pruning, render_pruned
+from plnerf.render.pruning import Pruning, can_prune, is_fused, render_pruned
 from plnerf.render.ray_ops import ray_ops
+from plnerf.scene.scene import Scene, load_scene
+from plnerf.train.config import TrainConfig
+from plnerf.train.loop import set_learning_rates
+from plnerf.train.optimizer import build_optimizer
+from plnerf.train.pixels import PixelSampler
+from plnerf.train.step import NonFiniteMonitor, Training
 
 COLUMNS = ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals")
 
@@ -237,3 +245,49 @@ def test_fused_chunks_are_larger() -> None:
     assert default_chunk(model, Pruning()) > default_chunk(model) == default_chunk(model, None)
     for other in (make_model(backend="torch"), make_model(DAMPED)):
         assert default_chunk(other, Pruning()) == default_chunk(model)
+
+
+def trained_with_tubes(scene_folder: Path, folder: Path) -> tuple[PLNeRF, Scene]:
+    """Sixty steps on the tiny scene, with one curve right through the ball."""
+    scene = load_scene(scene_folder, store=folder / "pixels")
+    x, y, z = scene.frames.to_scene(np.array([[0.0, 0.0, 0.5]]))[0]
+    rows = ([[y, 0.0]], [[z, 0.0, 0.0]], [[x - 0.4, x + 0.4]], [0.1])
+    guides = Guides(*(torch.tensor(row, dtype=torch.float32) for row in rows))
+    config = replace(
+        BASE, tubes=TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=2, log2_table=10)),
+        sampler=SamplerConfig(proposals=(24, 16), final=24), stretch=(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    model = PLNeRF(config, len(scene.names), "numba", torch.Generator().manual_seed(0), guides)
+    train = TrainConfig(rays=256, normal_rays=16, warmup_steps=10, anneal_steps=20)
+    optimizer = build_optimizer(model, train)
+    training = Training(model, optimizer, scene.cameras, train, NonFiniteMonitor(torch.device("cpu")))
+    sampler = PixelSampler(scene.images, scene.train)
+    for step in range(60):
+        set_learning_rates(optimizer, train, step, step / 60)
+        generator = torch.Generator().manual_seed(step)
+        training.step(sampler.draw(train.rays, generator), min(1.0, (step + 1) / 20), generator)
+    return model.eval(), scene
+
+
+def test_models_with_tubes_are_pruned_too(tiny_scene: Path, tmp_path: Path) -> None:
+    """Densities, feature vectors and so colours of the tubes' own, whichever code samples the fields."""
+    model, scene = trained_with_tubes(tiny_scene, tmp_path)
+    assert can_prune(model) and is_fused(model)
+
+    def view(pruning: Pruning | None) -> RenderedView:
+        vector = model.appearance.detach().mean(0)
+        return render_view(model, scene.cameras[[0]], vector, normals=True, pruning=pruning)
+
+    exact, whole, pruned = view(None), view(Pruning(0.0)), view(Pruning())
+    assert agreement_db(exact, whole) > 80
+    assert agreement_db(exact, pruned) > 40
+    assert pruned.coloured < 0.95  # sixty steps leave much haze
+    np.testing.assert_allclose(pruned.depth, exact.depth, rtol=2e-3)
+    for backend in ("numba", "torch"):
+        same = PLNeRF(model.config, len(scene.names), backend, torch.Generator(), model.guides).eval()
+        same.load_state_dict(model.state_dict())
+        vector = model.appearance.detach().mean(0)
+        other = render_view(same, scene.cameras[[0]], vector, normals=True, pruning=Pruning())
+        assert agreement_db(pruned, other) > 60
+    model.tubes = None
+    assert agreement_db(exact, view(Pruning(0.0))) < 40  # the tubes are in the picture
