@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.support.changed import options
 from tests.support.tiny_run import SMALL
 
 COMPILERS = (
@@ -38,9 +39,8 @@ def test_a_machine_without_a_compiler_trains(built_tiny_scene: Path, tmp_path: P
     assert shutil.which("python", path=environment["PATH"]) is not None
     assert [name for name in COMPILERS if shutil.which(name, path=environment["PATH"])] == []
     run = tmp_path / "run"
-    settings = [word for setting in SMALL for word in ("--set", setting)]
     train = [sys.executable, "-m", "plnerf.cli.main", "train"]
-    command = [*train, str(built_tiny_scene), "-o", str(run), *settings]
+    command = [*train, str(built_tiny_scene), "-o", str(run), *options(SMALL)]
     done = subprocess.run(
         [*command, "--steps", "20", "--device", "cpu", "--backend", "numba"],
         env=environment, text=True, capture_output=True, timeout=300, check=False,

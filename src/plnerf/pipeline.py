@@ -1,72 +1,57 @@
-"""The stages in order.  Each is a function on paths; they meet only through files, so that any can be
-run again alone.
+"""The stages in order: paths and values in, values and files out.  Nothing is printed.
+
+    photos, video -> capture_scene -> train_scene -> evaluate, render
+    a run, a scene or a point cloud -> survey -> write_survey
+
+Stages meet through files, so that any can be run again alone; `reconstruct` runs all of them and skips those
+that are up to date.  Progress is reported by callbacks.
 """
 
+import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from importlib import import_module
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
 import torch
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from plnerf.capture.capture import CaptureConfig, capture
+from plnerf.capture.mapping import Tell
+from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
-from plnerf.ops.dispatch import BackendChoice, resolve_backend
-from plnerf.presets import preset_names
-from plnerf.render.systems import SystemConfig
-from plnerf.report.deliver import CONTENT, SurveyOptions
+from plnerf.export.files import write_exports
+from plnerf.line.files import SURVEY_FILE, write_survey_json
+from plnerf.line.survey import Survey
+from plnerf.ops.backends import BackendChoice
+from plnerf.ops.dispatch import resolve_backend
+from plnerf.presets._find import find_preset
+from plnerf.render.config import SystemConfig
+from plnerf.render.files import write_text
+from plnerf.report.page import write_report
+from plnerf.scene.build_store import Progress
 from plnerf.scene.files import check_folder
+from plnerf.scene.formats import has_poses
 from plnerf.scene.scene import load_scene
-from plnerf.score.score import score_survey
-from plnerf.survey.lidar.las import SUFFIXES, survey_cloud
-from plnerf.survey.run import survey_run
+from plnerf.survey.config import SurveyConfig
+from plnerf.survey.lidar.las import SUFFIXES, read_cloud
+from plnerf.survey.run import survey_cloud, survey_run, survey_scene
 from plnerf.synth.options import SceneOptions, find_scene
-from plnerf.synth.scene import summary, synthesize
+from plnerf.synth.scene import synthesize
 from plnerf.train.checkpoint import list_checkpoints
-from plnerf.train.config import Preset, RunConfig, fit_to_scene
+from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.evaluate import evaluate_run
-from plnerf.train.loop import train
+from plnerf.train.fitted import finest_of, fit_to_scene
+from plnerf.train.loop import train as train_loop
 from plnerf.train.render_run import Output, Views, render_run
-from plnerf.train.report import Report, RunReport
+from plnerf.train.report import Report, RunLog
 from plnerf.train.run import open_run, read_config
-from plnerf.train.settings import override
 
 Device = Literal["auto", "cpu", "cuda"]
-
-
-# pl-nerf for the bundled span, as it is compared with pl-nerf-wire and measured in benches: cells across the
-# line three times smaller than along it, upwards twice; three times as many samples on fewer rays, more of
-# them on thin lines.
-SPAN_SETTINGS = (
-    "model.stretch=[1,3,2]",
-    "model.sampler.proposals=[128,96]",
-    "model.sampler.final=64",
-    "train.rays=320",
-    "train.normal_rays=16",
-    "train.hash_lr=0.01",
-    "train.mlp_lr=0.01",
-    "train.detail_share=0.6",
-    "train.detail_part=0.05",
-    "train.loss.distortion=0.0003",
-)
-
-
-def find_preset(name: str) -> Preset[SystemConfig]:
-    """The preset of a name.  Raises ConfigError naming the ones there are."""
-    if name not in preset_names():
-        raise ConfigError(f"There is no preset {name!r}. Presets: {', '.join(preset_names())}.")
-    preset: Preset[SystemConfig] = import_module(f"plnerf.presets.{name.replace('-', '_')}").PRESET
-    return preset
-
-
-def presets_by_year() -> tuple[str, ...]:
-    """The names of all presets, the oldest method first."""
-    return tuple(sorted(preset_names(), key=lambda name: (find_preset(name).year, name)))
+PAGE = "report.html"
+"""Of a survey, in its folder."""
+STATE = "reconstruct.json"
 
 
 def bundled_span() -> Path:
@@ -74,55 +59,60 @@ def bundled_span() -> Path:
     return Path(str(files("plnerf"))) / "data" / "span"
 
 
+def capture_scene(
+    source: Path, out: Path, config: CaptureConfig | None = None, progress: Tell | None = None
+) -> Path:
+    """Makes a scene folder of photos or a video; returns the folder.
+
+    progress: called with the stage's name, what is done of it, and of how much.  Errors as of `capture`.
+    """
+    return capture(source, out, config or CaptureConfig(), progress or (lambda stage, done, of: None)).parent
+
+
 def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     scene: Path,
     out: Path,
     *,
     preset: str = "pl-nerf",
+    model: SystemConfig | None = None,
+    train: TrainConfig | None = None,
+    detect: DetectConfig | None = None,
     steps: int | None = None,
     seconds: float | None = None,
     downscale: int = 1,
-    settings: Sequence[str] = (),
     seed: int = 0,
     device: Device = "auto",
     backend: BackendChoice = "auto",
-    console: Console | None = None,
     report: Report | None = None,
 ) -> Path:
-    """Trains a preset on a scene, into a new run folder.
+    """Trains a radiance field on a scene, into a new run folder, which returns.
 
-    `settings` are overrides like model.field.direction_encoding=sh, of the preset's settings after these were
-    fitted to the scene.  `report` takes the place of the progress bar and the logs.
+    model, train, detect: settings; None: the preset's.  A grid's `finest` that is the preset's is fitted to
+    the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step; None: a log
+    in the run folder.
     """
     if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
         raise ConfigError(
             f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
         )
-    for setting in settings:
-        if not setting.startswith(("model.", "train.")):
-            raise ConfigError(
-                f"--set changes settings of the model and the training (model.… or train.…), but got "
-                f"{setting!r}. For the rest there are options of their own."
-            )
-    chosen = find_preset(preset)
-    on = choose_device(device)
+    chosen, on = find_preset(preset), choose_device(device)
     config = RunConfig(
         scene=str(scene.resolve()),
         downscale=downscale,
         preset=preset,
         backend=resolve_backend(backend, torch.device(on)),
         device=on,
-        model=chosen.model,
-        train=chosen.train,
+        model=model or chosen.model,
+        train=train or chosen.train,
+        detect=detect or DetectConfig(),
         steps=steps,
         seconds=seconds,
         seed=seed,
     )
-    override(config, tuple(settings))  # a mistake shall show before any image is read
     loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
-    fitted = replace(config, model=fit_to_scene(chosen.model, loaded, chosen.cells_per_pixel))
-    report = report or RunReport(out, console or Console())
-    return train(override(fitted, tuple(settings)), out, report, scene=loaded)
+    if finest_of(config.model) == finest_of(chosen.model):
+        config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
+    return train_loop(config, out, report or RunLog(out), scene=loaded)
 
 
 def resume_run(
@@ -131,7 +121,7 @@ def resume_run(
     *,
     steps: int | None = None,
     seconds: float | None = None,
-    console: Console | None = None,
+    report: Report | None = None,
 ) -> Path:
     """Goes on with a run from its newest checkpoint, with its own settings; a larger budget may be given."""
     config = read_config(out)
@@ -142,17 +132,12 @@ def resume_run(
         )
     if steps is not None or seconds is not None:
         config = replace(config, steps=steps, seconds=seconds)
-    return train(config, out, RunReport(out, console or Console()))
+    return train_loop(config, out, report or RunLog(out))
 
 
-def evaluate(run: Path, *, console: Console | None = None) -> dict[str, Any]:
+def evaluate(run: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Measures a run on its held-out images and returns the content of eval/metrics.json."""
-    console = console or Console()
-    with bar(console, "evaluate") as progress:
-        metrics = evaluate_run(open_run(run), progress=progress)
-    console.print((metrics.parent / "summary.md").read_text(), highlight=False, markup=False)
-    _say(console, f"measures and panels: {metrics.parent}")
-    content: dict[str, Any] = json.loads(metrics.read_text())
+    content: dict[str, Any] = json.loads(evaluate_run(open_run(run), progress=progress).read_text())
     return content
 
 
@@ -165,102 +150,139 @@ def render(
     fps: float = 24.0,
     scale: float = 1.0,
     video: bool = True,
-    console: Console | None = None,
+    progress: Progress | None = None,
 ) -> Path:
-    """Renders views of a run to PNG and MP4; returns the folder."""
-    console = console or Console()
-    with bar(console, "render") as progress:
-        folder = render_run(
-            open_run(run), views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video,
-            progress=progress,
-        )  # fmt: skip
-    _say(console, f"pictures: {folder}")
-    return folder
+    """Renders views of a run to PNG and MP4, without the photos; returns the folder."""
+    return render_run(
+        open_run(run), views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video,
+        progress=progress,
+    )  # fmt: skip
 
 
 def synthesize_scene(
-    out: Path, scene: str = "span", options: SceneOptions | None = None, *, console: Console | None = None
+    out: Path, scene: str = "span", options: SceneOptions | None = None, progress: Progress | None = None
 ) -> Path:
-    """Renders a named synthetic scene, changed by `options`, into a new scene folder."""
-    console = console or Console()
+    """Renders a named synthetic scene, changed by `options`, into a new scene folder, which returns."""
     options = options or SceneOptions()
     if scene == "span" and options.samples is None:
         options = replace(options, samples=64)
-    config = options.apply(find_scene(scene))
-    with bar(console, "synth") as progress:
-        folder = synthesize(out, config, progress=progress)
-    _say(console, f"scene folder: {folder} ({summary(folder)})")
-    return folder
-
-
-def run_demo(
-    out: Path, *, seconds: float = 240.0, quick: bool = False, console: Console | None = None
-) -> Path:
-    """The bundled span: trained, evaluated, its wires surveyed and scored, rendered as a fly-along.
-
-    `quick` is a short look at half size.
-    """
-    console = console or Console()
-    if out.exists():
-        raise ConfigError(
-            f"The demo writes a new folder, but {out} is there already. Remove it, or name another: -o."
-        )
-    budget, downscale, frames, scale = (20.0, 2, 8, 0.5) if quick else (seconds, 1, 40, 0.5)
-    span = bundled_span()
-    train_scene(span, out, preset="pl-nerf-wire", seconds=budget, downscale=downscale, console=console)
-    evaluate(out, console=console)
-    survey(out, console=console)
-    score_survey(out, truth=span, out=None, classes=None, console=console)
-    render(out, views="path", outputs=("rgb", "depth"), frames=frames, fps=12.0, scale=scale, console=console)
-    _say(console, f"Look at {out}: survey/report.html, eval/panels, renders.")
-    _say(console, f"Curves of the training: tensorboard --logdir {out}")
-    return out
+    return synthesize(out, options.apply(find_scene(scene)), progress=progress)
 
 
 def survey(
-    source: Path, out: Path | None = None, options: SurveyOptions | None = None, *,
-    console: Console | None = None,
-) -> dict[str, Any]:  # fmt: skip
-    """Conductors, clearances and a report of a run, or of a LAS or LAZ file; returns survey.json's content.
+    source: Path,
+    config: SurveyConfig | None = None,
+    out: Path | None = None,
+    progress: Progress | None = None,
+) -> tuple[Survey, Path]:
+    """Surveys a run, a scene or a LAS or LAZ file, and writes the survey; returns it and its folder.
 
-    out: left out, the folder `survey` in the run folder, or beside the file.
+    out: None: `survey` in the folder of the run or scene, or beside the file.
     """
-    console = console or Console()
-    options = options or SurveyOptions()
-    cloud = source.suffix.lower() in SUFFIXES
-    folder = out or (source.with_name(f"{source.stem}-survey") if cloud else source / "survey")
+    is_cloud = source.suffix.lower() in SUFFIXES
+    is_scene = not is_cloud and not (source / "config.json").exists() and has_poses(source)
+    root = source.parent if is_scene and source.is_file() else source
+    folder = out or (source.with_name(f"{source.stem}-survey") if is_cloud else root / "survey")
     check_folder(folder)
-    with bar(console, "survey") as progress:
-        if cloud:
-            page = survey_cloud(source, folder, options, progress)
-        else:
-            page = survey_run(open_run(source), folder, options, progress)
-    content: dict[str, Any] = json.loads((folder / CONTENT).read_text())
-    if not content["conductors"]:
-        for text in ("No conductor was found.", *content["caveats"]):
-            _say(console, text)
-    _say(console, f"{len(content['conductors'])} conductors, {content['points']:,} points: {folder}")
-    _say(console, f"report: {page}")
-    return content
+    if is_cloud:
+        found = survey_cloud(read_cloud(source), config, progress)
+    elif is_scene:
+        found = survey_scene(load_scene(source, store=folder / "pixels"), config, progress)
+    else:
+        found = survey_run(open_run(source), config, progress)
+    write_survey(found, folder)
+    return found, folder
 
 
-@contextmanager
-def bar(console: Console, title: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar that is told (done, total)."""
-    columns = (
-        TextColumn(f"[bold]{title}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task(title, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+def write_survey(survey: Survey, folder: Path | str) -> Path:
+    """Writes a survey into a folder: files for other programs, survey.json and the report.
+
+    Returns the report's path.  Each file is complete or absent, and those of an earlier survey are replaced.
+    Raises SurveyError for a survey that a file cannot hold, PlnerfError where one cannot be written.
+    """
+    folder = Path(folder)
+    check_folder(folder)
+    exports = write_exports(survey, folder)
+    write_survey_json(folder / SURVEY_FILE, survey)
+    write_report(folder / PAGE, survey, (*exports.files, SURVEY_FILE), exports.about)
+    return folder / PAGE
 
 
-def _say(console: Console, text: str) -> None:
-    """Prints text as it is: a path may hold what looks like markup."""
-    console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
+@dataclass(frozen=True)
+class Training:
+    """What `reconstruct` trains; a change of any of it trains anew."""
+
+    preset: str = "pl-nerf-wire"
+    seconds: float = 300.0
+    downscale: int = 1
+    seed: int = 0
+
+
+def _render_path(run: Path) -> Path:
+    return render(run, views="path", outputs=("rgb", "depth"))
+
+
+@dataclass(frozen=True)
+class Stages:
+    """The stages that `reconstruct` calls; the command line puts in its own, which show their progress."""
+
+    capture: Callable[[Path, Path, CaptureConfig], object] = capture_scene
+    train: Callable[..., object] = train_scene
+    resume: Callable[[Path, Path], object] = resume_run
+    eval: Callable[[Path], object] = evaluate
+    render: Callable[[Path], object] = _render_path
+    survey: Callable[[Path], object] = survey
+
+
+def reconstruct(
+    source: Path,
+    out: Path,
+    training: Training | None = None,
+    capture: CaptureConfig | None = None,
+    stages: Stages | None = None,
+    skipped: Callable[[str], None] = lambda text: None,
+) -> Path:
+    """Photos in, pictures and points on wires out; returns the run folder.  Errors are those of the stages.
+
+        OUT/scene/    plnerf capture     (left out where the input is a scene with poses)
+        OUT/run/      plnerf train, eval, render, survey
+
+    A stage is done again where its inputs changed: the scene, the settings, the newest checkpoint.  A run of
+    other settings is kept, as run-1, run-2, ...  skipped: called with a line about every stage that is up to
+    date, and about a run that is put aside.
+    """
+    training, stages = training or Training(), stages or Stages()
+    scene, run = source, out / "run"
+    if not has_poses(source):
+        scene = out / "scene"
+        stages.capture(source, scene, capture or CaptureConfig())
+    transforms = scene / "transforms.json" if scene.is_dir() else scene
+    wanted = {**asdict(training), "scene": str(scene.resolve()), "poses": _hash(transforms)}
+    state = json.loads((out / STATE).read_text()) if (out / STATE).exists() else {}
+    if state.get("training") not in {None, json.dumps(wanted)} and run.exists():
+        aside = next(path for k in range(1, 10_000) if not (path := out / f"run-{k}").exists())
+        run.replace(aside)
+        skipped(f"the run of other settings or poses: {aside}")
+        state = {}
+    state["training"] = json.dumps(wanted)
+    write_text(out / STATE, json.dumps(state, indent=1) + "\n")
+    if (run / "config.json").exists():
+        stages.resume(scene, run)
+    else:
+        stages.train(scene, run, **asdict(training))
+    newest = list_checkpoints(run / "checkpoints")[-1].stem
+    for name, stage in (("eval", stages.eval), ("render", stages.render), ("survey", stages.survey)):
+        if state.get(name) == newest:
+            skipped(f"{name}: there already, of {newest}")
+            continue
+        stage(run)
+        state[name] = newest
+        write_text(out / STATE, json.dumps(state, indent=1) + "\n")
+    return run
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 
 def choose_device(choice: Device) -> Literal["cpu", "cuda"]:

@@ -11,7 +11,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
-from tests.support.tiny_run import SMALL, Recorder, tiny_config
+from tests.support.tiny_run import Recorder, small, tiny_config
 from torch.autograd.profiler_util import FunctionEvent
 
 from plnerf.bench import (
@@ -24,6 +24,7 @@ from plnerf.bench import (
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.tables import Table, figure
 from plnerf.errors import ConfigError
+from plnerf.train.config import Settings
 from plnerf.train.loop import train
 from plnerf.train.run import open_run
 
@@ -204,7 +205,9 @@ def test_the_whole_bench_writes_its_files(
 ) -> None:
     """In this process, where the checks of types are on."""
     monkeypatch.setattr(suites, "in_fresh_process", lambda function, bench: function(bench))
-    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, settings=SMALL, seconds=6.0, quick=True)
+    chosen = small()
+    systems = {chosen["preset"]: Settings(chosen["model"], chosen["train"])}
+    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, systems=systems, seconds=6.0, quick=True)
     console = Console(width=120, record=True)
     path = suites.run_bench(bench, console)
     found = json.loads(path.read_text())

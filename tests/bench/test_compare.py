@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 from rich.console import Console
+from tests.support.changed import changed
 
 from plnerf.bench.compare import RESULT, CompareConfig, _crop, compare
 from plnerf.bench.compare_page import curves_svg
 from plnerf.errors import ConfigError, PlnerfError
+from plnerf.presets._find import find_preset
+from plnerf.train.config import Settings
 
 FEW = (
     "model.field.grid.log2_table=12", "model.field.grid.levels=3", "train.rays=32", "train.normal_rays=0",
@@ -21,13 +24,21 @@ FEW = (
 QUIET = Console(quiet=True)
 
 
+def few(preset: str) -> Settings:
+    chosen = find_preset(preset)
+    return changed(Settings(chosen.model, chosen.train), FEW)
+
+
+NERF = find_preset("nerf")
+WRONG = changed(Settings(NERF.model, NERF.train), ("train.loss.interlevel_blur=[0.1, 0.1, 0.1]",))
+
+
 @pytest.fixture(scope="module")
 def compared(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) -> CompareConfig:
-    """Of the three, nerf has no grid: its settings cannot be changed so, and it fails."""
+    """Of the three, nerf has a loss that does not fit its rounds of sampling, and fails."""
     out = tmp_path_factory.mktemp("compared")
-    config = CompareConfig(
-        built_tiny_scene, out, ("nerf", "nerfacto", "instant-ngp"), steps=4, settings=FEW, backend="torch"
-    )
+    systems = {"nerf": WRONG, "nerfacto": few("nerfacto"), "instant-ngp": few("instant-ngp")}
+    config = CompareConfig(built_tiny_scene, out, systems, steps=4, backend="torch")
     assert compare(config, QUIET) == out / "compare.json"
     return config
 
@@ -35,7 +46,7 @@ def compared(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) -
 def test_the_table_the_pages_and_the_sheet_are_there(compared: CompareConfig) -> None:
     content = json.loads((compared.out / "compare.json").read_text())
     failed, *done = content["results"]
-    assert failed["preset"] == "nerf" and "grid" in failed["failed"]
+    assert failed["preset"] == "nerf" and "interlevel_blur" in failed["failed"]
     assert [one["preset"] for one in done] == ["nerfacto", "instant-ngp"]
     for one in done:
         assert one["steps"] == 4 and one["mean"]["psnr_db"] > 0 and one["peak_bytes"] > 1e7
@@ -50,7 +61,7 @@ def test_the_table_the_pages_and_the_sheet_are_there(compared: CompareConfig) ->
 
 def test_what_is_done_is_not_done_again(compared: CompareConfig) -> None:
     before = (compared.out / "nerfacto" / RESULT).stat().st_mtime_ns
-    again = replace(compared, presets=("nerfacto", "instant-ngp"))
+    again = replace(compared, systems={name: few(name) for name in ("nerfacto", "instant-ngp")})
     compare(again, QUIET)
     assert (compared.out / "nerfacto" / RESULT).stat().st_mtime_ns == before
     assert len(json.loads((compared.out / "compare.json").read_text())["results"]) == 2
@@ -61,7 +72,7 @@ def test_a_preset_that_was_cut_off_before_its_first_checkpoint_goes_on(compared:
     before = json.loads((folder / RESULT).read_text())
     (folder / RESULT).unlink()
     shutil.rmtree(folder / "checkpoints")
-    compare(replace(compared, presets=("nerfacto",)), QUIET)
+    compare(replace(compared, systems={"nerfacto": few("nerfacto")}), QUIET)
     assert json.loads((folder / RESULT).read_text())["mean"] == before["mean"]
 
 
@@ -80,22 +91,23 @@ def test_the_crop_is_where_the_wires_are(tmp_path: Path) -> None:
 def test_unequal_budgets_are_not_mixed(compared: CompareConfig) -> None:
     with pytest.raises(ConfigError, match="steps 4 -> 5"):
         compare(replace(compared, steps=5), QUIET)
+    other = replace(few("nerfacto"), train=replace(few("nerfacto").train, rays=33))
+    with pytest.raises(ConfigError, match="other values: settings of nerfacto"):
+        compare(replace(compared, systems={"nerfacto": other}), QUIET)
 
 
 def test_where_all_fail_the_command_does(tiny_scene: Path, tmp_path: Path) -> None:
     with pytest.raises(PlnerfError, match="Every preset failed"):
-        compare(CompareConfig(tiny_scene, tmp_path, ("nerf",), steps=2, settings=FEW), QUIET)
+        compare(CompareConfig(tiny_scene, tmp_path, {"nerf": WRONG}, steps=2), QUIET)
     assert "Failed: nerf" in (tmp_path / "compare.md").read_text()
 
 
 def test_wrong_arguments_are_told(tiny_scene: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="There is no preset 'gaussians'"):
-        CompareConfig(tiny_scene, tmp_path, ("gaussians",), steps=1)
     with pytest.raises(ConfigError, match="each once"):
-        CompareConfig(tiny_scene, tmp_path, ("nerf", "nerf"), steps=1)
+        CompareConfig(tiny_scene, tmp_path, {}, steps=1)
     for budget in ({}, {"steps": 1, "seconds": 1.0}):
         with pytest.raises(ConfigError, match="--steps N or --seconds S"):
-            CompareConfig(tiny_scene, tmp_path, ("nerf",), **budget)
+            CompareConfig(tiny_scene, tmp_path, {"nerf": WRONG}, **budget)
 
 
 def test_curves_lie_within_the_picture() -> None:

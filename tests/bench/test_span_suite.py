@@ -6,13 +6,20 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from tests.support.changed import changed
 from tests.support.tiny_run import SMALL
 
 from plnerf.bench import span_suite
-from plnerf.bench.config import BenchConfig
+from plnerf.bench.config import SPAN_PRESETS, BenchConfig
 from plnerf.errors import ConfigError
 from plnerf.pipeline import bundled_span
 from plnerf.presets import preset_names
+from plnerf.presets._find import find_preset
+from plnerf.train.config import Settings
+
+SYSTEMS = {
+    name: changed(Settings(find_preset(name).model, find_preset(name).train), SMALL) for name in SPAN_PRESETS
+}
 
 
 def give_truth(scene: Path) -> Path:
@@ -24,7 +31,7 @@ def give_truth(scene: Path) -> Path:
 
 
 def bench_of(out: Path, scene: Path | None) -> BenchConfig:
-    return BenchConfig(out, suites=("span",), scene=scene, settings=SMALL, seconds=0.3, quick=True)
+    return BenchConfig(out, suites=("span",), scene=scene, systems=SYSTEMS, seconds=0.3, quick=True)
 
 
 def test_every_preset_has_a_row_and_is_not_run_again(
@@ -40,7 +47,7 @@ def test_every_preset_has_a_row_and_is_not_run_again(
     monkeypatch.setattr(span_suite, "train_scene", short)
     bench = bench_of(tmp_path / "bench", give_truth(tiny_scene))
     results = span_suite.measure_spans(bench, Console(quiet=True))
-    presets = list(span_suite.PRESETS)
+    presets = list(SPAN_PRESETS)
     assert trained == presets == [one["preset"] for one in results] and set(presets) <= set(preset_names())
     for one in results:
         assert (one["scene"], one["steps"], one["views"]) == ("tiny", 2, 1)

@@ -6,31 +6,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from tests.support.changed import changed
 from tests.support.tiny_run import SMALL, Recorder, open_tiny
 
 import plnerf.presets
 from plnerf.cli.main import main
 from plnerf.errors import CheckpointError, ConfigError
-from plnerf.pipeline import find_preset, presets_by_year, train_scene
+from plnerf.pipeline import train_scene
 from plnerf.presets import preset_names
-from plnerf.render.coarse_fine import CoarseFineConfig
-from plnerf.render.deep_proposals import DeepProposalsConfig
+from plnerf.presets._find import find_preset, presets_by_year
+from plnerf.render.config import CoarseFineConfig, DeepProposalsConfig, ModelConfig, OccupancyGridConfig
 from plnerf.render.images import render_view
-from plnerf.render.model import ModelConfig, PLNeRF
-from plnerf.render.occupied import OccupiedConfig
+from plnerf.render.model import PLNeRF
 from plnerf.render.system import RadianceSystem
 from plnerf.scene.scene import Scene
 from plnerf.train.checkpoint import load_checkpoint, save_checkpoint
-from plnerf.train.config import RunConfig, fit_to_scene
+from plnerf.train.config import RunConfig, Settings
 from plnerf.train.evaluate import mean_appearance
+from plnerf.train.fitted import fit_to_scene
 from plnerf.train.loop import train
 from plnerf.train.run import build_model, open_run
-from plnerf.train.settings import override
 
 FEW = ("train.rays=64", "train.warmup_steps=10", "train.validations=2")
 SMALLER = {
     ModelConfig: SMALL,
-    OccupiedConfig: ("model.field.grid.log2_table=13", "model.field.grid.finest=160", *FEW),
+    OccupancyGridConfig: ("model.field.grid.log2_table=13", "model.field.grid.finest=160", *FEW),
     CoarseFineConfig: ("model.field.width=16", *FEW),
     DeepProposalsConfig: ("model.field.width=16", *FEW),
 }
@@ -48,7 +48,7 @@ def test_a_preset_builds_and_trains(name: str, tiny_scene: Path, tmp_path: Path)
         assert len(built.proposals) == len(model.proposals) == len(model.sampler.proposals)
     assert sum(value.numel() for value in built.parameters()) < 50e6  # it is for a CPU
     report = Recorder()
-    train(override(config, SMALLER[type(model)]), tmp_path / "run", report, scene=scene)
+    train(changed(config, SMALLER[type(model)]), tmp_path / "run", report, scene=scene)
     assert report.done == [1, 2, 3]
 
 
@@ -68,7 +68,9 @@ def test_poses_appearance_and_normals_can_be_switched_on(name: str, tiny_scene: 
     small = SMALLER[type(find_preset(name).model)]
     small = tuple(text for text in small if not text.startswith("train.normal_rays"))
     folder, report = tmp_path / "run", Recorder()
-    train_scene(tiny_scene, folder, preset=name, steps=3, settings=(*small, *SWITCHES), report=report)
+    chosen = find_preset(name)
+    made = changed(Settings(chosen.model, chosen.train), (*small, *SWITCHES))
+    train_scene(tiny_scene, folder, preset=name, model=made.model, train=made.train, steps=3, report=report)
     run = open_run(folder)
     assert all({"normals", "orientation"} <= terms.keys() for terms in report.terms)
     learnt = (run.model.appearance, run.model.poses.correction)
@@ -81,7 +83,7 @@ def small_system(name: str, scene: Scene) -> RadianceSystem:
     preset = find_preset(name)
     model = fit_to_scene(preset.model, scene, preset.cells_per_pixel)
     config = RunConfig("a scene", 1, name, "numba", "cpu", model, preset.train, steps=1)
-    return build_model(override(config, SMALLER[type(model)]), scene)
+    return build_model(changed(config, SMALLER[type(model)]), scene)
 
 
 def test_a_checkpoint_is_refused_by_every_other_architecture(tiny_scene: Path, tmp_path: Path) -> None:
@@ -118,8 +120,12 @@ def test_a_further_preset_is_a_further_file(
     (tmp_path / "my_own.py").write_text(MINE)
     monkeypatch.setattr(plnerf.presets, "__path__", [*plnerf.presets.__path__, str(tmp_path)])
     assert presets_by_year()[:3] == ("my-own", "nerf", "mip-nerf")
-    small = ("model.field.width=16", "train.validations=0")
-    train_scene(tiny_scene, tmp_path / "run", preset="my-own", steps=2, settings=small, report=Recorder())
+    mine = find_preset("my-own")
+    made = changed(Settings(mine.model, mine.train), ("model.field.width=16", "train.validations=0"))
+    train_scene(
+        tiny_scene, tmp_path / "run", preset="my-own", model=made.model, train=made.train, steps=2,
+        report=Recorder(),
+    )  # fmt: skip
     run = open_run(tmp_path / "run")
     assert run.config.preset == "my-own" and run.config.train.rays == 16 and run.step == 2
     monkeypatch.setattr(sys, "argv", ["plnerf", "train", "--help"])

@@ -12,12 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from plnerf.field.density import DensityConfig
-from plnerf.field.radiance import RadianceConfig
+from plnerf.field.config import DensityConfig, RadianceConfig
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays, pixel_rays
-from plnerf.render.model import ModelConfig, PLNeRF
-from plnerf.render.proposals import SamplerConfig
+from plnerf.render.config import ModelConfig, SamplerConfig
+from plnerf.render.model import PLNeRF
 from plnerf.render.system import RenderedRays
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene

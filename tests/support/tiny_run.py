@@ -10,14 +10,15 @@ from typing import Any
 
 import torch
 from safetensors.torch import load_file
+from tests.support.changed import changed
 from torch import Tensor
 
+from plnerf.presets._find import find_preset
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints
-from plnerf.train.config import RunConfig
+from plnerf.train.config import RunConfig, Settings
 from plnerf.train.report import SilentReport
-from plnerf.train.settings import override
 
 SMALL = (
     "model.field.grid.levels=4",
@@ -43,7 +44,14 @@ def tiny_config(scene: Path, *settings: str, **budget_and_seed: Any) -> RunConfi
     if not budget.keys() & {"steps", "seconds"}:
         budget["steps"] = 10
     start = RunConfig(str(scene), 1, "pl-nerf", "numba", "cpu", PL_NERF.model, PL_NERF.train, **budget)
-    return override(start, (*SMALL, *settings))
+    return changed(start, (*SMALL, *settings))
+
+
+def small(*settings: str, preset: str = "pl-nerf") -> dict[str, Any]:
+    """Arguments of `train_scene`: a preset made small, and further changes."""
+    chosen = find_preset(preset)
+    made = changed(Settings(chosen.model, chosen.train), (*SMALL, *settings))
+    return {"preset": preset, "model": made.model, "train": made.train}
 
 
 def open_tiny(scene: Path, folder: Path) -> Scene:

@@ -13,7 +13,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from importlib import import_module
 from itertools import pairwise
@@ -29,7 +29,8 @@ from torch.profiler import ProfilerActivity, profile, record_function
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.tables import Table, figure, percent
 from plnerf.bench.train_suite import scene_of, settings_of
-from plnerf.pipeline import bar, train_scene
+from plnerf.console import bar
+from plnerf.pipeline import train_scene
 from plnerf.scene.build_store import Progress
 from plnerf.train.report import SilentReport
 
@@ -104,13 +105,14 @@ class _ProfilingReport(SilentReport):
 def profile_training(bench: BenchConfig, out: Path, console: Console) -> Breakdown:
     """Trains some steps of the bench's scene into a new run folder, the last of them profiled."""
     os.environ.setdefault("KINETO_LOG_LEVEL", "99")  # the profiler would say on the console that it begins
-    settings = (*settings_of(bench), "train.validations=0", "train.checkpoints=1")  # nothing but steps
+    settings = settings_of(bench)
+    train = replace(settings.train, validations=0, checkpoints=1)  # nothing but steps
     with bar(console, "profile") as progress, labelled():
         report = _ProfilingReport(progress)
         train_scene(
             scene_of(bench), out, preset=bench.preset, steps=WARM_STEPS + PROFILED_STEPS,
-            downscale=bench.downscale, settings=settings, seed=bench.seed, device=bench.device,
-            backend=bench.backend, report=report,
+            model=settings.model, train=train, detect=settings.detect, downscale=bench.downscale,
+            seed=bench.seed, device=bench.device, backend=bench.backend, report=report,
         )  # fmt: skip
     return report.breakdown()
 

@@ -16,15 +16,18 @@ from rich.console import Console
 from plnerf.bench.compare_page import comparison_table, write_pages
 from plnerf.bench.machine import circumstances, peak_resident_bytes
 from plnerf.bench.suites import in_fresh_process
+from plnerf.console import RunConsole, bar
 from plnerf.errors import ConfigError, PlnerfError
-from plnerf.ops.dispatch import BackendChoice
-from plnerf.pipeline import Device, bar, choose_device, find_preset, resume_run, train_scene
+from plnerf.ops.backends import BackendChoice
+from plnerf.pipeline import Device, choose_device, resume_run, train_scene
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
 from plnerf.render.pictures import world_depth
+from plnerf.train.config import Settings
 from plnerf.train.evaluate import evaluate_run, mean_appearance
 from plnerf.train.protocol import plain
 from plnerf.train.run import open_run, read_config
+from plnerf.train.settings import to_json
 from plnerf.train.truth import read_wire_mask
 
 RESULT, VIEW = "result.json", "view.npz"
@@ -37,22 +40,19 @@ class CompareConfig:
 
     scene: Path
     out: Path
-    presets: tuple[str, ...]
+    systems: Mapping[str, Settings]
+    """What is trained of each preset, in the order of the comparison."""
     steps: int | None = None
     """Budget of every preset in steps, or in seconds."""
     seconds: float | None = None
     downscale: int = 1
-    settings: tuple[str, ...] = ()
-    """Settings changed in all of them, as path.to.key=value."""
     seed: int = 0
     device: Device = "auto"
     backend: BackendChoice = "auto"
 
     def __post_init__(self) -> None:
-        for name in self.presets:
-            find_preset(name)
-        if not self.presets or len(set(self.presets)) < len(self.presets):
-            raise ConfigError(f"--presets takes one or more, each once, but got {' '.join(self.presets)}.")
+        if not self.systems:
+            raise ConfigError("--presets takes one or more, each once, but got none.")
         if (self.steps is None) == (self.seconds is None):
             raise ConfigError("Give every preset the same budget: --steps N or --seconds S, not both.")
 
@@ -63,7 +63,6 @@ class CompareConfig:
             "steps": self.steps,
             "seconds": self.seconds,
             "downscale": self.downscale,
-            "settings": list(self.settings),
             "seed": self.seed,
         }
 
@@ -76,7 +75,7 @@ def compare(config: CompareConfig, console: Console) -> Path:
     """
     _check_common(config)
     results = []
-    for name in config.presets:
+    for name in config.systems:
         folder = config.out / name
         if not (folder / RESULT).exists():
             console.print(f"{name}:", markup=False)
@@ -93,35 +92,39 @@ def compare(config: CompareConfig, console: Console) -> Path:
     content = plain({"format_version": FORMAT_VERSION, "about": about, "results": results})
     write_text(config.out / "compare.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
     if all("failed" in result for result in results):
-        raise PlnerfError("Every preset failed; their reasons are told above and in compare.json.")
+        raise PlnerfError("Every preset failed; their reasons are above and in compare.json.")
     return config.out / "compare.json"
 
 
 def _check_common(config: CompareConfig) -> None:
     path, common = config.out / "common.json", config.common()
-    if path.exists() and (before := json.loads(path.read_text())) != common:
-        differ = [
-            f"{key} {before.get(key)!r} -> {value!r}"
-            for key, value in common.items()
-            if before.get(key) != value
-        ]
+    settings = {name: to_json(one) for name, one in config.systems.items()}
+    before = json.loads(path.read_text()) if path.exists() else {"settings": {}, **common}
+    differ = [
+        f"{key} {before.get(key)!r} -> {value!r}" for key, value in common.items() if before.get(key) != value
+    ]
+    known = before["settings"]
+    differ += [f"settings of {name}" for name in settings if known.get(name, settings[name]) != settings[name]]
+    if differ:
         raise ConfigError(
             f"{config.out} holds a comparison with other values: {', '.join(differ)}. Give the same values, "
             "or another folder: -o."
         )
-    write_text(path, json.dumps(common, indent=1) + "\n")
+    write_text(path, json.dumps({**common, "settings": {**known, **settings}}, indent=1) + "\n")
 
 
 def _run_one(task: tuple[CompareConfig, str]) -> None:
     config, name = task
     folder, console = config.out / name, Console()
     if (folder / "config.json").exists():
-        resume_run(config.scene, folder, console=console)
+        resume_run(config.scene, folder, report=RunConsole(folder, console))
     else:
+        settings = config.systems[name]
         train_scene(
-            config.scene, folder, preset=name, steps=config.steps, seconds=config.seconds,
-            downscale=config.downscale, settings=config.settings, seed=config.seed, device=config.device,
-            backend=config.backend, console=console,
+            config.scene, folder, preset=name, model=settings.model, train=settings.train,
+            detect=settings.detect, steps=config.steps, seconds=config.seconds,
+            downscale=config.downscale, seed=config.seed, device=config.device, backend=config.backend,
+            report=RunConsole(folder, console),
         )  # fmt: skip
     peak = peak_resident_bytes()
     run = open_run(folder)

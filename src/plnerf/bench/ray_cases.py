@@ -11,7 +11,7 @@ from torch import Generator, Tensor
 
 from plnerf.bench.case import Op, OpCase, Work, leaf
 from plnerf.ops import dispatch, reference
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges, stratified_levels
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops

@@ -6,7 +6,7 @@ are compared with the truth's.
 
 import statistics
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -122,12 +122,13 @@ def run_to_render(bench: BenchConfig, console: Console) -> TrainedRun:
     folder = bench.out / "train"
     if not folder.exists():
         folder = bench.out / "render"
-        seconds = 2.0 if bench.quick else TRAIN_SECONDS
+        seconds, settings = 2.0 if bench.quick else TRAIN_SECONDS, settings_of(bench)
         with console.status(f"training for {seconds:.0f} s"):
             train_scene(
-                scene_of(bench), folder, preset=bench.preset, seconds=seconds, downscale=bench.downscale,
-                settings=("train.validations=0", *settings_of(bench)), seed=bench.seed,
-                device=bench.device, backend=bench.backend, report=SilentReport(),
+                scene_of(bench), folder, preset=bench.preset, model=settings.model,
+                train=replace(settings.train, validations=0), detect=settings.detect, seconds=seconds,
+                downscale=bench.downscale, seed=bench.seed, device=bench.device, backend=bench.backend,
+                report=SilentReport(),
             )  # fmt: skip
     return open_run(folder)
 

@@ -7,28 +7,31 @@ result is not run again: a suite that was interrupted goes on.
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from plnerf.bench.config import BenchConfig
+from plnerf.bench.config import SPAN_PRESETS, BenchConfig
 from plnerf.bench.tables import Table, figure
+from plnerf.bench.train_suite import settings_of
+from plnerf.console import RunConsole, bar
 from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
-from plnerf.pipeline import bar, bundled_span, train_scene
+from plnerf.pipeline import bundled_span, train_scene
 from plnerf.render.files import write_text
 from plnerf.render.images import render_view
 from plnerf.score.point_report import to_json
 from plnerf.score.points import score_points
 from plnerf.score.truth import read_truth
-from plnerf.survey.wire_points import WirePointsConfig, wire_points
+from plnerf.survey.config_wires import WirePointsConfig
+from plnerf.survey.wire_points import wire_points
 from plnerf.train.evaluate import mean_appearance, means, measure
 from plnerf.train.metrics import Lpips
 from plnerf.train.protocol import plain
 from plnerf.train.run import open_run
 
-PRESETS = ("nerfacto", "pl-nerf", "pl-nerf-wire")
 VIEWS = 4
 """Held-out views of a scene that are rendered, evenly chosen."""
 RESULT = "result.json"
@@ -63,7 +66,7 @@ def measure_spans(bench: BenchConfig, console: Console) -> list[dict[str, Any]]:
     """Results of all pairs, as written beside their runs."""
     results = []
     for scene in scenes_of(bench):
-        for preset in PRESETS:
+        for preset in SPAN_PRESETS:
             folder = bench.out / "span" / scene.name / preset
             if not (folder / RESULT).exists():
                 console.print(f"{scene.name}: {preset}", markup=False)
@@ -102,10 +105,12 @@ def measure_span(
 ) -> dict[str, Any]:
     """One run of a preset with the bench's settings and seconds: trained, surveyed, scored, looked at."""
     if not (folder / "config.json").exists():
+        settings = settings_of(bench, preset)
         train_scene(
-            scene, folder, preset=preset, seconds=3.0 if bench.quick else bench.seconds,
-            downscale=bench.downscale, seed=bench.seed, device=bench.device, backend=bench.backend,
-            settings=("train.validations=2", "train.checkpoints=1", *bench.settings), console=console,
+            scene, folder, preset=preset, model=settings.model,
+            train=replace(settings.train, validations=2, checkpoints=1), detect=settings.detect,
+            seconds=3.0 if bench.quick else bench.seconds, downscale=bench.downscale, seed=bench.seed,
+            device=bench.device, backend=bench.backend, report=RunConsole(folder, console),
         )  # fmt: skip
     return score_run(folder, views=1 if bench.quick else VIEWS, console=console)
 

@@ -34,10 +34,12 @@ from plnerf.bench.render_suite import (
 from plnerf.bench.span_suite import measure_spans, span_table
 from plnerf.bench.tables import Table
 from plnerf.bench.train_suite import measure_training, train_json, train_tables
+from plnerf.console import bar
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.ops import reference
 from plnerf.ops.dispatch import kernels, resolve_backend
-from plnerf.pipeline import bar, choose_device, find_preset
+from plnerf.pipeline import choose_device
+from plnerf.presets._find import find_preset
 from plnerf.render.files import write_text
 from plnerf.train.protocol import plain
 

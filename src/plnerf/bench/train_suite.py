@@ -7,7 +7,7 @@ or loads the kernels), without validation and saving.  Wall-clock seconds count 
 import statistics
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,13 @@ from torch import Tensor
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.machine import MEMORY_MEANING, peak_resident_bytes
 from plnerf.bench.tables import Table, figure
+from plnerf.console import bar
 from plnerf.errors import ConfigError
-from plnerf.pipeline import SPAN_SETTINGS, bar, bundled_span, train_scene
+from plnerf.pipeline import bundled_span, train_scene
+from plnerf.presets._find import find_preset
 from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene
-from plnerf.train.config import RunConfig
+from plnerf.train.config import RunConfig, Settings
 from plnerf.train.report import SilentReport
 
 WINDOW_STEPS = 20
@@ -141,13 +143,14 @@ def measure_training(bench: BenchConfig, out: Path, console: Console) -> TrainFi
     """Trains the scene of a bench into a new run folder with the real loop."""
     seconds = min(bench.seconds, 6.0) if bench.quick else bench.seconds
     # A validation every second of a minute's run: how finely the times to a PSNR are known.
-    validations = f"train.validations={max(4, min(60, round(seconds)))}"
+    settings, validations = settings_of(bench), max(4, min(60, round(seconds)))
     with bar(console, "train") as progress:
         report = Stopwatch(progress)
         train_scene(
-            scene_of(bench), out, preset=bench.preset, seconds=seconds, downscale=bench.downscale,
-            settings=(validations, *settings_of(bench)), seed=bench.seed, device=bench.device,
-            backend=bench.backend, report=report,
+            scene_of(bench), out, preset=bench.preset, model=settings.model,
+            train=replace(settings.train, validations=validations), detect=settings.detect, seconds=seconds,
+            downscale=bench.downscale, seed=bench.seed, device=bench.device, backend=bench.backend,
+            report=report,
         )  # fmt: skip
     return report.figures()
 
@@ -157,9 +160,13 @@ def scene_of(bench: BenchConfig) -> Path:
     return bench.scene or bundled_span()
 
 
-def settings_of(bench: BenchConfig) -> tuple[str, ...]:
-    """The settings of a bench: on the bundled span the demo's, then its own."""
-    return (*(SPAN_SETTINGS if bench.scene is None else ()), *bench.settings)
+def settings_of(bench: BenchConfig, preset: str | None = None) -> Settings:
+    """What a bench trains of a preset; None: of its own."""
+    name = preset or bench.preset
+    if name in bench.systems:
+        return bench.systems[name]
+    chosen = find_preset(name)
+    return Settings(chosen.model, chosen.train)
 
 
 def train_tables(figures: TrainFigures, targets_db: tuple[float, ...]) -> tuple[Table, ...]:

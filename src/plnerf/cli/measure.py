@@ -1,12 +1,19 @@
 """The commands that measure: the machine, and systems against one another."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any
 
 import tyro
 from rich.console import Console
 
-from plnerf.cli.options import Out, PresetName, PresetNames
+from plnerf.cli.options import AsOptions, BackendName, Device, Out, PresetName, PresetNames
+from plnerf.errors import ConfigError
+
+if TYPE_CHECKING:
+    from plnerf.bench.compare import CompareConfig
+    from plnerf.bench.config import BenchConfig
 
 
 def bench(  # noqa: PLR0913 (an argument is an option)
@@ -20,11 +27,11 @@ def bench(  # noqa: PLR0913 (an argument is an option)
     seconds: float = 60.0,
     targets: tuple[float, ...] = (18.0, 20.0, 22.0),
     seed: int = 0,
-    device: Literal["auto", "cpu", "cuda"] = "auto",
-    backend: Literal["auto", "torch", "numba", "triton"] = "auto",
-    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    device: Device = "auto",
+    backend: BackendName = "auto",
     quick: bool = False,
-) -> None:
+    settings: AsOptions,
+) -> Any:
     """Measure this machine with plnerf: ops against plain torch, training, rendering.
 
     Args:
@@ -32,23 +39,29 @@ def bench(  # noqa: PLR0913 (an argument is an option)
         out: New folder for bench.json, bench.md and the runs that are made.
         scene: Scene to train on, for the suite span also a folder of scenes; the bundled span when left out.
         run: Finished run to render; one is trained when left out.
-        preset: Named settings to start from.
+        preset: Named settings to start from; the options below show its values.
         downscale: Integer factor by which images are made smaller.
         seconds: Training budget of the suite train.
-        targets: Held-out PSNRs in dB whose times are told.
+        targets: Held-out PSNRs in dB whose times are reported.
         seed: Decides the initial weights and every random draw.
         device: Where to measure.
         backend: Implementation of the ops.
-        set: A setting to change, as path.to.key=value.
         quick: Small shapes and few repeats: to see that all works, not to quote.
+        settings: Settings of the runs.
     """
     from plnerf.bench.config import BenchConfig
+    systems = {"of one preset": settings}  # `bench_all` names it
+    return BenchConfig(
+        out, suite, scene, run, preset, systems, downscale, seconds, targets, seed, device, backend, quick
+    )
+
+
+def bench_all(parsed: Mapping[str, "BenchConfig"]) -> None:
+    """Runs a bench; `parsed` are the command's options on top of each preset's settings."""
     from plnerf.bench.suites import run_bench
 
-    config = BenchConfig(
-        out, suite, scene, run, preset, set, downscale, seconds, targets, seed, device, backend, quick
-    )
-    run_bench(config, Console())
+    systems = {name: next(iter(one.systems.values())) for name, one in parsed.items()}
+    run_bench(replace(next(iter(parsed.values())), systems=systems), Console())
 
 
 def compare(  # noqa: PLR0913 (an argument is an option)
@@ -60,10 +73,10 @@ def compare(  # noqa: PLR0913 (an argument is an option)
     seconds: float | None = None,
     downscale: int = 1,
     seed: int = 0,
-    device: Literal["auto", "cpu", "cuda"] = "auto",
-    backend: Literal["auto", "torch", "numba", "triton"] = "auto",
-    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-) -> None:
+    device: Device = "auto",
+    backend: BackendName = "auto",
+    settings: AsOptions,
+) -> Any:
     """Train several systems on one scene at the same budget, and write what each makes of it side by side.
 
     Args:
@@ -76,17 +89,24 @@ def compare(  # noqa: PLR0913 (an argument is an option)
         seed: Decides the initial weights and every random draw, in all of them.
         device: Where to train.
         backend: Implementation of the ops.
-        set: A setting to change in all of them, as path.to.key=value.
+        settings: Settings changed in all of them; what is not given stays as each preset has it.
     """
     from plnerf.bench.compare import CompareConfig
-    from plnerf.bench.compare import compare as run_comparison
-    from plnerf.pipeline import presets_by_year
 
     if steps is None and seconds is None:
         seconds = 240.0
-    config = CompareConfig(
-        scene, out, presets or presets_by_year(), steps, seconds, downscale, set, seed, device, backend
-    )
+    if len(set(presets)) < len(presets):
+        raise ConfigError(f"--presets takes one or more, each once, but got {' '.join(presets)}.")
+    one = {"of one preset": settings}  # `compare_all` names it
+    return CompareConfig(scene, out, one, steps, seconds, downscale, seed, device, backend)
+
+
+def compare_all(parsed: Mapping[str, "CompareConfig"]) -> None:
+    """Compares presets; `parsed` are the command's options on top of each preset's settings."""
+    from plnerf.bench.compare import compare as run_comparison
+    from plnerf.console import say
+
+    systems = {name: next(iter(one.systems.values())) for name, one in parsed.items()}
     console = Console()
-    page = run_comparison(config, console).parent / "compare.html"
-    console.print(f"comparison: {page}, compare.md, compare.json", markup=False, soft_wrap=True)
+    page = run_comparison(replace(next(iter(parsed.values())), systems=systems), console).parent
+    say(console, f"comparison: {page / 'compare.html'}, compare.md, compare.json")

@@ -7,12 +7,11 @@ samples a ray in place of up to 1024.
 from dataclasses import replace
 
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
-from plnerf.render.occupied import OccupiedConfig
-from plnerf.train.config import Preset, TrainConfig
-from plnerf.train.losses import LossWeights
+from plnerf.render.config import OccupancyGridConfig
+from plnerf.train.config import LossWeights, Preset, TrainConfig
 
 PRESET = Preset(
-    model=OccupiedConfig(
+    model=OccupancyGridConfig(
         field=replace(PL_NERF.model.field, direction_encoding="sh", normals=False, appearance=0)
     ),
     train=TrainConfig(detail_share=0.0, normal_rays=0, loss=LossWeights(interlevel=0.0, distortion=0.0)),

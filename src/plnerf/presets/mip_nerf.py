@@ -1,14 +1,13 @@
-"""Mip-NeRF (Barron et al. 2021): IPE of cones in place of points, one network for both looks.
+"""Mip-NeRF (Barron et al. 2021): IPE of cones in place of points, one network for both passes.
 
 Sizes and training are those of `nerf`.
 """
 
 from dataclasses import replace
 
-from plnerf.field.vanilla import VanillaConfig
+from plnerf.field.config import VanillaConfig
 from plnerf.presets.nerf import PRESET as NERF
-from plnerf.render.coarse_fine import CoarseFineConfig
-from plnerf.render.proposals import SamplerConfig
+from plnerf.render.config import CoarseFineConfig, SamplerConfig
 from plnerf.train.config import Preset
 
 PRESET = Preset(

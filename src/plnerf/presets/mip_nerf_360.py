@@ -6,9 +6,8 @@ The large network is NeRF's 8 x 256 in place of 8 x 1024, for a CPU, and encodes
 from dataclasses import replace
 
 from plnerf.presets.nerf import PRESET as NERF
-from plnerf.render.deep_proposals import DeepProposalsConfig
-from plnerf.train.config import Preset
-from plnerf.train.losses import LossWeights
+from plnerf.render.config import DeepProposalsConfig
+from plnerf.train.config import LossWeights, Preset
 
 PRESET = Preset(
     model=DeepProposalsConfig(),

@@ -7,10 +7,8 @@ only face forward. The published learning rate and its tenth at the end, pixels 
 colour as only loss.
 """
 
-from plnerf.render.coarse_fine import CoarseFineConfig
-from plnerf.render.proposals import SamplerConfig
-from plnerf.train.config import Preset, TrainConfig
-from plnerf.train.losses import LossWeights
+from plnerf.render.config import CoarseFineConfig, SamplerConfig
+from plnerf.train.config import LossWeights, Preset, TrainConfig
 
 PRESET = Preset(
     model=CoarseFineConfig(sampler=SamplerConfig(proposals=(32,), final=32, padding=1e-5)),

@@ -4,11 +4,9 @@ Eight levels of four features in a table that stays in cache, instead of Instant
 entries; 24 final samples instead of nerfacto's 48.
 """
 
-from plnerf.field.density import DensityConfig
-from plnerf.field.radiance import RadianceConfig
+from plnerf.field.config import DensityConfig, RadianceConfig
 from plnerf.ops.grid import GridShape
-from plnerf.render.model import ModelConfig
-from plnerf.render.proposals import SamplerConfig
+from plnerf.render.config import ModelConfig, SamplerConfig
 from plnerf.train.config import Preset, TrainConfig
 
 

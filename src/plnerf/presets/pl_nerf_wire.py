@@ -7,11 +7,10 @@ than it is wide.
 
 from dataclasses import replace
 
-from plnerf.field.tubes import TubeConfig
+from plnerf.field.config import TubeConfig
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
-from plnerf.render.proposals import SamplerConfig
-from plnerf.train.config import Preset, TrainConfig
-from plnerf.train.losses import LossWeights
+from plnerf.render.config import SamplerConfig
+from plnerf.train.config import LossWeights, Preset, TrainConfig
 
 PRESET = Preset(
     model=replace(

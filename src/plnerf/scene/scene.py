@@ -1,5 +1,8 @@
 """A scene ready to train on: cameras in the scene frame, pixels, frames, and which images are held out."""
 
+import atexit
+import shutil
+import tempfile
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -49,14 +52,22 @@ class Scene:
     """Images that the source lists and that are not used (no file, or no pose)."""
 
 
-def load_scene(source: Path, *, store: Path, downscale: int = 1, progress: Progress | None = None) -> Scene:
+def load_scene(
+    source: Path | str,
+    *,
+    store: Path | None = None,
+    downscale: int = 1,
+    progress: Progress | None = None,
+) -> Scene:
     """Reads a scene folder, a COLMAP folder or a transforms.json.
 
-    store: folder for the reduced pixels, built on the first call and reused after.  downscale: integer factor
-    by which width and height shrink.  Raises SceneError for whatever cannot be used; warns when images are
-    left out.
+    store: folder for the reduced pixels, built on the first call and reused after; None: a temporary folder,
+    removed when the process ends.  downscale: integer factor by which width and height shrink.  Raises
+    SceneError for whatever cannot be used; warns when images are left out.
     """
+    source = Path(source)
     listing = read_listing(source)
+    store = store or _temporary_folder()
     if listing.left_out:
         warnings.warn(
             f"Left out, having no file or no pose: {len(listing.left_out)} of the "
@@ -137,3 +148,10 @@ def split(listing: Listing) -> tuple[tuple[int, ...], tuple[int, ...]]:
             "test_filenames, plnerf.test), remove them (then every eighth image is held out), or add images."
         )
     return tuple(sorted(chosen)), tuple(sorted(held))
+
+
+def _temporary_folder() -> Path:
+    """A new folder that is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="plnerf-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)

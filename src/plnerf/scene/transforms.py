@@ -54,6 +54,11 @@ class Frames:
         shifted: Float[np.ndarray, "*b 3"] = turned / self.scale + self.shift_world
         return shifted
 
+    def direction_to_scene(self, d_world: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
+        """Directions of the world turned into the scene frame; their lengths stay."""
+        turned: Float[np.ndarray, "*b 3"] = d_world @ self.R_scene_world.T
+        return turned
+
     def length_to_scene(self, length: float) -> float:
         """A length of the world in scene units."""
         return length * self.scale

@@ -7,30 +7,11 @@ Letters: n points, LineFrame (x along the line); k of them above one wire.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-
-@dataclass(frozen=True)
-class AttachmentConfig:
-    """What above a wire may hold it."""
-
-    above_m: tuple[float, float] = (0.25, 1.6)
-    """Heights above the wire: nearer points may be the wire's own, higher ones the next wire's."""
-    aside_m: float = 0.5
-    """Horizontal distance from the wire."""
-    depth_m: float = 0.5
-    """Along the line, of an arm and what hangs from it."""
-    least_points: int = 12
-    """At one place above one wire."""
-    around_m: float = 1.0
-    """To either side of a place, points above the wire are counted: a crown's are everywhere."""
-    least_share: float = 0.8
-    """Share of those that must be at the place."""
-    step_m: float = 0.05
-    """Between the places that are tried."""
+from plnerf.survey.config_wires import AttachmentConfig
 
 
 def held_at(

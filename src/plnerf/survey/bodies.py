@@ -12,27 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter1d
 
-
-@dataclass(frozen=True)
-class BodyConfig:
-    """What fills the wires' corridor is a structure."""
-
-    step_m: float = 0.5
-    """Pieces of the corridor, along it and in height."""
-    beside_m: float = 1.0
-    """How much wider than the wires the corridor is, on either side."""
-    filled: float = 0.6
-    """Share of the heights below the lowest wire, down to half of its height, that must hold points."""
-    foot_m: float = 1.0
-    """Points nearer to the ground are taken for the ground."""
-    around_m: float = 20.0
-    """The ground at a place is the lowest point within this distance along the corridor."""
-    outer: float = 0.3
-    """Share of the line, at either end, in which a structure is looked for."""
-    short_m: float = 1.5
-    """What a structure may lack of the height of its highest wire; what ends further below holds up none."""
-    half_depth_m: float = 2.5
-    """Of a structure's body along the line, from its axis."""
+from plnerf.survey.config_wires import BodyConfig
 
 
 @dataclass(frozen=True, eq=False)

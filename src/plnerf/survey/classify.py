@@ -4,48 +4,20 @@ Letters: n points; LineFrame, metres.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter, uniform_filter
 
-from plnerf.errors import ConfigError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, NOISE, SHIELD, TOWER, UNCLASSIFIED, Cloud
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
-from plnerf.survey.ground import Ground, GroundConfig, find_ground, vegetation
-from plnerf.survey.on_wires import NONE, OnWiresConfig, on_wires
+from plnerf.survey.config_ground import ClassifyConfig
+from plnerf.survey.ground import Ground, find_ground, vegetation
+from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
-
-
-@dataclass(frozen=True)
-class ClassifyConfig:
-    """How the points of a surface from images are classified."""
-
-    ground: GroundConfig = field(default_factory=GroundConfig)
-    on_wires: OnWiresConfig = field(default_factory=OnWiresConfig)
-    max_sigma_m: float = 1.0
-    """Points whose height has a greater standard deviation neither define the ground nor belong to it."""
-    near_sigmas: float = 2.0
-    """A point belongs to the ground within `ground.near_m` of it, or within this many standard deviations of
-    the point's height where that is more."""
-    crown_cells: int = 5
-    """Width, in cells of the ground's grid, of the square in which crowns are recognised."""
-    crown_height_m: float = 1.25
-    """Points within this height of the lowest in the square are low; the ground may rise so much in it."""
-    min_low_share: float = 0.3
-    """Where a smaller share of the points in the square is low, they belong to a crown that hides the ground,
-    seen from the side."""
-
-    def __post_init__(self) -> None:
-        if not self.max_sigma_m > 0 or self.near_sigmas < 0 or self.crown_cells < 1:
-            raise ConfigError(
-                "Classes need max_sigma_m > 0, near_sigmas >= 0 and crown_cells >= 1, but got "
-                f"max_sigma_m={self.max_sigma_m}, near_sigmas={self.near_sigmas}, "
-                f"crown_cells={self.crown_cells}."
-            )
 
 
 def ground_of(

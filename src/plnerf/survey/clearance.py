@@ -7,72 +7,26 @@ curve, plus that of the obstacle's point where the cloud states one.  A shift al
 the distance to first order, since the line to the obstacle is square to the wire.
 """
 
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter1d
 
-from plnerf.errors import ConfigError, SurveyError
+from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.clearances import GROUPS, Clearances, Group, Place, Profile, Requirement, WireClearance
 from plnerf.line.cloud import GROUND, NO_WIRE, Cloud
 from plnerf.line.line import Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
-from plnerf.survey.ground_section import GroundSectionConfig, ground_under
-from plnerf.survey.obstacles import (
-    CLASSES,
-    NO_THING,
-    Nearest,
-    ObstacleConfig,
-    beside,
-    nearest_along,
-    obstacles,
-    stations,
-)
-from plnerf.survey.thresholds import check_required, requirement
+from plnerf.survey.config_ground import ClearanceConfig, ObstacleConfig
+from plnerf.survey.ground_section import ground_under
+from plnerf.survey.obstacles import CLASSES, NO_THING, Nearest, beside, nearest_along, obstacles, stations
+from plnerf.survey.thresholds import requirement
 
 STATE, KIND, REQUIRED = "state of the line", "clearances", "required clearance"
 """Kinds of findings.  The first says at what load and temperature sag and clearances hold."""
 _Indices = dict[Group, Int[np.ndarray, " _"]]
-
-
-@dataclass(frozen=True)
-class ClearanceConfig:
-    """Which clearance is required, and how the clearances are measured.
-
-    Raises SurveyError for a voltage that the table does not have, a table that is none, and a required
-    clearance that is not positive.
-    """
-
-    voltage_kv: float | None = None
-    """Nominal voltage of the line; None: it is not known, and no table applies."""
-    thresholds: Path | None = None
-    """A table of required clearances; None: the one that comes with the package."""
-    clearance_m: float | None = None
-    """A distance to be kept from everything, which precedes the table's."""
-    station_m: float = 0.5
-    """Spacing of the stations along a wire at which its profile is evaluated."""
-    corridor_m: float = 5.0
-    """Vegetation within this horizontal distance of the wire shows in its profile."""
-    apart_m: float = 5.0
-    """Places of one wire and group are farther apart along it than this, and each is the nearest within this
-    distance."""
-    max_places: int = 5
-    """Places that are listed of one wire and group, at most."""
-    obstacles: ObstacleConfig = field(default_factory=ObstacleConfig)
-    ground: GroundSectionConfig = field(default_factory=GroundSectionConfig)
-
-    def __post_init__(self) -> None:
-        check_required(self.voltage_kv, self.thresholds, self.clearance_m)
-        if not self.station_m > 0 or min(self.corridor_m, self.apart_m) < 0 or self.max_places < 1:
-            raise ConfigError(
-                "Clearances need station_m > 0, corridor_m and apart_m of 0 or more, and max_places >= 1, "
-                f"but got station_m={self.station_m}, corridor_m={self.corridor_m}, apart_m={self.apart_m}, "
-                f"max_places={self.max_places}."
-            )
 
 
 def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearances, tuple[Finding, ...]]:

@@ -4,7 +4,6 @@ Letters: n points in a frame whose x axis runs along the span; the radius of a n
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple, no_type_check
 
 import numpy as np
@@ -13,51 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from plnerf.errors import ConfigError
 from plnerf.ops.kernel_cache import njit, prange
-
-
-@dataclass(frozen=True)
-class CollinearConfig:
-    """When points make a wire."""
-
-    min_views: int = 3
-    """Views whose points a line must have."""
-    min_points: int = 8
-    """Points of a neighbourhood, and of the line in it."""
-    elongation: float = 3.0
-    """How many times as far a neighbourhood reaches along the span as across."""
-    max_spread: float = 0.5
-    """Spread across a neighbourhood, as a share of that along it, below which it may hold lines: twin
-    conductors have up to 0.4, and a ball of leaves, which the neighbourhood cuts to its own shape, has 1/3
-    and more."""
-    core: float = 0.35
-    """Distance from the line through a point, as a share of the radius, within which others are on it."""
-    min_core_share: float = 0.1
-    """Share of the neighbourhood that must lie on the line: the wires of a bundle are seen unequally well."""
-    min_dense_share: float = 0.7
-    """Share of those that must lie within half as far: of a wire all do, of a surface half, of leaves
-    fewer."""
-    min_extent: float = 0.5
-    """Spread of those along the line, in radii: an endless line has 1.7, its end 0.9, a clump of leaves
-    less."""
-    max_turn_deg: float = 30.0
-    """Angle to the span's axis within which a line may be a conductor."""
-    min_length: float = 8.0
-    """Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower
-    are lines too, but end sooner."""
-    cell: float = 0.125
-    """Side, in radii, of the cells that stand for their points when pieces are joined."""
-    max_gap: float = 0.5
-    """Distance between cells of one piece, in radii."""
-
-    def __post_init__(self) -> None:
-        if min(self.min_views, self.min_points) < 1 or min(self.elongation, self.cell, self.core) <= 0:
-            raise ConfigError(
-                "Points make a line only with min_views and min_points of 1 or more and elongation, cell and "
-                f"core greater than 0, but got {self.min_views}, {self.min_points}, {self.elongation}, "
-                f"{self.cell} and {self.core}."
-            )
+from plnerf.survey.config_wires import CollinearConfig
 
 
 class _Limits(NamedTuple):

@@ -7,7 +7,6 @@ Letters: n points, r rays, E edges of intervals along a ray.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -15,40 +14,14 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.images import default_chunk
 from plnerf.render.proposals import s_to_t
+from plnerf.survey.config_ground import FieldConfig
 from plnerf.survey.photos import within
 from plnerf.survey.surface import Surface
 from plnerf.train.run import TrainedRun
-
-
-@dataclass(frozen=True)
-class FieldConfig:
-    """How points are taken from a trained field."""
-
-    rays: int = 400_000
-    """Pixels that are rendered, evenly from the training images."""
-    min_accumulation: float = 0.5
-    """Share of a ray's light that must be absorbed on its way."""
-    farthest: float = 1.6
-    """Points further from the middle of the scene's box than so many of its half sides are background."""
-    neighbours: int = 8
-    """Nearest points by which a point is judged."""
-    max_isolation: float = 4.0
-    """A point whose neighbours are so many times as far as those of most, for its distance from the cameras,
-    floats in the air."""
-    max_relative_sigma: float = 0.25
-    """Standard deviation along the ray, as a share of the distance, beyond which a depth is dropped."""
-
-    def __post_init__(self) -> None:
-        if self.rays < 1 or self.neighbours < 1:
-            raise ConfigError(
-                "Points of a field need rays and neighbours of 1 or more, but got "
-                f"{self.rays} and {self.neighbours}."
-            )
 
 
 def field_surface(

@@ -5,53 +5,19 @@ held at 0, so the curve is upright: a steady wind shows as points that bow sidew
 `evidence.residual_across_m`.
 """
 
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
-from plnerf.errors import ConfigError, SurveyError
+from plnerf.errors import SurveyError
 from plnerf.line.base import Base, base_of, jacobian
 from plnerf.line.curve import LEAST_BEND_M, curve_at
 from plnerf.line.ends import Evidence, Open
 from plnerf.line.wire import Wire
+from plnerf.survey.config_wires import UPRIGHT, FitConfig
 
-UPRIGHT = 5
-"""Numbers of theta that are fitted: all but the swing."""
 NOT_KNOWN = Open("not known yet")
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """How a wire is fitted to points."""
-
-    min_points: int = 6
-    """Fewest points that a wire is fitted to."""
-    sigma_m: float = 0.02
-    """Least standard deviation of a point across the wire, in metres; the points' own scatter counts where it
-    is larger."""
-    robust_sigmas: float = 2.5
-    """Residuals beyond so many standard deviations count less (Cauchy)."""
-    outlier_sigmas: float = 5.0
-    """Points beyond so many standard deviations are outliers."""
-    max_rounds: int = 30
-    """Most rounds of estimating the scatter and fitting: a deep wire is no parabola, and reaches its points
-    by steps."""
-    settled: float = 1e-7
-    """Relative change of theta at which the rounds end."""
-
-    def __post_init__(self) -> None:
-        for name in ("sigma_m", "robust_sigmas", "outlier_sigmas", "max_rounds"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(
-                    f"fit: {name} must be greater than 0, got {getattr(self, name)}. Give a positive value."
-                )
-        if self.min_points < UPRIGHT:
-            raise ConfigError(
-                f"fit: min_points must be {UPRIGHT} or more, since a wire has {UPRIGHT} unknowns, got "
-                f"{self.min_points}."
-            )
 
 
 def fit_wire(

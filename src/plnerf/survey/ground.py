@@ -16,64 +16,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
 
-from plnerf.errors import ConfigError
 from plnerf.line.cloud import HIGH_VEGETATION, LOW_VEGETATION, VEGETATION
-
-
-@dataclass(frozen=True)
-class GroundConfig:
-    """How the ground is found under a cloud, and which points count as ground or as vegetation."""
-
-    cell_m: float = 1.0
-    """Side of the grid's cells; should be wider than the points' spacing on the ground."""
-    max_cells: int = 10_000_000
-    """Most cells of the grid, which bounds memory: the cells of a larger cloud are made wider."""
-    windows: tuple[int, ...] = (3, 5, 9, 17, 33)
-    """Widths of the openings in cells, 2^k + 1 as in the paper.  Whatever is wider than the last (a hall)
-    stays ground."""
-    max_slope: float = 0.3
-    """Greatest slope of the terrain beyond its mean slope, which is taken out first."""
-    min_step_m: float = 0.3
-    """dh_0 of the paper's eq. 7, the threshold s (w_k - w_(k-1)) c + dh_0 of an opening."""
-    max_step_m: float = 2.5
-    """dh_max of the paper's eq. 7, the greatest threshold of an opening."""
-    pit_depth_m: float = 1.5
-    """A cell that is deeper than this below those around it is an error of measurement, not ground."""
-    pit_window: int = 7
-    """Width in cells of the square that counts as around a cell in the search for pits."""
-    pit_rank: int = 3
-    """A pit's depth counts from the cell around it that has so many lower ones: a few pits may be close
-    together."""
-    min_surface_share: float = 0.2
-    """Least share of the occupied cells that have points on nearly all sides (8 of 9 cells).  Ground is a
-    surface, while wires and towers alone are lines."""
-    near_m: float = 0.3
-    """Points within this height of the ground's surface, above or below it, are ground."""
-    low_vegetation_m: float = 0.5
-    """Vegetation is low below this height above the ground: LAS names the bands and leaves the bounds
-    open."""
-    high_vegetation_m: float = 2.0
-    """Vegetation is high from this height above the ground on."""
-
-    def __post_init__(self) -> None:
-        if not self.cell_m > 0 or self.max_cells < 1 or self.pit_window < 1:
-            raise ConfigError(
-                "The ground's grid needs cell_m > 0, max_cells >= 1 and pit_window >= 1, but got "
-                f"cell_m={self.cell_m}, max_cells={self.max_cells}, pit_window={self.pit_window}."
-            )
-        if not 0 <= self.pit_rank < self.pit_window**2:
-            raise ConfigError(
-                f"The ground's pit_rank must be from 0 to {self.pit_window**2 - 1}, the cells of a square of "
-                f"pit_window={self.pit_window}, but is {self.pit_rank}."
-            )
-        if any(window < 1 for window in self.windows) or list(self.windows) != sorted(set(self.windows)):
-            raise ConfigError(f"The ground's windows must be positive and rise, but are {self.windows}.")
-        if not (self.near_m >= 0 and 0 <= self.low_vegetation_m <= self.high_vegetation_m):
-            raise ConfigError(
-                "Heights above the ground need near_m >= 0 and 0 <= low_vegetation_m <= high_vegetation_m, "
-                f"but got near_m={self.near_m}, low_vegetation_m={self.low_vegetation_m}, "
-                f"high_vegetation_m={self.high_vegetation_m}."
-            )
+from plnerf.survey.config_ground import GroundConfig
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,56 +8,14 @@ wire runs at an angle to its base or is swung, s and v are not quite square; hei
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from plnerf.errors import ConfigError
 from plnerf.line.wire import Wire
+from plnerf.survey.config_ground import PLANE, GroundSectionConfig
 from plnerf.survey.obstacles import beside
-
-PLANE = 3
-"""Numbers of a plane: so many of the cells' degrees of freedom it takes."""
-
-
-@dataclass(frozen=True)
-class GroundSectionConfig:
-    """How the height of the ground under a wire is interpolated, and how uncertain it is."""
-
-    side_m: float = 10.0
-    """Ground within this horizontal distance of the wire takes part."""
-    cell_m: float = 0.5
-    """Points within a square of this side are replaced by their mean: that of points of a plane lies on
-    it."""
-    scatter_radius_m: float = 2.0
-    """Radius about a station within which the scatter of the ground about a plane adds to its uncertainty:
-    stems and bushes that were taken for ground show in it."""
-    min_scatter_cells: int = 6
-    """Where fewer cells lie within `scatter_radius_m`, the scatter is not known and counts as 0."""
-    unseen_slope: float = 0.1
-    """Where the ground is not seen, its standard deviation grows by this share of the distance to where it
-    is."""
-    max_gap_m: float = 10.0
-    """Where the nearest ground is farther than this, horizontally, the ground is not known."""
-
-    def __post_init__(self) -> None:
-        if not 0 < self.cell_m <= self.side_m:
-            raise ConfigError(
-                "The ground's section needs 0 < cell_m <= side_m, but got "
-                f"cell_m={self.cell_m}, side_m={self.side_m}."
-            )
-        if self.min_scatter_cells <= PLANE:
-            raise ConfigError(
-                f"The ground's section needs min_scatter_cells of {PLANE + 1} or more, since fewer have no "
-                f"scatter about a plane, but got {self.min_scatter_cells}."
-            )
-        if min(self.scatter_radius_m, self.unseen_slope, self.max_gap_m) < 0:
-            raise ConfigError(
-                "The ground's section needs scatter_radius_m, unseen_slope and max_gap_m of 0 or more, but "
-                f"got {self.scatter_radius_m}, {self.unseen_slope} and {self.max_gap_m}."
-            )
 
 
 def ground_under(

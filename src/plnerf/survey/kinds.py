@@ -6,31 +6,11 @@ bundles, or they sag less, or they are so thin that they have fewer points.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from plnerf.line.wire import Kind, Wire
-
-
-@dataclass(frozen=True)
-class KindsConfig:
-    """How shields are told from phases."""
-
-    level_m: float = 2.0
-    """Wires so little below the highest, in their middles, are level with it (metres)."""
-    below_m: float = 2.0
-    """Least height of shields above all other wires, in metres."""
-    max_shields: int = 2
-    """Most shields of a span."""
-    min_below: int = 3
-    """Fewest wires below them: the phases of one circuit."""
-    bundle_m: float = 0.65
-    """Wires so near to each other are one bundle (metres)."""
-    flatter: float = 0.93
-    """Share of the others' median hang, 8 sag / span^2, below which a wire sags less."""
-    thinner: float = 0.6
-    """Share of the others' median number of points per metre below which a wire is thinner."""
+from plnerf.survey.config_wires import KindsConfig
 
 
 def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = KindsConfig()) -> list[Kind]:

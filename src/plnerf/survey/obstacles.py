@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.errors import ConfigError
 from plnerf.line.clearances import GROUPS, Group
 from plnerf.line.cloud import (
     BUILDING,
@@ -29,6 +28,7 @@ from plnerf.line.cloud import (
 from plnerf.line.polylines import onto_segments
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
+from plnerf.survey.config_ground import ObstacleConfig
 
 WATER, RAIL, ROAD = 9, 10, 11
 OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)
@@ -46,35 +46,6 @@ CLASSES: dict[Group, tuple[int, ...]] = _NAMED | {
 """The ASPRS classes of LAS 1.4 of each group.  What is unclassified or of an unknown class may be a crane."""
 CHUNK = 500_000
 """Points that are in work at a time, which bounds memory."""
-
-
-@dataclass(frozen=True)
-class ObstacleConfig:
-    """Which points of a cloud count as obstacles."""
-
-    support_m: float = 8.0
-    """Buildings and other points within this horizontal distance of a structure's foot or a wire's end belong
-    to the structure."""
-    plant_support_m: float = 4.0
-    """The same for vegetation in clouds that state standard deviations, those from images: in them a lattice
-    is as scattered as a crown."""
-    max_sigma_m: float = 1.0
-    """Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the
-    nearest to the wire is always a wrong one."""
-    own_m: float = 0.5
-    """Other points this near to a wire belong to it: spacers, dampers, and what was not labelled as wire."""
-    reach_m: float = 50.0
-    """Horizontal distance from the wire within which obstacles are searched."""
-
-    def __post_init__(self) -> None:
-        if not self.reach_m > 0 or min(self.support_m, self.plant_support_m, self.own_m) < 0:
-            raise ConfigError(
-                "Obstacles need reach_m > 0, and support_m, plant_support_m and own_m of 0 or more, but got "
-                f"reach_m={self.reach_m}, support_m={self.support_m}, "
-                f"plant_support_m={self.plant_support_m}, own_m={self.own_m}."
-            )
-        if not self.max_sigma_m > 0:
-            raise ConfigError(f"Obstacles need max_sigma_m > 0, but got {self.max_sigma_m}.")
 
 
 def rules(config: ObstacleConfig) -> dict[str, str]:

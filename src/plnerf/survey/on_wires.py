@@ -6,37 +6,17 @@ Letters: n points, w wires; s steps along a line of sight; LineFrame, metres.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from plnerf.errors import ConfigError
 from plnerf.line.wire import Wire
+from plnerf.survey.config_ground import OnWiresConfig
 from plnerf.survey.surface import Surface
 
 NONE = -1
 """Index of the wire of points on no wire."""
-
-
-@dataclass(frozen=True)
-class OnWiresConfig:
-    """How near to a wire a point lies on it."""
-
-    near_m: float = 0.25
-    """Points within this distance of a wire lie on it."""
-    reach_sigmas: float = 3.0
-    """A point may lie this many of its standard deviations away along its line of sight."""
-    max_reach_m: float = 10.0
-    """No line of sight is followed farther than this from its point."""
-
-    def __post_init__(self) -> None:
-        if not self.near_m > 0 or self.reach_sigmas < 0 or self.max_reach_m < 0:
-            raise ConfigError(
-                "Points on wires need near_m > 0, reach_sigmas >= 0 and max_reach_m >= 0, but got "
-                f"near_m={self.near_m}, reach_sigmas={self.reach_sigmas}, max_reach_m={self.max_reach_m}."
-            )
 
 
 def on_wires(

@@ -5,37 +5,17 @@ LineFrame; x runs along the wires.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
-from plnerf.survey.attachments import AttachmentConfig, held_at
-from plnerf.survey.bodies import Body, BodyConfig, body_at, find_bodies
+from plnerf.survey.attachments import held_at
+from plnerf.survey.bodies import Body, body_at, find_bodies
+from plnerf.survey.config_wires import SupportConfig
 from plnerf.survey.surface import Surface
-
-
-@dataclass(frozen=True)
-class SupportConfig:
-    """How the structures that hold wires are found.  The deviations are those measured on rendered ones."""
-
-    body: BodyConfig = field(default_factory=BodyConfig)
-    attachment: AttachmentConfig = field(default_factory=AttachmentConfig)
-    by_stereo_m: float = 0.05
-    """Standard deviation along the line of an attachment that stereo shows."""
-    by_field_m: float = 0.15
-    """The same of one that the field shows."""
-    by_body_m: float = 0.3
-    """The same where only the structure's body is seen."""
-    around_m: float = 2.5
-    """What holds the wires is looked for so far from a structure's body."""
-    about_end_m: float = 6.0
-    """And without a body so far from where the images stop showing the wires: they may show the next span's,
-    or the structure but not the wires before it."""
-    polyline_places: int = 120
-    """Places at which wires are compared with points."""
 
 
 @dataclass(frozen=True, eq=False)

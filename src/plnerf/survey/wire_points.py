@@ -9,53 +9,22 @@ LineFrame.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from plnerf.detect.config import EvidenceConfig
 from plnerf.detect.evidence import line_response, track_slope, vanishing_directions
-from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
 from plnerf.line.survey import WirePoints
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.images import default_chunk
 from plnerf.render.proposals import s_to_t
 from plnerf.scene.scene import Scene
-from plnerf.survey.collinear import CollinearConfig, in_long_pieces, on_lines
+from plnerf.survey.collinear import in_long_pieces, on_lines
+from plnerf.survey.config_wires import WirePointsConfig
 from plnerf.train.run import TrainedRun
-
-
-@dataclass(frozen=True)
-class WirePointsConfig:
-    """How points on wires are taken from a trained field."""
-
-    max_per_view: int = 4000
-    """Wire pixels of an image, the strongest first."""
-    min_response: float = 0.2
-    """Response of a pixel that may show a wire."""
-    min_share: float = 0.25
-    """Share of a ray's light that a thing must give to be there: a wire thinner than a pixel gives that part
-    of it."""
-    depth_window_px: float = 8.0
-    """Half the range of depths within which that light must come, in widths of a pixel at that depth."""
-    radius_px: float = 40.0
-    """Radius of a neighbourhood across the span, in widths of a pixel at the typical distance."""
-    margin: float = 0.1
-    """Points further outside of the scene's box are dropped; scene units, about half of the box's length."""
-    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
-    """Responses of pixels; the same for every preset, whatever its own detection uses."""
-    collinear: CollinearConfig = field(default_factory=CollinearConfig)
-
-    def __post_init__(self) -> None:
-        if self.max_per_view < 1 or not 0 < self.min_share <= 1 or self.radius_px <= 0:
-            raise ConfigError(
-                "Points on wires need max_per_view >= 1, 0 < min_share <= 1 and radius_px > 0, but got "
-                f"{self.max_per_view}, {self.min_share} and {self.radius_px}."
-            )
 
 
 def wire_points(

@@ -117,7 +117,7 @@ def measure(view: RenderedView, scene: Scene, i: int, lpips: Lpips) -> ImageScor
 def mean_appearance(run: TrainedRun) -> Float[Tensor, " A"]:
     """The mean of the training images' appearance vectors, for views that have none of their own."""
     with torch.no_grad():
-        train = torch.tensor(run.scene.train, device=run.model.appearance.device)
+        train = torch.tensor(run.record.train, device=run.model.appearance.device)
         return run.model.mean_appearance(1, train)[0]
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from plnerf.detect.detect import compile_kernels, detect_wires
 from plnerf.errors import ConfigError
-from plnerf.field.guides import Guides, guides_of, parabola, reach_in_scene
+from plnerf.field.guides import Guides, guides_of, reach_in_scene, scene_points
 from plnerf.line.files import read_wires, write_wires
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
@@ -19,6 +19,7 @@ from plnerf.scene.cameras import project
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.pixels import Pool, detail_pools
+from plnerf.train.scene_record import SceneRecord
 from plnerf.train.settings import to_json
 
 WIRES = "wires.json"
@@ -41,8 +42,9 @@ def run_wires(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Wire
             f"{folder} was written by an earlier version of plnerf: it holds {OLD_WIRES}. Train again into "
             f"another folder: plnerf train {config.scene} -o FOLDER."
         )
-    if (path := folder / WIRES).exists():
-        return certain(read_wires(path)[0]), 0.0
+    path = folder / WIRES
+    if (kept := kept_wires(config, folder)) is not None:
+        return certain(kept), 0.0
     compile_kernels()  # like that of the first step, not counted against a budget in seconds
     start = time.perf_counter()
     wires = detect_wires(scene, config.detect)
@@ -51,12 +53,18 @@ def run_wires(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Wire
     return certain(wires), time.perf_counter() - start
 
 
+def kept_wires(config: RunConfig, folder: Path) -> tuple[Wire, ...] | None:
+    """All wires in the run folder; None where they were not detected, or not yet."""
+    path = folder / WIRES
+    return read_wires(path)[0] if config.train.find_wires and path.exists() else None
+
+
 def certain(wires: Sequence[Wire]) -> tuple[Wire, ...]:
     """Those whose place the views fix: the others would lead samples astray."""
     return tuple(wire for wire in wires if wire.evidence.certain)
 
 
-def guides_for(wires: Sequence[Wire], scene: Scene, config: RunConfig) -> Guides | None:
+def guides_for(wires: Sequence[Wire], scene: Scene | SceneRecord, config: RunConfig) -> Guides | None:
     """The wires as the sampler wants them."""
     if not wires or not config.model.sampler.guided:
         return None
@@ -66,7 +74,9 @@ def guides_for(wires: Sequence[Wire], scene: Scene, config: RunConfig) -> Guides
 def favoured_pixels(config: RunConfig, scene: Scene, wires: Sequence[Wire]) -> tuple[Pool, ...]:
     """The pools of pixels that a run draws more often: details, and those along the wires."""
     cfg = config.train
-    pools = detail_pools(scene.images, scene.train, cfg.detail_share, cfg.detail_part, cfg.detail_map)
+    pools = detail_pools(
+        scene.images, scene.train, cfg.detail_share, cfg.detail_part, cfg.detail_map, config.detect.ridges
+    )
     if wires and cfg.curve_share and len(pixels := wire_pixels(scene, wires)):
         return (*pools, Pool(pixels, cfg.curve_share))
     return pools
@@ -75,7 +85,8 @@ def favoured_pixels(config: RunConfig, scene: Scene, wires: Sequence[Wire]) -> t
 def wire_pixels(scene: Scene, wires: Sequence[Wire]) -> Int[np.ndarray, " d"]:
     """Flat indices of the training pixels within reach of a wire, in increasing order."""
     frame, found = LineFrame.of_scene(scene.frames), []
-    seen = [project(scene.cameras, torch.from_numpy(scene_points(wire, frame)).float()) for wire in wires]
+    points = [torch.from_numpy(scene_points(wire, frame, POINTS)).float() for wire in wires]
+    seen = [project(scene.cameras, one) for one in points]
     reaches = [reach_in_scene(wire, frame) for wire in wires]
     for i in sorted(scene.train):
         w, h = (int(side) for side in scene.cameras.size_px[i])
@@ -90,10 +101,3 @@ def wire_pixels(scene: Scene, wires: Sequence[Wire]) -> Int[np.ndarray, " d"]:
                 cv2.line(near, a, b, 255, thick)
         found.append(scene.images.starts[i] + np.flatnonzero(near))
     return np.concatenate(found).astype(np.int64)
-
-
-def scene_points(wire: Wire, frame: LineFrame) -> Float[np.ndarray, "m 3"]:
-    """Points of a wire from end to end, as its guide has them, in the scene frame."""
-    first, last, sag = parabola(wire, frame)
-    t = np.linspace(0.0, 1.0, POINTS)[:, None]
-    return first + t * (last - first) - 4 * sag * t * (1 - t) * np.array([0.0, 0.0, 1.0])

@@ -37,7 +37,7 @@ from plnerf.render.system import RadianceSystem
 from plnerf.render.video import require_ffmpeg, write_video
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
-from plnerf.scene.scene import Scene
+from plnerf.scene.transforms import Frames
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.run import TrainedRun
 
@@ -81,8 +81,8 @@ def render_run(
         require_ffmpeg()
     shots = shots_of(run, views, frames, scale)
     pruning = FLIGHT if views == "path" and pruning_pays(run.model) else None
-    folder, frames_of_scene = run.folder / "renders" / views, run.scene.frames
-    shown = _shared_range(run.model, shots, run.scene, pruning) if "depth" in outputs else None
+    folder, frames_of_scene = run.folder / "renders" / views, run.record.frames
+    shown = _shared_range(run.model, shots, run.record.frames, pruning) if "depth" in outputs else None
     _clear(folder, outputs)
     pictures: dict[Output, list[Path]] = {kind: [] for kind in outputs}
     for i, shot in enumerate(shots):
@@ -91,7 +91,7 @@ def render_run(
         )
         for kind in outputs:
             pictures[kind].append(folder / kind / f"{i:04d}.png")
-            write_png(pictures[kind][-1], _picture(kind, view, run.scene, shown))
+            write_png(pictures[kind][-1], _picture(kind, view, frames_of_scene, shown))
         if "depth" in outputs and views != "path":
             depth = world_depth(view, frames_of_scene)
             meaning = depth_16bit_meaning(frames_of_scene)
@@ -110,7 +110,7 @@ def render_run(
 
 def shots_of(run: TrainedRun, views: Views, frames: int, scale: float) -> list[Shot]:
     """The views to render; training views have their own appearance and refined pose."""
-    scene = run.scene
+    scene = run.record
     mean = mean_appearance(run)
     refined = refined_cameras(run.model, scene.cameras)
     if views == "path":
@@ -154,7 +154,7 @@ def _check(model: RadianceSystem, views: str, outputs: tuple[str, ...], fps: flo
         raise ConfigError(f"A video needs a positive number of frames per second, but got {fps}.")
 
 
-def _picture(kind: str, view: RenderedView, scene: Scene, shown: DepthRange | None) -> np.ndarray:
+def _picture(kind: str, view: RenderedView, frames: Frames, shown: DepthRange | None) -> np.ndarray:
     if kind == "rgb":
         return rgb_picture(view.rgb)
     if kind == "accumulation":
@@ -162,11 +162,11 @@ def _picture(kind: str, view: RenderedView, scene: Scene, shown: DepthRange | No
     if kind == "normals":
         return normals_picture(view)
     assert shown is not None
-    return with_legend(depth_picture(world_depth(view, scene.frames), shown), shown)
+    return with_legend(depth_picture(world_depth(view, frames), shown), shown)
 
 
 def _shared_range(
-    model: RadianceSystem, shots: list[Shot], scene: Scene, pruning: Pruning | None
+    model: RadianceSystem, shots: list[Shot], frames: Frames, pruning: Pruning | None
 ) -> DepthRange:
     """One range of depth for all pictures, found on a few small views: a video's colours must not flicker."""
     depths = []
@@ -174,8 +174,8 @@ def _shared_range(
         small = min(1.0, _PREVIEW_PX / float(shots[i].camera.size_px.max()))
         camera = resized(shots[i].camera, small)
         view = render_view(model, camera, shots[i].appearance, normals=False, pruning=pruning)
-        depths.append(world_depth(view, scene.frames))
-    return depth_range(depths, scene.frames)
+        depths.append(world_depth(view, frames))
+    return depth_range(depths, frames)
 
 
 def _clear(folder: Path, outputs: tuple[str, ...]) -> None:
@@ -202,7 +202,7 @@ def _description(
     shown: DepthRange | None,
 ) -> dict[str, Any]:
     """What render.json says."""
-    frames = run.scene.frames
+    frames = run.record.frames
     refined = views != "test" and run.config.train.pose_refinement
     content: dict[str, Any] = {
         "format_version": 1,
@@ -237,13 +237,13 @@ def _description(
         )
     content["cameras"] = {
         "axes": "OpenCV's (x right, y down, z forward); camera to world; pinhole in pixels of the pictures",
-        "views": [_camera(shot, run.scene) for shot in shots],
+        "views": [_camera(shot, frames) for shot in shots],
     }
     return content
 
 
-def _camera(shot: Shot, scene: Scene) -> dict[str, Any]:
-    frames, camera = scene.frames, shot.camera
+def _camera(shot: Shot, frames: Frames) -> dict[str, Any]:
+    camera = shot.camera
     T_world_camera = frames.pose_to_world(
         camera.R_scene_camera[0].double().numpy(), camera.centre[0].double().numpy()
     )

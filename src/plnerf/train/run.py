@@ -1,16 +1,19 @@
-"""The run folder: config.json, pixels/, checkpoints/, metrics.jsonl, eval/, renders/.
+"""The run folder: config.json, scene.json, wires.json, pixels/, checkpoints/, metrics.jsonl, eval/, renders/.
 
-It is all that later stages need: `open_run` gives back the scene and the trained model.
+`open_run` returns the trained model and what rendering needs of the scene; the photos are read when something
+asks for `TrainedRun.scene`.
 """
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import torch
 
 from plnerf.errors import CheckpointError, ConfigError
 from plnerf.field.guides import Guides
+from plnerf.line.wire import Wire
 from plnerf.ops.dispatch import resolve_backend
 from plnerf.render.files import write_text
 from plnerf.render.system import RadianceSystem
@@ -19,28 +22,47 @@ from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
-from plnerf.train.guidance import guides_for, run_curves
+from plnerf.train.field import Field
+from plnerf.train.guidance import WIRES, certain, guides_for, kept_wires
+from plnerf.train.scene_record import SceneRecord, read_record, write_record
 from plnerf.train.settings import from_json, to_json
 
+FORMAT_VERSION = 2
+"""Of config.json; files of version 1 name none."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class TrainedRun:
     """A run at its newest checkpoint; the model is in evaluation mode on the run's device."""
 
     folder: Path
     config: RunConfig
-    scene: Scene
+    record: SceneRecord
+    """The scene without its photos."""
     model: RadianceSystem
     step: int
     seconds: float
+    wires: tuple[Wire, ...] | None = None
+    """All wires that were detected before training, in the LineFrame of the scene; None: the run detected
+    none."""
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene with its photos.  Raises SceneError where it has gone or changed."""
+        return open_scene(self.config, self.folder)
+
+    @cached_property
+    def field(self) -> Field:
+        """The radiance field, in world coordinates."""
+        return Field(self.model, self.record)
 
 
-def open_run(folder: Path) -> TrainedRun:
-    """Loads the newest checkpoint of a run and its scene.
+def open_run(folder: Path | str) -> TrainedRun:
+    """Loads the newest checkpoint of a run; the photos are not needed.
 
-    Raises CheckpointError or ConfigError where the folder is no run or has no checkpoint yet, SceneError
-    where the scene has gone or changed.
+    Raises CheckpointError or ConfigError where the folder is no run or has no checkpoint yet.
     """
+    folder = Path(folder)
     config = read_config(folder)
     checkpoints = list_checkpoints(folder / "checkpoints")
     if not checkpoints:
@@ -48,11 +70,15 @@ def open_run(folder: Path) -> TrainedRun:
             f"{folder / 'checkpoints'} holds no complete checkpoint yet. Go on with the run until it writes "
             f"one: plnerf train {config.scene} -o {folder} --resume."
         )
-    scene = open_scene(config, folder)
-    curves, _ = run_curves(config, scene, folder)
-    model = build_model(config, scene, guides_for(curves, config))
+    record, wires = read_record(folder), kept_wires(config, folder)
+    if config.train.find_wires and wires is None:
+        raise ConfigError(
+            f"{folder / WIRES} is not there: the model was trained with the wires in it. Copy the whole run "
+            "folder, or train again."
+        )
+    model = build_model(config, record, guides_for(certain(wires or ()), record, config))
     checkpoint = load_checkpoint(checkpoints[-1], model)
-    return TrainedRun(folder, config, scene, model.eval(), checkpoint.step, checkpoint.seconds)
+    return TrainedRun(folder, config, record, model.eval(), checkpoint.step, checkpoint.seconds, wires)
 
 
 def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None) -> Scene:
@@ -61,7 +87,9 @@ def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None
     return load_scene(Path(config.scene), store=store, downscale=config.downscale, progress=progress)
 
 
-def build_model(config: RunConfig, scene: Scene, guides: Guides | None = None) -> RadianceSystem:
+def build_model(
+    config: RunConfig, scene: Scene | SceneRecord, guides: Guides | None = None
+) -> RadianceSystem:
     """The untrained model of a run, its weights drawn from the run's seed.
 
     Raises ConfigError where the run's device is not there, or its backend cannot run on it.
@@ -78,7 +106,10 @@ def build_model(config: RunConfig, scene: Scene, guides: Guides | None = None) -
 
 
 def read_config(folder: Path) -> RunConfig:
-    """The settings of a run.  Raises ConfigError where there are none, or where a key is unknown."""
+    """The settings of a run.
+
+    Raises ConfigError where there are none, where a key is unknown, or where an earlier version wrote them.
+    """
     path = folder / "config.json"
     try:
         data = json.loads(path.read_text())
@@ -91,9 +122,17 @@ def read_config(folder: Path) -> RunConfig:
         raise ConfigError(
             f"{path} cannot be read ({error}). Correct it, or give another run folder."
         ) from error
+    version = data.pop("format_version", 1) if isinstance(data, dict) else FORMAT_VERSION
+    if version != FORMAT_VERSION:
+        raise ConfigError(
+            f"{path} has format version {version}, but this version of plnerf reads version "
+            f"{FORMAT_VERSION}. Train again into another folder, or use the version of plnerf that wrote it."
+        )
     return from_json(RunConfig, data, str(path))
 
 
-def write_config(folder: Path, config: RunConfig) -> None:
-    """Writes config.json."""
-    write_text(folder / "config.json", json.dumps(to_json(config), indent=1) + "\n")
+def write_run(folder: Path, config: RunConfig, scene: Scene) -> None:
+    """Writes scene.json and config.json."""
+    write_record(folder, SceneRecord.of(scene))
+    content = {"format_version": FORMAT_VERSION, **to_json(config)}
+    write_text(folder / "config.json", json.dumps(content, indent=1) + "\n")

@@ -14,8 +14,8 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a finite number"
 
 
 def to_json(settings: Any) -> dict[str, Any]:
-    """A dataclass as plain JSON values (tuples become lists)."""
-    plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(settings)))
+    """A dataclass as plain JSON values (tuples become lists, paths texts)."""
+    plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(settings), default=str))
     return plain
 
 
@@ -29,42 +29,6 @@ def from_json(kind: type[T], data: object, where: str) -> T:
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
     return result
-
-
-def override(settings: T, assignments: tuple[str, ...]) -> T:
-    """Settings with `path.to.key=value` assignments applied; a value is JSON, or a bare word.
-
-    An item of a list has its index as key.  Raises ConfigError naming the keys there are where one is
-    unknown.
-    """
-    data = to_json(settings)
-    for assignment in assignments:
-        path, equals, text = assignment.partition("=")
-        if not equals:
-            raise ConfigError(f"--set: a setting is written path.to.key=value, but got {assignment!r}.")
-        place: Any = data
-        *parents, last = path.strip().split(".")
-        for parent in parents:
-            place = place[_existing(place, parent, path)]
-        try:
-            value = json.loads(text)
-        except json.JSONDecodeError:
-            value = text.strip()
-        place[_existing(place, last, path)] = value
-    return from_json(type(settings), data, "--set")
-
-
-def _existing(place: Any, key: str, path: str) -> Any:
-    """The key of an object, or the index of a list, that one part of a path names."""
-    known: dict[str, Any] = {}
-    if isinstance(place, dict):
-        known = {name: name for name in sorted(place)}
-    elif isinstance(place, list):
-        known = {str(index): index for index in range(len(place))}
-    if key not in known:
-        there = f"Known there: {', '.join(known)}" if known else f"{place!r} has no settings of its own"
-        raise ConfigError(f"--set: there is no setting {path.strip()!r}: {key!r} is unknown. {there}.")
-    return known[key]
 
 
 def _convert(kind: Any, value: Any, key: str) -> Any:
@@ -115,6 +79,8 @@ def _convert_dataclass(kind: Any, value: Any, key: str) -> Any:
         )
     hints = get_type_hints(kind)
     given = {name: _convert(hints[name], item, _below(key, name)) for name, item in value.items()}
+    for name in (name for name, field in fields.items() if not field.init):
+        given.pop(name, None)  # a Literal of one value, which was checked
     for name, field in fields.items():
         absent = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if absent and name not in given:
@@ -135,5 +101,5 @@ def _convert_tuple(choices: tuple[Any, ...], value: Any, key: str) -> tuple[Any,
 
 
 def _below(key: str, name: str) -> str:
-    """A key's path, written as --set takes it."""
+    """A key's path, as an error shows it: train.loss.colour."""
     return f"{key}.{name}" if key else name

@@ -7,9 +7,8 @@ a wire has a point every 0.1 to 4 m, and points lie 2 to 6 cm from it.
 from dataclasses import dataclass, field
 
 from plnerf.errors import ConfigError
-from plnerf.survey.fit import FitConfig
-from plnerf.survey.ground import GroundConfig
-from plnerf.survey.kinds import KindsConfig
+from plnerf.survey.config_ground import GroundConfig
+from plnerf.survey.config_wires import FitConfig, KindsConfig
 
 
 def require_positive(owner: object, *names: str) -> None:

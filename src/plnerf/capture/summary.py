@@ -1,38 +1,20 @@
-"""`plnerf capture`: the stages with their progress, and in words what came of them."""
+"""What came of a capture, in words."""
 
 import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
-
-from plnerf.capture.capture import REPORT, CaptureConfig, capture
+from plnerf.capture.capture import REPORT
 
 SHOWN = 5
 """Most images that are named for one reason; capture.json names all."""
 
 
-def capture_and_tell(source: Path, out: Path, config: CaptureConfig, console: Console) -> Path:
-    """Makes a scene folder, with a bar for each stage, and prints a summary; returns the scene folder."""
-    columns = (
-        TextColumn("[bold]{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn(),
-        TimeRemainingColumn(compact=True),
-    )  # fmt: skip
-    with Progress(*columns, console=console) as progress:
-        tasks: dict[str, TaskID] = {}
-
-        def tell(stage: str, done: int, of: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = progress.add_task(stage, total=of or None)
-            progress.update(tasks[stage], completed=done, total=of or None)
-
-        capture(source, out, config, tell)
-    report = json.loads((out / REPORT).read_text())
-    console.print(summary(report), markup=False, highlight=False, emoji=False, soft_wrap=True)
-    console.print(f"scene: {out}", markup=False, highlight=False, emoji=False, soft_wrap=True)
-    return out
+def read_report(scene: Path) -> dict[str, Any]:
+    """The content of a scene folder's capture.json."""
+    content: dict[str, Any] = json.loads((scene / REPORT).read_text())
+    return content
 
 
 def summary(report: dict[str, Any]) -> str:

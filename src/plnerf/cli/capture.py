@@ -1,0 +1,150 @@
+"""The commands that make scenes: from photos or a video, and synthetic ones; and all stages in one."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+from rich.console import Console
+
+from plnerf.cli.options import Out, PresetName
+
+
+def capture(  # noqa: PLR0913 (an argument is an option)
+    source: tyro.conf.Positional[Path],
+    *,
+    out: Out,
+    camera_model: Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"] = "OPENCV",
+    intrinsics: Literal["shared", "per-image"] = "shared",
+    image_px: int = 1600,
+    features: int = 4096,
+    overlap: float = 0.75,
+    masks: Path | None = None,
+    seed: int = 0,
+) -> None:
+    """Make a scene of photos or a video: poses by COLMAP, place by GPS; goes on where it was cut off.
+
+    Args:
+        source: Folder of photos (EXIF and DJI positions are read, or a geo.txt in it), or a video file.
+        out: Scene folder to write.
+        camera_model: Lens model of COLMAP that is fitted.
+        intrinsics: Whether images of one camera share their lens.
+        image_px: Longer side, in pixels, of the images in which features are detected.
+        features: Largest number of features of an image.
+        overlap: Video only: minimum overlap of consecutive selected frames.
+        masks: Folder of masks (IMAGE.png, black where an image is ignored), or one for all images.
+        seed: Decides the random draws of structure from motion.
+    """
+    from plnerf.capture.capture import CaptureConfig
+    from plnerf.capture.sfm import SfmConfig
+
+    sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
+    capture_shown(Console(), source, out, CaptureConfig(sfm, least=overlap, masks=masks))
+
+
+def capture_shown(console: Console, source: Path, out: Path, config: Any) -> Path:
+    """`capture_scene` with a bar for each stage, and a summary."""
+    from plnerf.capture.report import read_report, summary
+    from plnerf.console import bars, say
+    from plnerf.pipeline import capture_scene
+
+    with bars(console) as progress:
+        scene = capture_scene(source, out, config, progress)
+    say(console, summary(read_report(out)))
+    say(console, f"scene: {out}")
+    return scene
+
+
+def reconstruct(
+    source: tyro.conf.Positional[Path],
+    *,
+    out: Out,
+    preset: PresetName = "pl-nerf-wire",
+    seconds: float = 300.0,
+    downscale: int = 1,
+    seed: int = 0,
+) -> None:
+    """Photos or a video in, pictures and points on wires out; skips stages that are up to date.
+
+    Args:
+        source: Folder of photos, a video file, or a scene with poses.
+        out: Folder for everything that is made.
+        preset: Named settings to train with.
+        seconds: Budget in seconds of training.
+        downscale: Integer factor by which images are made smaller for training.
+        seed: Decides every random draw.
+    """
+    from plnerf.capture.capture import CaptureConfig
+    from plnerf.capture.sfm import SfmConfig
+    from plnerf.cli.survey import survey_shown
+    from plnerf.cli.train import eval_shown, render_shown, resume_shown, train_shown
+    from plnerf.console import say
+    from plnerf.pipeline import Stages, Training
+    from plnerf.pipeline import reconstruct as run_stages
+
+    console = Console()
+    stages = Stages(
+        partial(capture_shown, console),
+        partial(train_shown, console),
+        partial(resume_shown, console),
+        partial(eval_shown, console),
+        partial(render_shown, console),
+        partial(survey_shown, console),
+    )
+    training = Training(preset, seconds, downscale, seed)
+    run_stages(source, out, training, CaptureConfig(SfmConfig(seed=seed)), stages, partial(say, console))
+    say(console, f"reconstruction: {out}")
+
+
+def synth(  # noqa: PLR0913 (an argument is an option)
+    out: tyro.conf.Positional[Path],
+    *,
+    scene: str = "span",
+    seed: int | None = None,
+    samples: int | None = None,
+    width: int | None = None,
+    height: int | None = None,
+    views: int | None = None,
+    motion_blur: float | None = None,
+    noise: float | None = None,
+    jpeg_quality: int | None = None,
+    auto_exposure: bool | None = None,
+    exposure_drift: float | None = None,
+    white_balance_drift: float | None = None,
+    pose_noise_m: float | None = None,
+    pose_noise_deg: float | None = None,
+) -> None:
+    """Render a synthetic power line with its exact truth (needs the extra plnerf[synth]).
+
+    Args:
+        out: Scene folder to write; must not exist.
+        scene: Which scene, whose own values stand for what is left out: span, double-circuit, bundle,
+            distribution, hills, forest, far, parallel, parallel-two-passes, exposure, noisy-poses.
+        seed: Decides terrain, vegetation, the flight and all noise (span: 7).
+        samples: Samples per pixel of the path tracer (span: 64).
+        width: Image width in pixels, with the same field of view (span: 480).
+        height: Image height in pixels (span: 320).
+        views: Images in each pass of the flight (span: 24).
+        motion_blur: Longest smear of a wire while the shutter is open, in pixels (span: 0).
+        noise: Standard deviation of the sensor's noise at mid grey, as a part of white (span: 0).
+        jpeg_quality: Quality of the images, 1 to 100 (span: 95).
+        auto_exposure: Whether the camera's automatic sets the exposure of every image (span: no).
+        exposure_drift: Slow drift of the exposure, standard deviation in stops (span: 0).
+        white_balance_drift: Slow drift of red against blue, relative standard deviation (span: 0).
+        pose_noise_m: Standard deviation of the written camera centres along each axis, metres (span: 0).
+        pose_noise_deg: Standard deviation of the written directions about each axis, degrees (span: 0).
+    """
+    from plnerf.console import bar, say
+    from plnerf.pipeline import synthesize_scene
+    from plnerf.synth.options import SceneOptions
+    from plnerf.synth.scene import summary
+
+    options = SceneOptions(
+        seed=seed, samples=samples, width=width, height=height, views=views, motion_blur=motion_blur,
+        noise=noise, jpeg_quality=jpeg_quality, auto_exposure=auto_exposure, exposure_drift=exposure_drift,
+        white_balance_drift=white_balance_drift, pose_noise_m=pose_noise_m, pose_noise_deg=pose_noise_deg,
+    )  # fmt: skip
+    console = Console()
+    with bar(console, "synth") as progress:
+        folder = synthesize_scene(out, scene, options, progress)
+    say(console, f"scene folder: {folder} ({summary(folder)})")

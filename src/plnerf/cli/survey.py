@@ -1,0 +1,127 @@
+"""The commands about wires: whether a capture can show them, the survey, and its score against truth."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+
+from plnerf.cli.options import OptionalOut, PresetName
+from plnerf.survey.config import SurveyConfig
+
+
+def survey(
+    source: tyro.conf.Positional[Path],
+    *,
+    out: OptionalOut = None,
+    voltage_kv: float | None = None,
+    thresholds: Path | None = None,
+    clearance_m: float | None = None,
+    settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),  # noqa: B008 (frozen)
+) -> None:
+    """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
+
+    Args:
+        source: Run folder, scene (no training is needed), or a LAS or LAZ file in metres, whose classes are
+            not used.
+        out: Folder to write; survey in the folder of the run or scene, or beside the cloud, when left out.
+        voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
+        thresholds: Table of required clearances (TOML); NERC FAC-003-4 when left out.
+        clearance_m: A distance in metres to be kept from everything, in place of a table's.
+        settings: Settings of the survey.
+    """
+    said = {"voltage_kv": voltage_kv, "thresholds": thresholds, "clearance_m": clearance_m}
+    given = {name: value for name, value in said.items() if value is not None}
+    config = replace(settings, clearance=replace(settings.clearance, **given))  # type: ignore[arg-type]
+    if not survey_shown(Console(), source, out, config):
+        sys.exit(3)
+
+
+def survey_shown(
+    console: Console, source: Path, out: Path | None = None, config: SurveyConfig | None = None
+) -> bool:
+    """`pipeline.survey` with a bar and a summary; returns whether wires were found."""
+    from plnerf.console import bar, say
+    from plnerf.pipeline import PAGE
+    from plnerf.pipeline import survey as survey_source
+
+    with bar(console, "survey") as progress:
+        found, folder = survey_source(source, config, out, progress)
+    if not found.wires:
+        say(console, "No wire was found.")
+        for finding in found.findings:
+            say(console, " ".join(text for text in (finding.what, finding.do) if text))
+    say(console, f"{len(found.wires)} wires, {len(found.cloud.xyz):,} points: {folder}")
+    say(console, f"report: {folder / PAGE}")
+    return bool(found.wires)
+
+
+def score(
+    survey: tyro.conf.Positional[Path],
+    *,
+    truth: Path | None = None,
+    out: OptionalOut = None,
+    classes: tuple[int, ...] | None = None,
+    by_cameras: Path | None = None,
+) -> None:
+    """Score a survey against the truth: wires found and whole, where they are, sag, clearances, certainty.
+
+    Args:
+        survey: Survey or run folder, or survey.json; or points or curves alone, in the world
+            frame: PLY, LAS, GeoJSON, text, NumPy.
+        truth: The truth.json of a scene, or its folder; that of the run's scene when left out.
+        out: JSON to write; beside the survey's file when left out.
+        classes: Classes of LAS to take; wires (13 and 14) if there are any, else all, when left out.
+        by_cameras: Scene that the survey was made of, if it has poses of its own: the truth
+            is turned and shifted onto its cameras, by the images' names.
+    """
+    score_shown(Console(), survey, truth=truth, out=out, classes=classes, by_cameras=by_cameras)
+
+
+def score_shown(console: Console, survey: Path, **options: Any) -> None:
+    """`score_survey` with its tables."""
+    from plnerf.score.score import score_survey
+
+    score_survey(survey, **options, console=console)
+
+
+def doctor(
+    scene: tyro.conf.Positional[Path],
+    *,
+    out: OptionalOut = None,
+    distance: float | None = None,
+    wire_diameter: float = 0.03,
+    sigma_px: float = 0.5,
+    preset: PresetName = "pl-nerf-wire",
+) -> None:
+    """Say before training whether photos, or a scene's poses, can show where wires are; status 3 if not.
+
+    Args:
+        scene: Scene with poses (transforms.json, COLMAP), or a folder of photos.
+        out: JSON to write.
+        distance: From cameras to wires in metres; when left out, a scene's span box, that of what the images
+            of a capture see, or 10 m; of photos their height over the start (DJI).
+        wire_diameter: Of a conductor in metres.
+        sigma_px: How well a wire is found in an image, in pixels; of scenes with poses.
+        preset: What is to be trained; of photos, how long that takes.
+    """
+    from plnerf.doctor.photo_doctor import examine_photos
+    from plnerf.doctor.scene_doctor import examine
+    from plnerf.scene.formats import has_poses
+
+    console = Console()
+    if has_poses(scene):
+        found = examine(
+            scene, out=out, distance=distance, wire_diameter_m=wire_diameter, sigma_px=sigma_px,
+            console=console,
+        )  # fmt: skip
+        sys.exit(0 if found.usable else 3)
+    from plnerf.presets._find import find_preset
+
+    usable = examine_photos(
+        scene, distance_m=distance, wire_diameter_m=wire_diameter, preset=preset,
+        rays_per_s=find_preset(preset).rays_per_s, out=out, console=console,
+    )  # fmt: skip
+    sys.exit(0 if usable else 3)

@@ -1,0 +1,160 @@
+"""The commands that train a radiance field, measure it and render it."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+from rich.console import Console
+
+from plnerf.cli.options import AsOptions, BackendName, Device, Out, Output, PresetName, settings_of
+from plnerf.errors import ConfigError
+
+
+def train(  # noqa: PLR0913 (an argument is an option)
+    scene: tyro.conf.Positional[Path],
+    *,
+    out: Out,
+    preset: PresetName = "pl-nerf",
+    seconds: float | None = None,
+    steps: int | None = None,
+    downscale: int = 1,
+    resume: bool = False,
+    seed: int = 0,
+    device: Device = "auto",
+    backend: BackendName = "auto",
+    settings: AsOptions,
+) -> None:
+    """Train a radiance field on images with known camera poses.
+
+    Args:
+        scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
+        out: Run folder to write.
+        preset: Named settings to start from; the options below show its values.
+        seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
+        steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
+        downscale: Integer factor by which images are made smaller.
+        resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
+        seed: Decides the initial weights and every random draw.
+        device: Where to train.
+        backend: Implementation of the ops: numba on a CPU, triton on a CUDA device, plain torch anywhere.
+        settings: Settings of the run.
+    """
+    from plnerf.console import RunConsole
+    from plnerf.pipeline import resume_run, train_scene
+
+    report = RunConsole(out, Console())
+    if resume and settings != settings_of(preset):
+        raise ConfigError(
+            "--resume goes on with the run's own settings, so it takes no others. Change them in "
+            f"{out / 'config.json'}, or train anew into another folder."
+        )
+    if resume:
+        resume_run(scene, out, steps=steps, seconds=seconds, report=report)
+    else:
+        budget = 300.0 if seconds is None and steps is None else seconds
+        train_scene(
+            scene, out, preset=preset, model=settings.model, train=settings.train, detect=settings.detect,
+            steps=steps, seconds=budget, downscale=downscale, seed=seed, device=device, backend=backend,
+            report=report,
+        )  # fmt: skip
+
+
+def train_shown(console: Console, scene: Path, out: Path, **options: Any) -> None:
+    """`train_scene` with a bar."""
+    from plnerf.console import RunConsole
+    from plnerf.pipeline import train_scene
+
+    train_scene(scene, out, **options, report=RunConsole(out, console))
+
+
+def resume_shown(console: Console, scene: Path, out: Path) -> None:
+    """`resume_run` with a bar."""
+    from plnerf.console import RunConsole
+    from plnerf.pipeline import resume_run
+
+    resume_run(scene, out, report=RunConsole(out, console))
+
+
+def eval(run: tyro.conf.Positional[Path]) -> None:
+    """Measure a run on its held-out images: PSNR, SSIM, wire PSNR, side-by-side panels.
+
+    Args:
+        run: Run folder written by `plnerf train`.
+    """
+    eval_shown(Console(), run)
+
+
+def eval_shown(console: Console, run: Path) -> None:
+    """`evaluate` with a bar and its summary."""
+    from plnerf.console import bar, say
+    from plnerf.pipeline import evaluate
+
+    with bar(console, "evaluate") as progress:
+        evaluate(run, progress)
+    console.print((run / "eval" / "summary.md").read_text(), highlight=False, markup=False)
+    say(console, f"measures and panels: {run / 'eval'}")
+
+
+def render(
+    run: tyro.conf.Positional[Path],
+    *,
+    views: Literal["test", "train", "path"] = "path",
+    outputs: tuple[Output, ...] = ("rgb", "depth"),
+    frames: int = 96,
+    fps: float = 24.0,
+    scale: float = 1.0,
+    video: bool = True,
+) -> None:
+    """Render views of a run to PNG and MP4; the photos are not needed.
+
+    Args:
+        run: Run folder written by `plnerf train`.
+        views: Held-out views, training views, or a smooth path along the training cameras.
+        outputs: What to render.
+        frames: Frames of the path.
+        fps: Frames per second of the video.
+        scale: Size of the pictures relative to the training images.
+        video: Whether to write an MP4 beside the PNGs.
+    """
+    render_shown(
+        Console(), run, views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video
+    )
+
+
+def render_shown(console: Console, run: Path, **options: Any) -> None:
+    """`pipeline.render` with a bar; a path's colours and depths where nothing else is asked for."""
+    from plnerf.console import bar, say
+    from plnerf.pipeline import render as render_views
+
+    with bar(console, "render") as progress:
+        folder = render_views(
+            run, **({"views": "path", "outputs": ("rgb", "depth")} | options), progress=progress
+        )
+    say(console, f"pictures: {folder}")
+
+
+def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = False) -> None:
+    """Train on the bundled span, evaluate it and render a fly-along; no data and no options needed.
+
+    Args:
+        out: Folder for everything that is made.
+        seconds: Training time in seconds.
+        quick: A short version: 20 s of training at half size and a short fly-along.
+    """
+    from plnerf.cli.survey import score_shown, survey_shown
+    from plnerf.console import say
+    from plnerf.pipeline import bundled_span
+
+    if out.exists():
+        raise ConfigError(
+            f"The demo writes a new folder, but {out} is there already. Remove it, or name another: -o."
+        )
+    budget, downscale, frames = (20.0, 2, 8) if quick else (seconds, 1, 40)
+    console, span = Console(), bundled_span()
+    train_shown(console, span, out, preset="pl-nerf-wire", seconds=budget, downscale=downscale)
+    eval_shown(console, out)
+    survey_shown(console, out)
+    score_shown(console, out, truth=span)
+    render_shown(console, out, frames=frames, fps=12.0, scale=0.5)
+    say(console, f"Look at {out}: survey/report.html, eval/panels, renders.")
+    say(console, f"Curves of the training: tensorboard --logdir {out}")

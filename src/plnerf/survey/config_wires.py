@@ -1,0 +1,212 @@
+"""How wires are fitted and judged, and what holds them.  Without NumPy: the command line shows it at once."""
+
+from dataclasses import dataclass, field
+
+from plnerf.detect.config import EvidenceConfig
+from plnerf.errors import ConfigError
+
+UPRIGHT = 5
+"""Numbers of theta that are fitted: all but the swing."""
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """How a wire is fitted to points."""
+
+    min_points: int = 6
+    """Fewest points that a wire is fitted to."""
+    sigma_m: float = 0.02
+    """Least standard deviation of a point across the wire, in metres; the points' own scatter counts where it
+    is larger."""
+    robust_sigmas: float = 2.5
+    """Residuals beyond so many standard deviations count less (Cauchy)."""
+    outlier_sigmas: float = 5.0
+    """Points beyond so many standard deviations are outliers."""
+    max_rounds: int = 30
+    """Most rounds of estimating the scatter and fitting: a deep wire is no parabola, and reaches its points
+    by steps."""
+    settled: float = 1e-7
+    """Relative change of theta at which the rounds end."""
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_m", "robust_sigmas", "outlier_sigmas", "max_rounds"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(
+                    f"fit: {name} must be greater than 0, got {getattr(self, name)}. Give a positive value."
+                )
+        if self.min_points < UPRIGHT:
+            raise ConfigError(
+                f"fit: min_points must be {UPRIGHT} or more, since a wire has {UPRIGHT} unknowns, got "
+                f"{self.min_points}."
+            )
+
+
+@dataclass(frozen=True)
+class KindsConfig:
+    """How shields are told from phases."""
+
+    level_m: float = 2.0
+    """Wires so little below the highest, in their middles, are level with it (metres)."""
+    below_m: float = 2.0
+    """Least height of shields above all other wires, in metres."""
+    max_shields: int = 2
+    """Most shields of a span."""
+    min_below: int = 3
+    """Fewest wires below them: the phases of one circuit."""
+    bundle_m: float = 0.65
+    """Wires so near to each other are one bundle (metres)."""
+    flatter: float = 0.93
+    """Share of the others' median hang, 8 sag / span^2, below which a wire sags less."""
+    thinner: float = 0.6
+    """Share of the others' median number of points per metre below which a wire is thinner."""
+
+
+@dataclass(frozen=True)
+class WireEvidenceConfig:
+    """How points of a field are counted for a wire."""
+
+    near_m: float = 0.25
+    """A point this near to the wire, horizontally across it and in height, is on it."""
+    step_m: float = 0.25
+    """Length of the pieces of a wire that are with a point or without."""
+
+    def __post_init__(self) -> None:
+        if self.near_m <= 0 or self.step_m <= 0:
+            raise ConfigError(
+                f"Evidence needs near_m and step_m above 0, but got {self.near_m} and {self.step_m}."
+            )
+
+
+@dataclass(frozen=True)
+class CollinearConfig:
+    """When points make a wire."""
+
+    min_views: int = 3
+    """Views whose points a line must have."""
+    min_points: int = 8
+    """Points of a neighbourhood, and of the line in it."""
+    elongation: float = 3.0
+    """How many times as far a neighbourhood reaches along the span as across."""
+    max_spread: float = 0.5
+    """Spread across a neighbourhood, as a share of that along it, below which it may hold lines: twin
+    conductors have up to 0.4, and a ball of leaves, which the neighbourhood cuts to its own shape, has 1/3
+    and more."""
+    core: float = 0.35
+    """Distance from the line through a point, as a share of the radius, within which others are on it."""
+    min_core_share: float = 0.1
+    """Share of the neighbourhood that must lie on the line: the wires of a bundle are seen unequally well."""
+    min_dense_share: float = 0.7
+    """Share of those that must lie within half as far: of a wire all do, of a surface half, of leaves
+    fewer."""
+    min_extent: float = 0.5
+    """Spread of those along the line, in radii: an endless line has 1.7, its end 0.9, a clump of leaves
+    less."""
+    max_turn_deg: float = 30.0
+    """Angle to the span's axis within which a line may be a conductor."""
+    min_length: float = 8.0
+    """Length along the span, in radii, of the shortest piece of a conductor: the members of a lattice tower
+    are lines too, but end sooner."""
+    cell: float = 0.125
+    """Side, in radii, of the cells that stand for their points when pieces are joined."""
+    max_gap: float = 0.5
+    """Distance between cells of one piece, in radii."""
+
+    def __post_init__(self) -> None:
+        if min(self.min_views, self.min_points) < 1 or min(self.elongation, self.cell, self.core) <= 0:
+            raise ConfigError(
+                "Points make a line only with min_views and min_points of 1 or more and elongation, cell and "
+                f"core greater than 0, but got {self.min_views}, {self.min_points}, {self.elongation}, "
+                f"{self.cell} and {self.core}."
+            )
+
+
+@dataclass(frozen=True)
+class WirePointsConfig:
+    """How points on wires are taken from a trained field."""
+
+    max_per_view: int = 4000
+    """Wire pixels of an image, the strongest first."""
+    min_response: float = 0.2
+    """Response of a pixel that may show a wire."""
+    min_share: float = 0.25
+    """Share of a ray's light that a thing must give to be there: a wire thinner than a pixel gives that part
+    of it."""
+    depth_window_px: float = 8.0
+    """Half the range of depths within which that light must come, in widths of a pixel at that depth."""
+    radius_px: float = 40.0
+    """Radius of a neighbourhood across the span, in widths of a pixel at the typical distance."""
+    margin: float = 0.1
+    """Points further outside of the scene's box are dropped; scene units, about half of the box's length."""
+    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    """Responses of pixels; the same for every preset, whatever its own detection uses."""
+    collinear: CollinearConfig = field(default_factory=CollinearConfig)
+
+    def __post_init__(self) -> None:
+        if self.max_per_view < 1 or not 0 < self.min_share <= 1 or self.radius_px <= 0:
+            raise ConfigError(
+                "Points on wires need max_per_view >= 1, 0 < min_share <= 1 and radius_px > 0, but got "
+                f"{self.max_per_view}, {self.min_share} and {self.radius_px}."
+            )
+
+
+@dataclass(frozen=True)
+class AttachmentConfig:
+    """What above a wire may hold it."""
+
+    above_m: tuple[float, float] = (0.25, 1.6)
+    """Heights above the wire: nearer points may be the wire's own, higher ones the next wire's."""
+    aside_m: float = 0.5
+    """Horizontal distance from the wire."""
+    depth_m: float = 0.5
+    """Along the line, of an arm and what hangs from it."""
+    least_points: int = 12
+    """At one place above one wire."""
+    around_m: float = 1.0
+    """To either side of a place, points above the wire are counted: a crown's are everywhere."""
+    least_share: float = 0.8
+    """Share of those that must be at the place."""
+    step_m: float = 0.05
+    """Between the places that are tried."""
+
+
+@dataclass(frozen=True)
+class BodyConfig:
+    """What fills the wires' corridor is a structure."""
+
+    step_m: float = 0.5
+    """Pieces of the corridor, along it and in height."""
+    beside_m: float = 1.0
+    """How much wider than the wires the corridor is, on either side."""
+    filled: float = 0.6
+    """Share of the heights below the lowest wire, down to half of its height, that must hold points."""
+    foot_m: float = 1.0
+    """Points nearer to the ground are taken for the ground."""
+    around_m: float = 20.0
+    """The ground at a place is the lowest point within this distance along the corridor."""
+    outer: float = 0.3
+    """Share of the line, at either end, in which a structure is looked for."""
+    short_m: float = 1.5
+    """What a structure may lack of the height of its highest wire; what ends further below holds up none."""
+    half_depth_m: float = 2.5
+    """Of a structure's body along the line, from its axis."""
+
+
+@dataclass(frozen=True)
+class SupportConfig:
+    """How the structures that hold wires are found.  The deviations are those measured on rendered ones."""
+
+    body: BodyConfig = field(default_factory=BodyConfig)
+    attachment: AttachmentConfig = field(default_factory=AttachmentConfig)
+    by_stereo_m: float = 0.05
+    """Standard deviation along the line of an attachment that stereo shows."""
+    by_field_m: float = 0.15
+    """The same of one that the field shows."""
+    by_body_m: float = 0.3
+    """The same where only the structure's body is seen."""
+    around_m: float = 2.5
+    """What holds the wires is looked for so far from a structure's body."""
+    about_end_m: float = 6.0
+    """And without a body so far from where the images stop showing the wires: they may show the next span's,
+    or the structure but not the wires before it."""
+    polyline_places: int = 120
+    """Places at which wires are compared with points."""
