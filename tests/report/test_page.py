@@ -20,11 +20,11 @@ from plnerf.line.ends import Attached, Open, Quantity
 from plnerf.line.files import survey_json
 from plnerf.line.survey import Picture, Survey
 from plnerf.line.wire import Wire
-from plnerf.report.figures import wires_named
+from plnerf.report.figures import Units, runs_of, wires_named
 from plnerf.report.nearest import by_need, worst
 from plnerf.report.page import html_page, write_report
 from plnerf.report.scene_view import scene
-from plnerf.report.words import caveats, judged
+from plnerf.report.words import caveats, judged, merged
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
 
@@ -175,6 +175,10 @@ def test_nothing_is_required_of_shield_wires_and_other_groups() -> None:
         True
     }
     assert "nothing is required" in Read(page("short")).text and len(rows) == 15
+    is_open = [row.standing == "open" for row in rows]
+    assert is_open == sorted(is_open)  # however near, they come last
+    every = [row.place.distance_m for row in by_need(survey)]
+    assert every != sorted(every)
 
 
 def test_names_from_outside_are_shown_as_they_are() -> None:
@@ -323,9 +327,39 @@ def test_a_loose_sag_and_a_doubtful_wire_are_named() -> None:
     assert "Wire 2: what was seen does not fix its place." in texts
 
 
+def test_notes_that_differ_in_figures_become_one() -> None:
+    texts = ["bows 0.24 m at structure 2", "bows 1,000.5 m at structure 2", "bows 3.10 m at structure 2"]
+    assert merged(texts) == "bows 0.24 to 1,000.5 m at structure 2" and merged(texts[:1]) == texts[0]
+    survey = report("short")
+    notes = ("It bows 0.24 m.", "It bows 0.31 m.", "It ends at structure 1.", "It ends at structure 2.")
+    wires = tuple(replace(wire, notes=(text,)) for wire, text in zip(survey.wires, notes, strict=False))
+    texts = caveats(with_wires(survey, wires))
+    assert "Wires 1 and 2: it bows 0.24 to 0.31 m." in texts
+    assert {"Wire 3: it ends at structure 1.", "Wire 4: it ends at structure 2."} <= set(texts)
+
+
+def test_an_interval_is_never_rounded_to_nothing() -> None:
+    units = Units("m")
+    assert units.interval(Quantity(0.1712, 0.002)) == "0.171\u202f±\u202f0.004"
+    assert units.interval(Quantity(0.1712, 0.02)) == "0.17\u202f±\u202f0.04"
+    assert units.interval(Quantity(12.0, 0.0), 1) == "12.000\u202f±\u202f0.000"  # exact, as if given
+    assert units.interval(None) == "–" and units.interval(Quantity(1.0, np.nan)).endswith("?")
+
+
+def test_where_nothing_is_required_nothing_is_judged() -> None:
+    survey = report("short")
+    free = Read(html_page(replace(survey, clearances=replace(clearances(survey), requirement=None))))
+    rows = free.table("to")
+    assert len(rows) == 15 and "verdict" not in rows[0] and "required, m" not in rows[0]
+    assert "Nothing is required: give a voltage" in free.text and "nothing is required" not in free.text
+    distances = [float(row["distance, m ± 95 %"].split("\u202f")[0]) for row in rows]
+    assert distances == sorted(distances)
+
+
 def test_wires_are_named_by_runs() -> None:
     assert wires_named([4]) == "wire 4" and wires_named([2, 1]) == "wires 1 and 2"
     assert wires_named([1, 2, 3, 5, 8, 9, 10, 11]) == "wires 1 to 3, 5 and 8 to 11"
+    assert runs_of([1, 2, 3, 5, 8, 9]) == "1–3, 5, 8, 9"
 
 
 def test_a_world_whose_z_is_not_up_is_not_shown() -> None:

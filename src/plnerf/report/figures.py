@@ -9,6 +9,8 @@ from jaxtyping import Float
 from plnerf.line.ends import Quantity
 
 NOTHING = "–"
+FINEST = 3
+"""Decimals at most, where fewer would round the width of an interval to nothing."""
 CERTAIN = "95\u00a0%"
 """Of the intervals behind all ± in a report."""
 PLUS_MINUS, MINUS = "\u202f±\u202f", "−"
@@ -40,6 +42,8 @@ class Units:
         """A length and half the width of its 95 % interval; a dash where there is none."""
         if one is None:
             return NOTHING
+        while digits < FINEST and one.half_95 < 0.5 * 10.0**-digits:
+            digits += 1
         half = self.length(one.half_95, digits) if np.isfinite(one.half_95) else "?"
         return f"{self.length(one.value, digits)}{PLUS_MINUS}{half}"
 
@@ -78,13 +82,23 @@ def listed(parts: list[str]) -> str:
 
 def wires_named(ids: list[int]) -> str:
     """ "wire 1", "wires 1, 3 and 5", "wires 1 to 6 and 8"."""
+    return f"wire{'s' if len(ids) > 1 else ''} {listed([part.replace('–', ' to ') for part in _runs(ids)])}"
+
+
+def runs_of(ids: list[int]) -> str:
+    """ "1", "1, 3, 5", "1–6, 8"."""
+    return ", ".join(_runs(ids))
+
+
+def _runs(ids: list[int]) -> list[str]:
+    """Numbers in order; of three and more in a row the first and the last."""
     rows: list[list[int]] = []
     for one in sorted(ids):
         if rows and one == rows[-1][-1] + 1:
             rows[-1].append(one)
         else:
             rows.append([one])
-    parts = []
+    parts: list[str] = []
     for row in rows:
-        parts += [f"{row[0]} to {row[-1]}"] if len(row) > 2 else [str(one) for one in row]
-    return f"wire{'s' if len(ids) > 1 else ''} {listed(parts)}"
+        parts += [f"{row[0]}–{row[-1]}"] if len(row) > 2 else [str(one) for one in row]
+    return parts

@@ -15,7 +15,7 @@ from plnerf.line.line import Line, Span, Structure
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import CLASSES, DASHED, KINDS, MARK
-from plnerf.report.figures import CERTAIN, MINUS, Units, counted
+from plnerf.report.figures import CERTAIN, MINUS, Units, counted, runs_of
 from plnerf.report.nearest import Nearest, worst
 from plnerf.report.shown import height_shift
 from plnerf.report.side import (
@@ -35,6 +35,10 @@ from plnerf.report.words import title_of
 
 LINE_PX = 13
 """Height of a line of small text."""
+LETTER_PX = 7.5
+"""Width of a digit of an id."""
+LEAST_WIDTH = 640
+"""A drawing scrolls sideways on screens narrower than this, in pixels."""
 UNSEEN = 0.35
 """Opacity of a wire where it was not seen."""
 
@@ -76,15 +80,17 @@ def profile(survey: Survey, line: Line, span: Span, rows: list[Nearest]) -> Draw
         parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{text}</text>')
     parts += [_structure(scale, side, one) for one in structures]
     parts += [part for wire in wires for part in _wire(scale, side, wire)]
-    parts += _names(scale, side, wires)
+    names, right = _names(scale, side, wires)
+    parts += names
     letters = [chr(ord("A") + k) for k in range(len(marked))]
     for k, one in enumerate(marked):
         parts += _mark(scale, side, one, letters[k], (k + 1) / (len(marked) + 1))
     title = title_of(survey, line, span)
     label = f"{title} from the side, with {counted(len(wires), 'wire')}"
+    width, height = LEFT + scale.width + right, TOP + scale.height + BOTTOM
     svg = (
-        f'<svg viewBox="0 0 {LEFT + scale.width + RIGHT:.0f} {TOP + scale.height + BOTTOM:.0f}" role="img" '
-        f'aria-label="{label}" font-size="12">{"".join(parts)}</svg>'
+        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{label}" font-size="12" '
+        f'style="max-width:{width:.0f}px;min-width:{min(width, LEAST_WIDTH):.0f}px">{"".join(parts)}</svg>'
     )
     marks = tuple((letter, _about_mark(one, units)) for letter, one in zip(letters, marked, strict=True))
     return Drawing(title, svg, about(scale, wires), marks)
@@ -206,8 +212,8 @@ def _wire(scale: Scale, side: Side, wire: Wire) -> list[str]:
     return parts
 
 
-def _names(scale: Scale, side: Side, wires: Sequence[Wire]) -> list[str]:
-    """Ids beside the ends on the right; wires at one height share a line."""
+def _names(scale: Scale, side: Side, wires: Sequence[Wire]) -> tuple[list[str], float]:
+    """Ids beside the ends on the right, and the margin that they need; wires at one height share a line."""
     ends = []
     for wire in wires:
         points = wire.points(np.array([0.0, wire.base.length_m]))
@@ -219,13 +225,14 @@ def _names(scale: Scale, side: Side, wires: Sequence[Wire]) -> list[str]:
             groups[-1][1].append(id_)
         else:
             groups.append((y, [id_]))
-    parts, x, free = [], LEFT + scale.width + 8, -np.inf
+    parts, x, free, right = [], LEFT + scale.width + 8, -np.inf, float(RIGHT)
     for y, ids in groups:
         at = max(y, free)
         free = at + LINE_PX
-        text = ", ".join(str(one) for one in sorted(ids))
+        text = runs_of(ids)
+        right = max(right, 16 + LETTER_PX * len(text))
         parts.append(f'<text x="{x:.1f}" y="{at:.1f}" dy="4" font-weight="600">{text}</text>')
-    return parts
+    return parts, right
 
 
 def _mark(scale: Scale, side: Side, one: Nearest, letter: str, share: float) -> list[str]:
@@ -248,5 +255,6 @@ def _mark(scale: Scale, side: Side, one: Nearest, letter: str, share: float) -> 
 def _about_mark(one: Nearest, units: Units) -> str:
     return (
         f"least distance to {one.to}: {units.interval_with_unit(one.distance)} ({CERTAIN}), "
-        f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}: {one.words}"
+        f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}"
+        + (f": {one.verdict}" if one.verdict else "")
     )

@@ -165,22 +165,30 @@ def clearance_table(survey: Survey, rows: list[Nearest]) -> Table | None:
         for one in line.spans
         for wire in one.wires
     }
-    return Table(
-        ["verdict", "to", "wire", _span_head(survey), *units.heads_95("distance"),
-         *units.heads("required", "margin", "at"), f"on the wire {XYZ}", f"on the obstacle {XYZ}"],
+    judged = any(one.standing != "open" for one in rows)
+    order = (
+        "First those that fall short of what is required, or come nearest to it."
+        if judged
+        else "Nothing is required: give a voltage or a distance to have them judged."
+    )
+    cells: list[list[Cell]] = [
         [
-            [
-                verdict_of(one), one.to, str(one.place.wire), span[one.place.wire],
-                units.interval(one.distance), units.length(one.required_m), units.length(one.margin_m),
-                units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_wire)),
-                units.place(shown(survey.frame, one.place.on_obstacle)),
-            ]
-            for one in rows
-        ],
+            *[verdict_of(one)] * judged, one.to.replace(" ", "\u00a0"), str(one.place.wire),
+            span[one.place.wire], units.interval(one.distance),
+            *[units.length(one.required_m), units.length(one.margin_m)] * judged,
+            units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_wire)),
+            units.place(shown(survey.frame, one.place.on_obstacle)),
+        ]
+        for one in rows
+    ]  # fmt: skip
+    return Table(
+        [*["verdict"] * judged, "to", "wire", _span_head(survey), *units.heads_95("distance"),
+         *units.heads("required", "margin") * judged, *units.heads("at"), f"on the wire {XYZ}",
+         f"on the obstacle {XYZ}"],
+        cells,
         "Least distance in space from each wire to each group of things, where along the span (horizontally "
-        "from the wire's first end) and between which points. First those that fall short of what is "
-        "required, or come nearest to it.",
-        frozenset({0, 1}),
+        f"from the wire's first end) and between which points. {order}",
+        frozenset({0, 1} if judged else {0}),
     )  # fmt: skip
 
 
@@ -220,7 +228,8 @@ def cards(survey: Survey, rows: list[Nearest]) -> list[Card]:
     for one in worst(rows):
         about = f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}"
         distance = units.interval_with_unit(one.distance)
-        found.append(Card(f"least to {one.to}", distance, about, verdict_of(one)))
+        verdict = None if one.standing == "open" else verdict_of(one)
+        found.append(Card(f"least to {one.to}", distance, about, verdict))
     return found
 
 

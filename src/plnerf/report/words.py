@@ -1,5 +1,6 @@
 """Sentences of a report: what was found, where it is, and what a reader must know."""
 
+import re
 from pathlib import PurePath
 
 import numpy as np
@@ -20,6 +21,8 @@ LOOSE_SAG = 0.1
 """So does one whose sag is less certain than this, relatively (95 %)."""
 STATE = "state of the line"
 """Kind of the finding by which measured clearances say that they are as surveyed."""
+FIGURE = re.compile(r"\d[\d,]*\.\d+|\d+(?=\u00a0%)")
+"""Lengths and shares in a sentence; whole numbers may be those of structures."""
 DEGREES: tuple[Degree, ...] = ("stops", "harms", "note")
 
 
@@ -109,12 +112,25 @@ def caveats(survey: Survey) -> list[str]:
         texts.append("No ground is known, and so no height above ground.")
     elif bare:
         texts.append(f"No ground is known below {wires_named(sorted(bare))}.")
-    doubts: dict[str, list[int]] = {}
+    doubts: dict[tuple[str, ...], list[tuple[int, str]]] = {}
     for wire in survey.wires:
         for text in _doubts(wire, units):
-            doubts.setdefault(text, []).append(wire.id)
-    named = [f"{wires_named(ids).capitalize()}: {text}." for text, ids in doubts.items()]
-    return list(dict.fromkeys(texts)) + named
+            doubts.setdefault(tuple(FIGURE.split(text)), []).append((wire.id, text))
+    for alike in doubts.values():
+        named = wires_named([number for number, _ in alike]).capitalize()
+        texts.append(f"{named}: {merged([text for _, text in alike])}.")
+    return list(dict.fromkeys(texts))
+
+
+def merged(texts: list[str]) -> str:
+    """Texts that differ in figures alone as one, with the least and the greatest of each figure."""
+    between = FIGURE.split(texts[0])
+    text = between[0]
+    columns = zip(*(FIGURE.findall(one) for one in texts), strict=True)
+    for figures, after in zip(columns, between[1:], strict=True):
+        low, high = (pick(figures, key=lambda one: float(one.replace(",", ""))) for pick in (min, max))
+        text += (low if low == high else f"{low} to {high}") + after
+    return text
 
 
 def _doubts(wire: Wire, units: Units) -> list[str]:
@@ -132,7 +148,7 @@ def _doubts(wire: Wire, units: Units) -> list[str]:
     sag = wire.sag
     if sag is not None and sag.half_95 > LOOSE_SAG * sag.value:
         parts.append(f"its sag is uncertain, {units.interval_with_unit(sag, 3)} ({CERTAIN})")
-    return parts + [note.rstrip(".") for note in wire.notes]
+    return parts + [note[:1].lower() + note[1:].rstrip(".") for note in wire.notes]
 
 
 def judged(rows: list[Nearest]) -> str:
