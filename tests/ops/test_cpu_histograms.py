@@ -1,4 +1,4 @@
-"""The CPU twins of blur and dilation: the truth's values and gradients on any histogram."""
+"""The CPU kernels of blur and dilation: the reference's values and gradients on any histogram."""
 
 import pytest
 import torch
@@ -15,7 +15,9 @@ HALF_WIDTHS = pytest.mark.parametrize("h", [0.0, 1e-3, 0.03, 3.0])
 @DTYPES
 @HALF_WIDTHS
 @pytest.mark.parametrize("proposal_intervals", [1, 24, 64])
-def test_blurred_loss_is_the_truth(case: str, dtype: torch.dtype, h: float, proposal_intervals: int) -> None:
+def test_blurred_loss_is_the_reference(
+    case: str, dtype: torch.dtype, h: float, proposal_intervals: int
+) -> None:
     """A proposal with next to nothing divides by the floor: relative tolerances."""
     s, w = histograms(case, 24, 2, dtype)
     other, v = histograms(case, proposal_intervals, 3, dtype)
@@ -35,13 +37,13 @@ def test_blurred_loss_is_the_truth(case: str, dtype: torch.dtype, h: float, prop
 @CASES
 @DTYPES
 @pytest.mark.parametrize("h", [1e-6, 1e-3, 0.03, 3.0])
-def test_dilation_is_the_truth(case: str, dtype: torch.dtype, h: float) -> None:
+def test_dilation_is_the_reference(case: str, dtype: torch.dtype, h: float) -> None:
     s, w = histograms(case, 37, 4, dtype)
     found, expected = cpu_histograms.dilate(s, w, h), truth.dilate(s, w, h)
     assert_close([found], [expected], 2e-5 if dtype == torch.float32 else 1e-12)
 
 
-def test_the_floor_is_the_truths() -> None:
+def test_the_floor_is_the_references() -> None:
     assert cpu_histograms.FLOOR == truth.FLOOR
 
 

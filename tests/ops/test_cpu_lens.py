@@ -1,4 +1,4 @@
-"""The CPU twin of casting rays is its truth, for any mixture of cameras."""
+"""The CPU kernel of casting rays is its reference, for any mixture of cameras."""
 
 import pytest
 import torch
@@ -42,7 +42,7 @@ def fields(rays: Rays) -> list[torch.Tensor]:
 
 
 @DTYPES
-def test_rays_are_the_truth(dtype: torch.dtype) -> None:
+def test_rays_are_the_reference(dtype: torch.dtype) -> None:
     cameras, (camera, pixel) = make_cameras(dtype), pixels(500, dtype)
     truth = pixel_rays(cameras, camera, pixel)
     found = pixel_rays(cameras, camera, pixel, "numba")

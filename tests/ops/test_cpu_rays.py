@@ -1,4 +1,4 @@
-"""The CPU twins of the rays' geometry are their truths, whatever the rays, the type and the threads."""
+"""The CPU kernels of the rays' geometry are their references, whatever the rays, the type and the threads."""
 
 import pytest
 import torch
@@ -39,7 +39,7 @@ def truth(rays: Rays, t: Tensor, contraction: bool, octaves: int) -> tuple[Tenso
     return (mean + 2) / 4, integrated_positional_encoding(mean, variance, octaves)
 
 
-def twin(rays: Rays, t: Tensor, contraction: bool, octaves: int) -> tuple[Tensor, Tensor]:
+def kernel(rays: Rays, t: Tensor, contraction: bool, octaves: int) -> tuple[Tensor, Tensor]:
     return cpu_rays.frustum_features(
         rays.origins, rays.directions, rays.radius, t, STRETCH, contraction, octaves
     )
@@ -52,9 +52,9 @@ def in_double(rays: Rays) -> Rays:
 @CONTRACTION
 @pytest.mark.parametrize("octaves", [0, 1, 5, 6])
 @pytest.mark.parametrize("intervals", [1, 24, 37])
-def test_features_are_the_truth(contraction: bool, octaves: int, intervals: int) -> None:
+def test_features_are_the_reference(contraction: bool, octaves: int, intervals: int) -> None:
     rays, t = make_rays(70), edges(70, intervals)
-    unit, encoded = twin(rays, t, contraction, octaves)
+    unit, encoded = kernel(rays, t, contraction, octaves)
     assert unit.shape == (70, intervals, 3)
     assert encoded.shape == (70, intervals, 6 * octaves)
     true_unit, true_encoded = truth(rays, t, contraction, octaves)
@@ -63,12 +63,12 @@ def test_features_are_the_truth(contraction: bool, octaves: int, intervals: int)
 
 
 @CONTRACTION
-def test_features_in_single_precision_are_as_good_as_the_truth_s(contraction: bool) -> None:
+def test_features_in_single_precision_are_as_good_as_the_references(contraction: bool) -> None:
     """Both measured against double precision, from the same rounded rays."""
     rays, t = make_rays(500, torch.float32), edges(500, 24, torch.float32)
     exact = truth(in_double(rays), t.double(), contraction, 6)
     for found, single, double in zip(
-        twin(rays, t, contraction, 6), truth(rays, t, contraction, 6), exact, strict=True
+        kernel(rays, t, contraction, 6), truth(rays, t, contraction, 6), exact, strict=True
     ):
         assert found.dtype == torch.float32
         error, error_of_truth = float((found - double).abs().max()), float((single - double).abs().max())
@@ -91,7 +91,7 @@ def test_encoding_is_within_six_ten_millionths_of_its_mean_and_variance() -> Non
     torch.testing.assert_close(found[points].double(), exact[points], atol=6e-7, rtol=0)
 
 
-def test_points_on_faces_and_ties_are_the_truth() -> None:
+def test_points_on_faces_and_ties_are_the_reference() -> None:
     """Means exactly on a face of the cube or on |x| = |y|, reached by intervals without width."""
     corner = torch.tensor([[1.0, 0.5, 0.2], [-1.0, 1.0, 0.0], [2.0, 2.0, 1.0], [1.0, 1.0, 1.0]])
     origins = (corner.double() - torch.tensor([1.0, 0.0, 0.0])).contiguous()
@@ -114,14 +114,14 @@ def test_features_are_finite_and_bounded_over_the_float_range(contraction: bool)
     t0, t1 = torch.meshgrid(ends, ends, indexing="ij")
     t = torch.stack([t0[t0 <= t1], t1[t0 <= t1]], -1)
     rays = make_rays(len(t), torch.float32)
-    unit, encoded = twin(rays, t, contraction, 6)
+    unit, encoded = kernel(rays, t, contraction, 6)
     assert bool(((unit >= 0) & (unit <= 1)).all())
     assert bool((encoded.abs() <= 1 + 1e-6).all())
 
 
 @DTYPES
 @pytest.mark.parametrize("knee", [0.02, 0.25, 5000.0])
-def test_distances_are_the_truth(knee: float, dtype: torch.dtype) -> None:
+def test_distances_are_the_reference(knee: float, dtype: torch.dtype) -> None:
     s = torch.rand(20, 33, generator=torch.Generator().manual_seed(0), dtype=torch.float64).to(dtype)
     s[0, :2] = torch.tensor([0.0, 1.0])
     for edges_of in (s, s.t(), s[0], s[:0]):
@@ -142,11 +142,11 @@ def test_distances_in_single_precision_are_increasing() -> None:
 def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nor on whether the parallel kernel runs: bit for bit."""
     rays, t = make_rays(101, torch.float32), edges(101, 24, torch.float32)
-    alone = twin(rays, t, True, 6)
+    alone = kernel(rays, t, True, 6)
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)
     for parts in (2, 7):
         monkeypatch.setattr(launch, "num_threads", lambda parts=parts: parts)
-        for a, b in zip(twin(rays, t, True, 6), alone, strict=True):
+        for a, b in zip(kernel(rays, t, True, 6), alone, strict=True):
             assert torch.equal(a, b)
 
 
@@ -156,9 +156,9 @@ def test_strided_inputs_and_no_rays_are_no_trouble() -> None:
         rays.origins.t().contiguous().t(), rays.directions.t().contiguous().t(),
         rays.radius.repeat_interleave(2)[::2], rays.camera,
     )  # fmt: skip
-    for a, b in zip(twin(strided, t.t().contiguous().t(), True, 2), twin(rays, t, True, 2), strict=True):
+    for a, b in zip(kernel(strided, t.t().contiguous().t(), True, 2), kernel(rays, t, True, 2), strict=True):
         assert torch.equal(a, b)
-    unit, encoded = twin(rays[:0], t[:0], True, 2)
+    unit, encoded = kernel(rays[:0], t[:0], True, 2)
     assert unit.shape == (0, 5, 3)
     assert encoded.shape == (0, 5, 12)
 
@@ -167,10 +167,10 @@ def test_gradients_that_would_be_lost_and_mixed_types_are_refused() -> None:
     rays, t = make_rays(2), edges(2, 3)
     moving = Rays(rays.origins.clone().requires_grad_(), rays.directions, rays.radius, rays.camera)
     with pytest.raises(NotImplementedError, match="frustum_features on the CPU has no gradient by origins"):
-        twin(moving, t, True, 2)
+        kernel(moving, t, True, 2)
     with torch.no_grad():
-        twin(moving, t, True, 2)
+        kernel(moving, t, True, 2)
     with pytest.raises(NotImplementedError, match="s_to_t on the CPU has no gradient by s"):
         cpu_rays.s_to_t(t.requires_grad_(), 0.1, 10.0, 1.0)
     with pytest.raises(TypeError, match="tensors of one type"):
-        twin(make_rays(2, torch.float32), t.detach(), True, 2)
+        kernel(make_rays(2, torch.float32), t.detach(), True, 2)

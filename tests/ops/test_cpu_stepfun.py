@@ -1,4 +1,4 @@
-"""The CPU twins of step functions: the truth's values and gradients on any histogram."""
+"""The CPU kernels of step functions: the reference's values and gradients on any histogram."""
 
 from collections.abc import Callable
 
@@ -60,7 +60,7 @@ def levels(case: str, count: int, dtype: torch.dtype) -> Tensor:
 @CASES
 @DTYPES
 @pytest.mark.parametrize("anneal", [1.0, 0.3])
-def test_resampling_is_the_truth(case: str, dtype: torch.dtype, anneal: float) -> None:
+def test_resampling_is_the_reference(case: str, dtype: torch.dtype, anneal: float) -> None:
     s, w = histograms(case, 37, 0, dtype)
     u = levels(case, 25, dtype)
     tolerance = 3e-5 if dtype == torch.float32 else 1e-12
@@ -101,7 +101,7 @@ def test_resampled_edges_are_increasing_and_inside_whatever_the_weights(dtype: t
 
 @CASES
 @pytest.mark.parametrize("proposal_intervals", [1, 24, 64])
-def test_interlevel_loss_is_the_truth(case: str, proposal_intervals: int) -> None:
+def test_interlevel_loss_is_the_reference(case: str, proposal_intervals: int) -> None:
     s, w = histograms(case, 24, 2, torch.float64)
     other, w_other = histograms(case, proposal_intervals, 3, torch.float64)
     found, expected = (
@@ -112,7 +112,7 @@ def test_interlevel_loss_is_the_truth(case: str, proposal_intervals: int) -> Non
 
 
 @CASES
-def test_interlevel_loss_in_single_precision_is_the_truth(case: str) -> None:
+def test_interlevel_loss_in_single_precision_is_the_reference(case: str) -> None:
     """Weights are multiples of 2^-10, so that no bound is decided by rounding."""
     s, w = histograms(case, 24, 2, torch.float32)
     other, w_other = histograms(case, 64, 3, torch.float32)
@@ -132,7 +132,7 @@ def test_interlevel_loss_is_zero_where_the_proposal_covers() -> None:
 
 @CASES
 @DTYPES
-def test_distortion_loss_is_the_truth(case: str, dtype: torch.dtype) -> None:
+def test_distortion_loss_is_the_reference(case: str, dtype: torch.dtype) -> None:
     s, w = histograms(case, 37, 4, dtype)
     found, expected = (
         with_gradient(lambda w, of=of: of(s, w), w)

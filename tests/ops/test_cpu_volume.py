@@ -1,4 +1,4 @@
-"""The CPU twins of volume rendering: the truth's values and gradients, and the truth's laws."""
+"""The CPU kernels of volume rendering: the reference's values and gradients, and the reference's laws."""
 
 import math
 from collections.abc import Callable
@@ -72,7 +72,7 @@ def assert_close(found: list[Tensor], expected: list[Tensor], tolerance: float) 
 
 @CASES
 @DTYPES
-def test_rendering_is_the_truth(case: str, dtype: torch.dtype) -> None:
+def test_rendering_is_the_reference(case: str, dtype: torch.dtype) -> None:
     sigma, t, colours = inputs(case, dtype)
     tolerance = 5e-6 if dtype == torch.float32 else 1e-13
     expected = with_gradients(truth, sigma, t, colours)
@@ -88,7 +88,7 @@ def test_each_output_has_the_truth_s_gradient_alone(outputs: tuple[int, ...]) ->
 
 @CASES
 @DTYPES
-def test_weights_are_the_truth(case: str, dtype: torch.dtype) -> None:
+def test_weights_are_the_reference(case: str, dtype: torch.dtype) -> None:
     sigma, t, colours = inputs(case, dtype)
 
     def weights(of: Callable[[Tensor, Tensor], Tensor]) -> list[Tensor]:

@@ -1,4 +1,4 @@
-"""The Triton twins are the reference: interpreted on a CPU, or run on a GPU where there is one."""
+"""The Triton kernels are the reference: interpreted on a CPU, or run on a GPU where there is one."""
 
 import os
 import subprocess
@@ -55,7 +55,7 @@ def assert_near(a: Tensor, b: Tensor, tolerance: float, name: str = "") -> None:
 
 
 @CASES
-def test_twin_agrees_with_the_reference(
+def test_kernel_agrees_with_the_reference(
     device: str, features: int, interpolation: Literal["linear", "cubic"], dtype: torch.dtype
 ) -> None:
     grid = make_grid(features, interpolation)
@@ -146,8 +146,8 @@ def test_position_gradient_is_the_gradient_of_the_position(device: str, moving: 
     inputs = (x.requires_grad_(moving), cotangent.requires_grad_(), table.requires_grad_())
     q = torch.randn(x.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64).to(x)
     results = []
-    for twin in (reference, cuda_hash):
-        g_x = twin.hash_position_gradient(*inputs, grid)
+    for kernel in (reference, cuda_hash):
+        g_x = kernel.hash_position_gradient(*inputs, grid)
         results.append([g_x, *torch.autograd.grad(g_x, inputs[0 if moving else 1 :], q)])
     for a, b in zip(results[1], results[0], strict=True):
         assert_near(a, b, 1e-12)
@@ -159,10 +159,10 @@ def test_backward_passes_add_to_a_table_s_gradient(device: str) -> None:
     x, table, cotangent = inputs_on(device, grid, torch.float32)
     x.requires_grad_()
 
-    def run(twin: object, before: Tensor | None) -> Tensor:
+    def run(kernel: object, before: Tensor | None) -> Tensor:
         leaf = table.clone().requires_grad_()
         leaf.grad = before
-        out = twin.hash_encode(x, leaf, grid)  # type: ignore[attr-defined]  # a module
+        out = kernel.hash_encode(x, leaf, grid)  # type: ignore[attr-defined]  # a module
         (g_x,) = torch.autograd.grad(out, x, cotangent, create_graph=True)
         ((out * cotangent).sum() + g_x.sum() / grid.finest).backward()  # of one size: neither hides the other
         assert leaf.grad is not None

@@ -1,8 +1,13 @@
 """The backend is chosen by device, and never changed silently."""
 
+import ast
+from pathlib import Path
+from typing import get_args
+
 import pytest
 import torch
 
+import plnerf
 from plnerf.errors import ConfigError
 from plnerf.ops import dispatch
 from plnerf.ops.backends import Backend
@@ -55,5 +60,19 @@ def test_backends_compute_the_same() -> None:
     backends: tuple[Backend, ...] = ("torch", "numba", "triton")
     truth, *found = (hash_encode(x, table, grid, backend) for backend in backends)
     assert not torch.equal(truth, torch.zeros_like(truth))
-    for twin in found:
-        torch.testing.assert_close(twin, truth, atol=1e-5, rtol=0)
+    for kernel in found:
+        torch.testing.assert_close(kernel, truth, atol=1e-5, rtol=0)
+
+
+def test_nothing_else_compares_the_names_of_backends() -> None:
+    """Everything else asks `dispatch.kernels` for functions or what a backend can do."""
+    package = Path(plnerf.__file__).parent
+    found = []
+    for path in package.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            parts = [node.left, *node.comparators] if isinstance(node, ast.Compare) else []
+            constants = {c.value for part in parts for c in ast.walk(part) if isinstance(c, ast.Constant)}
+            if constants & set(get_args(Backend)):
+                found.append(f"{path.relative_to(package)}:{node.lineno}")
+    assert [place for place in found if not place.startswith("ops/dispatch.py")] == []
+    assert any(place.startswith("ops/dispatch.py") for place in found)

@@ -1,4 +1,4 @@
-"""The hash encoding: the reference is the equation, its gradients are right, the twin is the reference."""
+"""The hash encoding: the reference is the equation, its gradients are right, the kernel is the reference."""
 
 import math
 from collections.abc import Callable
@@ -61,7 +61,7 @@ def derivatives(encode: Encode, grid: GridShape, x: Tensor, table: Tensor, cotan
 
 
 @CASES
-def test_twin_agrees_with_the_reference(
+def test_kernel_agrees_with_the_reference(
     features: int, interpolation: Literal["linear", "cubic"], dtype: torch.dtype
 ) -> None:
     grid = make_grid(features, interpolation)
@@ -209,20 +209,20 @@ def test_strided_inputs_agree_and_compile_nothing_new() -> None:
 def test_position_gradient_is_the_gradient_of_the_position(
     features: int, interpolation: Literal["linear", "cubic"], dtype: torch.dtype
 ) -> None:
-    """Of both twins, whether or not positions ask for gradients themselves; and it trains the table."""
+    """Of both kernels, whether or not positions ask for gradients themselves; and it trains the table."""
     grid = make_grid(features, interpolation)
     x, table, cotangent = make_inputs(grid, 200, dtype)
     truth = derivatives(reference.hash_encode, grid, x, table, cotangent)
     tolerance = 1e-5 if dtype == torch.float32 else 1e-12
     q = torch.randn(x.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64).to(x)
-    for twin in (reference, cpu_hash):
+    for kernel in (reference, cpu_hash):
         for moving in (False, True):
             inputs = (
                 x.clone().requires_grad_(moving),
                 cotangent.clone().requires_grad_(),
                 table.requires_grad_(),
             )
-            g_x = twin.hash_position_gradient(*inputs, grid)
+            g_x = kernel.hash_position_gradient(*inputs, grid)
             second = torch.autograd.grad(g_x, inputs[0 if moving else 1 :], q)
             for a, b in zip([g_x, *second], [truth[1], *truth[3 if moving else 4 :]], strict=True):
                 torch.testing.assert_close(a, b, atol=tolerance * float(b.abs().max()), rtol=0)

@@ -1,4 +1,4 @@
-"""The fused proposal network: its twin is the reference, whatever the number of points and threads."""
+"""The fused proposal network: its kernel is the reference, whatever the number of points and threads."""
 
 from typing import Literal
 
@@ -30,7 +30,7 @@ def inputs(grid: GridShape, points: int, hidden: int, dtype: torch.dtype) -> tup
     [(2, "linear", torch.float32, 2e-5), (2, "cubic", torch.float64, 1e-12)],
     ids=str,
 )
-def test_twin_is_the_reference(
+def test_kernel_is_the_reference(
     points: int,
     features: int,
     interpolation: Literal["linear", "cubic"],

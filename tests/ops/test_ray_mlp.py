@@ -1,4 +1,4 @@
-"""The fused network: its twin is the reference, whatever the widths, the number of rays and of threads."""
+"""The fused network: its kernel is the reference, whatever the widths, the number of rays and of threads."""
 
 import numba
 import pytest
@@ -37,7 +37,7 @@ def inputs(
     ],
     ids=str,
 )
-def test_twin_is_the_reference(
+def test_kernel_is_the_reference(
     rays: int, samples: int, widths: tuple[int, ...], const: int, dtype: torch.dtype
 ) -> None:
     x, fixed, base, weights = inputs(rays, samples, widths, const, dtype)

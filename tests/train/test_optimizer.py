@@ -1,4 +1,4 @@
-"""The optimiser: Adam on networks, by rows on tables; the twin is the truth; states load as they were."""
+"""The optimiser: Adam on networks, by rows on tables; the kernel is the reference; states load as they were."""
 
 import math
 
@@ -26,7 +26,7 @@ def make_table(rows: int, features: int, dtype: torch.dtype = torch.float32, see
 
 @pytest.mark.parametrize("features", [1, 2, 3, 4, 20])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
-def test_twin_agrees_with_the_truth(features: int, dtype: torch.dtype) -> None:
+def test_kernel_agrees_with_the_reference(features: int, dtype: torch.dtype) -> None:
     """On tables that do and do not fill whole vectors."""
     tolerance = 1e-6 if dtype == torch.float32 else 1e-14
     for rows in (1, 101):
