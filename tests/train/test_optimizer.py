@@ -1,4 +1,4 @@
-"""The optimiser: Adam on networks, by rows on tables; the kernel is the reference; states load as they were."""
+"""The optimiser: Adam on networks, by rows on tables; the kernel agrees with the reference; states load."""
 
 import math
 
