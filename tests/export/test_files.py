@@ -29,8 +29,8 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.survey import Survey, WirePoints
 from plnerf.scene.ply import read_ply
 from plnerf.survey.clearance import measure_clearances
-from plnerf.survey.fit import fit_wire
 from plnerf.survey.config_ground import ClearanceConfig
+from plnerf.survey.fit import fit_wire
 
 ORIGIN = np.array([9.0, 51.45, 250.0])
 RD = np.array([155_000.0, 463_000.0, 0.0])
