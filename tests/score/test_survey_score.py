@@ -31,7 +31,8 @@ from plnerf.score.score import score_files
 from plnerf.score.survey_score import score_survey
 from plnerf.score.truth import TruePlant, Truth, read_truth
 from plnerf.score.wires import WireMatches, match_wires, rules
-from plnerf.survey.clearance import ClearanceConfig, measure_clearances
+from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config_ground import ClearanceConfig
 
 TRUTH = span(*(wire(y, name=name) for y, name in ((0.0, "A"), (3.0, "B"), (6.0, "C"))))
 RAISED = np.array([0.0, 0.0, 0.02, 0.02, 0.0, 0.0])
@@ -379,7 +380,7 @@ SPOILT: dict[str, tuple[Spoil, str]] = {
         "has format version 2, but .* reads 3. Survey again",
     ),
     "unscaled": (lambda data: data["frame"].update(unit="unscaled"), "is unscaled, so that its wires cannot"),
-    "uncertain": (lambda data: row_of(data).pop("covariance"), r"is no survey .*\('covariance'\)"),
+    "uncertain": (lambda data: row_of(data).pop("covariance"), "is no survey .it has no 'covariance'"),
     "null": (lambda data: row_of(data).update(theta=[None] * 6), "finite numbers"),
 }
 
@@ -397,11 +398,9 @@ def test_what_is_no_survey_in_metres_is_refused(folder: Path, name: str) -> None
 
 def test_what_is_no_survey_at_all_is_refused(folder: Path, tmp_path: Path) -> None:
     (folder / "survey.json").write_text("{")
-    with pytest.raises(SurveyError, match="cannot be read as JSON"):
+    with pytest.raises(SurveyError, match="is not valid JSON"):
         score_files(folder, truth=tmp_path / "truth.json")
-    with pytest.raises(
-        SurveyError, match=re.escape(f"{tmp_path}/survey.json cannot be read as JSON ([Errno 2]")
-    ):
+    with pytest.raises(SurveyError, match=re.escape(f"{tmp_path}/survey.json cannot be read (No such file")):
         score_files(tmp_path / "survey.json", truth=tmp_path / "truth.json")
 
 

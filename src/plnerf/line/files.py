@@ -49,7 +49,7 @@ def read_wires(path: Path) -> tuple[tuple[Wire, ...], LineFrame]:
         return tuple(_wire(row) for row in data["wires"]), _frame(data["frame"])
     except (KeyError, TypeError, ValueError) as error:
         raise SurveyError(
-            f"{path} is no file of wires ({error!r}). Remove it: the wires are detected again."
+            f"{path} is no file of wires ({_words(error)}). Remove it: the wires are detected again."
         ) from error
 
 
@@ -79,7 +79,7 @@ def read_survey(path: Path) -> Survey:
             from_images=bool(data["from_images"]),
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise SurveyError(f"{path} is no survey ({error!r}). Survey again: plnerf survey.") from error
+        raise SurveyError(f"{path} is no survey ({_words(error)}). Survey again: plnerf survey.") from error
 
 
 def survey_json(survey: Survey) -> dict[str, Any]:
@@ -106,14 +106,22 @@ def survey_json(survey: Survey) -> dict[str, Any]:
 def _load(path: Path, version: int, advice: str) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise SurveyError(f"{path} cannot be read as JSON ({error}). {advice}") from error
+    except OSError as error:
+        raise SurveyError(
+            f"{path} cannot be read ({error.strerror or error}). Give a file that is there."
+        ) from error
+    except ValueError as error:  # of JSON, or of the encoding
+        raise SurveyError(f"{path} is not valid JSON ({error}). {advice}") from error
     found = data.get("format_version") if isinstance(data, dict) else None
     if not isinstance(data, dict) or found != version:
         raise SurveyError(
             f"{path} has format version {found!r}, but this version of plnerf reads {version}. {advice}"
         )
     return data
+
+
+def _words(error: Exception) -> str:
+    return f"it has no {error}" if isinstance(error, KeyError) else str(error)
 
 
 def _frame_row(frame: LineFrame) -> dict[str, Any]:
