@@ -12,6 +12,7 @@ import pytest
 
 import plnerf
 
+
 def test_every_name_is_there_after_every_module_was_imported() -> None:
     """A submodule of the same name as a function would hide it."""
     for module in walk_packages(plnerf.__path__, "plnerf."):

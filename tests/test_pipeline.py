@@ -129,7 +129,7 @@ def test_rendering_needs_no_photos(tiny_scene: Path, tmp_path: Path) -> None:
     tiny_scene.rename(tmp_path / "away")
     folder = pipeline.render(out, views="path", outputs=("rgb", "depth"), frames=2, scale=0.5, video=False)
     assert len(list((folder / "rgb").iterdir())) == 2
-    with pytest.raises(SceneError, match="There is no"):
+    with pytest.raises(SceneError, match="is not there"):
         pipeline.evaluate(out)
 
 

@@ -34,7 +34,7 @@ FLOORS = {
     "score": 7,
     "doctor": 7,
     "pipeline": 8,
-    "reconstruct": 8.5,
+    "console": 8,
     "bench": 9,
     "cli": 10,
 }

@@ -24,7 +24,9 @@ _MODULES = {
     "load_scene": "plnerf.scene.scene",
     "open_run": "plnerf.train.run",
     "read_cloud": "plnerf.survey.lidar.las",
-    "score_survey": "plnerf.score.score",
+    "read_survey": "plnerf.line.files",
+    "read_truth": "plnerf.score.truth",
+    "score_survey": "plnerf.score.survey_score",
     "survey_cloud": "plnerf.survey.run",
     "survey_run": "plnerf.survey.run",
     "survey_scene": "plnerf.survey.run",
@@ -32,7 +34,7 @@ _MODULES = {
     "write_survey": "plnerf.pipeline",
 }
 
-__all__ = [*_MODULES]
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:

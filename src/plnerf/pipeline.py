@@ -47,6 +47,7 @@ from plnerf.train.loop import train as train_loop
 from plnerf.train.render_run import Output, Views, render_run
 from plnerf.train.report import Report, RunLog
 from plnerf.train.run import open_run, read_config
+from plnerf.train.settings import from_json, to_json
 
 Device = Literal["auto", "cpu", "cuda"]
 PAGE = "report.html"
@@ -60,18 +61,19 @@ def bundled_span() -> Path:
 
 
 def capture_scene(
-    source: Path, out: Path, config: CaptureConfig | None = None, progress: Tell | None = None
+    source: Path | str, out: Path | str, config: CaptureConfig | None = None, progress: Tell | None = None
 ) -> Path:
     """Makes a scene folder of photos or a video; returns the folder.
 
     progress: called with the stage's name, what is done of it, and of how much.  Errors as of `capture`.
     """
-    return capture(source, out, config or CaptureConfig(), progress or (lambda stage, done, of: None)).parent
+    progress = progress or (lambda stage, done, of: None)
+    return capture(Path(source), Path(out), config or CaptureConfig(), progress).parent
 
 
 def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
-    scene: Path,
-    out: Path,
+    scene: Path | str,
+    out: Path | str,
     *,
     preset: str = "pl-nerf",
     model: SystemConfig | None = None,
@@ -91,6 +93,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step; None: a log
     in the run folder.
     """
+    scene, out = Path(scene), Path(out)
     if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
         raise ConfigError(
             f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
@@ -109,6 +112,8 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
         seconds=seconds,
         seed=seed,
     )
+    # What would not come back from config.json, such as infinity, is refused before anything is read.
+    config = from_json(RunConfig, to_json(config), "The settings")
     loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
     if finest_of(config.model) == finest_of(chosen.model):
         config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
@@ -183,6 +188,11 @@ def survey(
     is_scene = not is_cloud and not (source / "config.json").exists() and has_poses(source)
     root = source.parent if is_scene and source.is_file() else source
     folder = out or (source.with_name(f"{source.stem}-survey") if is_cloud else root / "survey")
+    if not is_cloud and not is_scene and not (source / "config.json").exists():
+        raise ConfigError(
+            f"{source} is neither a run folder, nor a scene with poses, nor a LAS or LAZ file. Give one of "
+            "these."
+        )
     check_folder(folder)
     if is_cloud:
         found = survey_cloud(read_cloud(source), config, progress)

@@ -13,15 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-import test_scene_errors
 import torch
 from tests.conftest import SNAPSHOTS
+from tests.scene import test_scene_errors
+from tests.support.changed import options
 from tests.support.tiny_run import SMALL, Recorder, log_of, run_plnerf, tiny_config
 
+from plnerf import pipeline
 from plnerf.cli.main import main
+from plnerf.survey.config import SurveyConfig
 from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.loop import train
-from plnerf.train.run import read_config
+from plnerf.train.run import open_run, read_config
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Result:
 
 
 Call = Callable[..., Result]
-SET = [word for setting in SMALL for word in ("--set", setting)]
+SET = options(SMALL)
 
 
 @pytest.fixture
@@ -99,24 +102,13 @@ def unknown_preset(place: Place) -> list[str | Path]:
 
 
 @case
-def unknown_setting(place: Place) -> list[str | Path]:
-    return place.train("--set", "model.colour=3")
-
-
-@case
-def setting_without_a_value(place: Place) -> list[str | Path]:
-    return place.train("--set", "model.contraction")
-
-
-@case
-def setting_of_another_type(place: Place) -> list[str | Path]:
-    return place.train("--set", "train.rays=many")
-
-
-@case
 def setting_out_of_range(place: Place) -> list[str | Path]:
-    grid = {"levels": 0, "coarsest": 2, "finest": 4, "features": 2, "log2_table": 5}
-    return place.train("--set", f"model.field.grid={json.dumps(grid)}")
+    return place.train("--model.field.grid.levels", "0")
+
+
+@case
+def setting_that_contradicts_another(place: Place) -> list[str | Path]:
+    return place.train("--model.sampler.proposals", "64")
 
 
 @case
@@ -173,7 +165,7 @@ def resume_with_two_budgets(place: Place) -> list[str | Path]:
 
 @case
 def resume_with_other_settings(place: Place) -> list[str | Path]:
-    return place.resume("--set", "train.rays=64")
+    return place.resume("--train.rays", "64")
 
 
 @case
@@ -327,7 +319,10 @@ def test_paths_are_printed_as_they_are(tmp_path: Path, plnerf: Call) -> None:
         ["train", "scene", "-o", "out", "--steps", "many"],
         ["train", "scene", "-o", "out", "--device", "tpu"],
         ["train", "scene", "-o", "out", "--colour", "blue"],
-        ["train", "scene", "-o", "out", "--set"],
+        ["train", "scene", "-o", "out", "--set", "train.rays=3"],
+        ["bench", "--targets", "many"],
+        ["compare", "scene", "--presets", "nerf", "pl-nerf", "--model.field.width", "32"],
+        ["survey", "run", "--voltage-kv", "high"],
         ["eval"],
         ["render", "run", "--views", "all"],
         ["render", "run", "--outputs", "heat"],
@@ -340,14 +335,39 @@ def test_wrong_arguments_end_with_status_2(arguments: list[str], plnerf: Call) -
     assert "Traceback" not in result.err
 
 
+WRONG_SETTINGS = {
+    "word_for_a_number": ["--train.rays", "many"],
+    "fraction_for_a_whole_number": ["--train.rays", "1.5"],
+    "unknown": ["--train.rayz", "3"],
+    "unknown_section": ["--trian.rays", "3"],
+    "of_another_preset": ["--model.field.width", "3"],
+    "without_a_value": ["--model.sampler.final"],
+    "too_few_values": ["--model.stretch", "1", "2"],
+    "no_such_choice": ["--train.detail-map", "edges"],
+    "no_such_item": ["--model.proposals.2.hidden", "3"],
+    "as_a_value_that_is_no_truth": ["--train.pose-refinement", "yes"],
+}
+
+
+@pytest.mark.parametrize("name", WRONG_SETTINGS)
+def test_text_of_wrong_settings(name: str, snapshot: Callable[[str, str], None]) -> None:
+    done = run_plnerf("train", "scene", "-o", "out", *WRONG_SETTINGS[name])
+    assert done.returncode == 2 and done.stdout == "" and "Traceback" not in done.stderr
+    snapshot(f"options_{name}", "\n".join(line.rstrip() for line in done.stderr.rstrip().splitlines()))
+
+
 def test_a_run_from_the_first_step_to_its_pictures(tiny_scene: Path, tmp_path: Path, plnerf: Call) -> None:
     out = tmp_path / "run"
-    done = plnerf("train", tiny_scene, "-o", out, "--steps", "3", "--seed", "7", "--downscale", "2", *SET)
+    more = ("--train.loss.distortion", "0.5", "--train.pose-refinement", "--model.field.no-normals")
+    budget = ("--steps", "3", "--seed", "7", "--downscale", "2")
+    done = plnerf("train", tiny_scene, "-o", out, *budget, *SET, *more)
     assert (done.status, done.err) == (0, "")
     assert "images of 24x16, backend numba on cpu, seed 7" in done.out
     config = read_config(out)
     assert (config.steps, config.seconds, config.seed, config.downscale) == (3, None, 7, 2)
-    assert config.train.rays == 128 and config.model.sampler.final == 12  # the first and a later --set
+    assert config.train.rays == 128 and config.model.sampler.proposals == (24, 16)
+    assert config.train.loss.distortion == 0.5 and config.train.pose_refinement
+    assert not config.model.field.normals
     assert config.scene == str(tiny_scene.resolve())
     assert log_of(out)[-1]["step"] == 3
 
@@ -393,7 +413,7 @@ def test_ctrl_c_ends_with_status_130(
     def press(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("plnerf.pipeline.train", press)
+    monkeypatch.setattr("plnerf.pipeline.train_loop", press)
     done = plnerf("train", tiny_scene, "-o", tmp_path / "run", "--steps", "1", *SET)
     assert done.status == 130 and "Traceback" not in done.err and "--resume" in done.err
 
@@ -401,3 +421,36 @@ def test_ctrl_c_ends_with_status_130(
 def test_the_real_command_too(tmp_path: Path) -> None:
     done = run_plnerf("eval", tmp_path)
     assert_one_paragraph(Result(done.returncode, done.stdout, done.stderr))
+
+
+def test_demo_goes_from_photos_to_pictures(
+    tiny_scene: Path, tmp_path: Path, plnerf: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of `plnerf demo`, on a smaller scene."""
+    shutil.copy(pipeline.bundled_span() / "truth.json", tiny_scene)  # of other wires: none is found
+    monkeypatch.setattr(pipeline, "bundled_span", lambda: tiny_scene)
+    out = tmp_path / "demo"
+    done = plnerf("demo", "-o", out, "--seconds", "0.5")
+    assert done.status == 0
+    for said in (f"report: {out}/survey/report.html", f"pictures: {out}/renders/path", "No wire was found."):
+        assert said in done.out
+    score = json.loads((out / "survey" / "survey.score.json").read_text())
+    assert score["conductors"]["found"] == 0 and score["conductors"]["missing"]
+    assert open_run(out).seconds >= 0.5
+    assert len(list((out / "eval" / "panels").glob("*.png"))) == 2
+    assert (out / "renders" / "path-rgb.mp4").stat().st_size > 1000
+    assert (out / "renders" / "path-depth.mp4").stat().st_size > 1000
+    again = plnerf("demo", "-o", out)
+    assert again.status == 1 and "is there already" in again.err
+
+
+def test_the_survey_takes_its_settings_from_the_command_line(
+    tmp_path: Path, plnerf: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[SurveyConfig] = []
+    monkeypatch.setattr(pipeline, "survey", lambda source, config, out, progress: asked.append(config))
+    with pytest.raises(TypeError):  # nothing comes back
+        plnerf("survey", tmp_path, "--voltage-kv", "110", "--pictures", "2", "--refine.most-rounds", "7")
+    (config,) = asked
+    assert (config.clearance.voltage_kv, config.pictures, config.refine.most_rounds) == (110.0, 2, 7)
+    assert plnerf("survey", tmp_path, "--clearance.clearance-m", "-1").status == 1

@@ -23,6 +23,7 @@ from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.train.config import RunConfig
 from plnerf.train.run import TrainedRun
+from plnerf.train.scene_record import SceneRecord
 
 FAR = 1000.0
 
@@ -138,7 +139,9 @@ def oracle_run(scene: Scene, folder: Path, see: Callable[[Rays], Seen] | None = 
         model=model.config,
         steps=7,
     )
-    return TrainedRun(folder, config, scene, model.eval(), 7, 1.5)
+    run = TrainedRun(folder, config, SceneRecord.of(scene), model.eval(), 7, 1.5)
+    run.__dict__["scene"] = scene  # as the cached property keeps it
+    return run
 
 
 def one_camera(

@@ -1,4 +1,4 @@
-"""What a run tells: a log without gaps or doubles, events, and a console that is given back."""
+"""What a run reports: a log without gaps or doubles, events, and a console that is given back."""
 
 import math
 from pathlib import Path
@@ -9,8 +9,9 @@ from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tests.support.tiny_run import log_of, open_tiny, tiny_config
 
+from plnerf.console import RunConsole
 from plnerf.scene.scene import Scene
-from plnerf.train.report import LOG_EVERY, Report, RunReport, SilentReport
+from plnerf.train.report import LOG_EVERY, Report, RunLog, SilentReport
 
 
 def terms_of(step: int) -> dict[str, torch.Tensor]:
@@ -25,7 +26,7 @@ def scene(tiny_scene: Path, tmp_path: Path) -> Scene:
 def play(folder: Path, scene: Scene, first: int, last: int, total: int = 100) -> str:
     """A run from one step to another, half a second each, validated at full tens; its console's text."""
     console = Console(record=True, width=100, file=(folder.parent / "console.txt").open("w"))
-    report = RunReport(folder, console)
+    report = RunConsole(folder, console)
     report.begin(tiny_config(Path("/s"), steps=total), scene, first)
     for step in range(first + 1, last + 1):
         report.step(step, step / 2, step / total, terms_of(step))
@@ -88,7 +89,7 @@ def test_events_are_those_of_the_log(tmp_path: Path, scene: Scene) -> None:
 
 def test_a_failed_run_gives_the_console_and_the_log_back(tmp_path: Path, scene: Scene) -> None:
     console = Console(force_terminal=True, file=(tmp_path / "console.txt").open("w"))
-    report = RunReport(tmp_path / "run", console)
+    report = RunConsole(tmp_path / "run", console)
     report.begin(tiny_config(Path("/s"), steps=40), scene, 0)
     report.step(1, 0.5, 1 / 40, terms_of(1))
     report.close()
@@ -105,7 +106,7 @@ def test_a_failed_run_gives_the_console_and_the_log_back(tmp_path: Path, scene: 
 )
 def test_nothing_left(budget: dict[str, float], words: str, tmp_path: Path) -> None:
     console = Console(record=True, width=100)
-    report = RunReport(tmp_path / "run", console)
+    report = RunConsole(tmp_path / "run", console)
     report.nothing_left(tiny_config(Path("/s"), **budget), 40, 12.6)
     assert (
         console.export_text() == f"Nothing left to train: {words} are done. Give a larger budget to go on.\n"
@@ -113,6 +114,7 @@ def test_nothing_left(budget: dict[str, float], words: str, tmp_path: Path) -> N
     assert not (tmp_path / "run").exists()
 
 
-def test_both_reports_are_reports(tmp_path: Path) -> None:
+def test_all_reports_are_reports(tmp_path: Path) -> None:
     assert isinstance(SilentReport(), Report)
-    assert isinstance(RunReport(tmp_path, Console()), Report)
+    assert isinstance(RunLog(tmp_path), Report)
+    assert isinstance(RunConsole(tmp_path, Console()), Report)

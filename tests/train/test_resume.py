@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.changed import options
 from tests.support.tiny_run import SMALL, assert_same_bits, log_of, newest_tensors, run_plnerf, start_plnerf
 
 from plnerf.train.checkpoint import list_checkpoints
@@ -15,8 +16,7 @@ STEPS, EVERY = 90, 6  # of a run, and between two checkpoints
 
 def train_arguments(scene: Path, out: Path) -> list[str | Path]:
     settings = (*SMALL, "train.validations=6", f"train.checkpoints={STEPS // EVERY}")
-    options = [word for setting in settings for word in ("--set", setting)]
-    return ["train", scene, "-o", out, "--steps", str(STEPS), "--seed", "3", *options]
+    return ["train", scene, "-o", out, "--steps", str(STEPS), "--seed", "3", *options(settings)]
 
 
 def newest_step(run: Path) -> int:

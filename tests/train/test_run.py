@@ -1,26 +1,62 @@
 """A run folder is enough to get the scene and the model back."""
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
-from tests.support.tiny_run import assert_same_bits, newest_tensors, tiny_config
+from tests.support.tiny_run import assert_same_bits, newest_tensors, open_tiny, tiny_config
 
 from plnerf.errors import CheckpointError, ConfigError, SceneError
+from plnerf.scene.scene import Scene
 from plnerf.train.loop import train
 from plnerf.train.report import SilentReport
-from plnerf.train.run import build_model, open_run, open_scene, read_config, write_config
+from plnerf.train.run import build_model, open_run, open_scene, read_config, write_run
+from plnerf.train.scene_record import SceneRecord, read_record
 
 
-def test_config_comes_back_as_written(tmp_path: Path) -> None:
+@pytest.fixture
+def scene(tiny_scene: Path, tmp_path: Path) -> Scene:
+    return open_tiny(tiny_scene, tmp_path)
+
+
+def test_config_comes_back_as_written(scene: Scene, tmp_path: Path) -> None:
     config = tiny_config(Path("/data/span"), seconds=1 / 3, seed=1 << 40)
-    write_config(tmp_path / "run", config)
+    write_run(tmp_path / "run", config, scene)
     assert read_config(tmp_path / "run") == config
-    write_config(tmp_path / "run", tiny_config(Path("/data/span")))
+    write_run(tmp_path / "run", tiny_config(Path("/data/span")), scene)
     assert read_config(tmp_path / "run") == tiny_config(Path("/data/span"))
-    assert [path.name for path in (tmp_path / "run").iterdir()] == ["config.json"]
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {"config.json", "scene.json"}
+
+
+def test_the_scenes_record_comes_back_to_the_last_bit(scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path / "run", tiny_config(Path("/data/span")), scene)
+    kept, made = read_record(tmp_path / "run"), SceneRecord.of(scene)
+    assert (kept.names, kept.train, kept.test) == (made.names, made.train, made.test)
+    assert kept.frames.to_json() == made.frames.to_json() and np.array_equal(kept.box, made.box)
+    for one in dataclasses.fields(made.cameras):
+        ours, theirs = getattr(kept.cameras, one.name), getattr(made.cameras, one.name)
+        assert ours.dtype == theirs.dtype and torch.equal(ours, theirs), one.name
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format_version": 1}', '{"format_version": 9}'])
+def test_a_spoilt_record(text: str, scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path, tiny_config(Path("/data/span")), scene)
+    (tmp_path / "scene.json").write_text(text)
+    with pytest.raises(ConfigError, match=r"scene\.json .*train again"):
+        read_record(tmp_path)
+
+
+def test_a_run_of_an_earlier_version_is_to_be_trained_again(scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path, tiny_config(Path("/data/span")), scene)
+    data = json.loads((tmp_path / "config.json").read_text())
+    del data["format_version"]
+    (tmp_path / "config.json").write_text(json.dumps(data))
+    with pytest.raises(ConfigError, match=r"has format version 1, .* reads version 2\. Train again"):
+        open_run(tmp_path)
 
 
 def test_a_trained_run_opens_with_its_weights(tiny_scene: Path, tmp_path: Path) -> None:
@@ -68,30 +104,35 @@ SPOILT: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("pattern", SPOILT)
-def test_a_spoilt_config(pattern: str, tmp_path: Path) -> None:
-    write_config(tmp_path, tiny_config(Path("/data/span")))
+def test_a_spoilt_config(pattern: str, scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path, tiny_config(Path("/data/span")), scene)
     SPOILT[pattern](tmp_path / "config.json")
     with pytest.raises(ConfigError, match=pattern) as caught:
         read_config(tmp_path)
     assert str(tmp_path / "config.json") in str(caught.value)
 
 
-def test_a_run_without_a_checkpoint(tmp_path: Path) -> None:
-    write_config(tmp_path, tiny_config(Path("/data/span")))
+def test_a_run_without_a_checkpoint(scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path, tiny_config(Path("/data/span")), scene)
     with pytest.raises(CheckpointError, match="holds no complete checkpoint yet") as caught:
         open_run(tmp_path)
     assert f"plnerf train /data/span -o {tmp_path} --resume" in str(caught.value)
 
 
-def test_a_run_whose_scene_has_gone_or_grown(tiny_scene: Path, tmp_path: Path) -> None:
+def test_a_run_whose_scene_has_gone_or_changed(tiny_scene: Path, tmp_path: Path) -> None:
+    """It opens and has cameras; only its photos are asked for in vain."""
     run = train(tiny_config(tiny_scene, steps=1), tmp_path / "run", SilentReport())
     listing = tiny_scene / "transforms.json"
     data = json.loads(listing.read_text())
     listing.write_text(json.dumps(data | {"frames": data["frames"][:-1]}))
-    with pytest.raises(
-        CheckpointError, match=r"'appearance' has shape \(12, 16\), the model expects \(11, 16\)"
-    ):
-        open_run(run)
+    with pytest.raises(SceneError, match="has changed since the run"):
+        _ = open_run(run).scene
+    data["frames"][0]["transform_matrix"][0][3] += 0.01
+    listing.write_text(json.dumps(data))
+    with pytest.raises(SceneError, match="has changed since the run"):
+        _ = open_run(run).scene
     tiny_scene.rename(tmp_path / "elsewhere")
+    opened = open_run(run)
+    assert len(opened.field.cameras) == len(opened.record.names) == 12
     with pytest.raises(SceneError, match="is not there"):
-        open_run(run)
+        _ = opened.scene

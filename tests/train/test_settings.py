@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.conftest import SNAPSHOTS
+from tests.support.changed import changed
 
 from plnerf.errors import ConfigError
-from plnerf.pipeline import find_preset
 from plnerf.presets import preset_names
-from plnerf.train.config import RunConfig, TrainConfig
-from plnerf.train.losses import LossWeights
-from plnerf.train.settings import from_json, override, to_json
+from plnerf.presets._find import find_preset
+from plnerf.train.config import LossWeights, RunConfig, TrainConfig
+from plnerf.train.settings import from_json, to_json
 
 
 def a_run(preset: str = "pl-nerf") -> RunConfig:
@@ -59,52 +59,17 @@ def test_keys_left_out_keep_their_defaults() -> None:
     )
 
 
-def test_assignments_change_what_they_name_and_nothing_else() -> None:
-    config = a_run()
-    changed = override(
-        config,
-        (
-            "model.field.direction_encoding=sh",
-            "model.stretch=[1, 2,2]",
-            "train.loss.distortion=0",
-            "model.proposals.0.grid.finest=32",
-            "model.stretch.2=3",
-            " train.pose_refinement = true",
-        ),
-    )
-    first, second = config.model.proposals
-    finer = dataclasses.replace(first, grid=dataclasses.replace(first.grid, finest=32))
-    field = dataclasses.replace(config.model.field, direction_encoding="sh")
-    model = dataclasses.replace(config.model, field=field, stretch=(1.0, 2.0, 3.0), proposals=(finer, second))
-    loss = dataclasses.replace(config.train.loss, distortion=0.0)
-    train = dataclasses.replace(config.train, loss=loss, pose_refinement=True)
-    assert changed == dataclasses.replace(config, model=model, train=train)
-    assert type(changed.train.loss.distortion) is float
-    assert type(changed.model.stretch[1]) is float
+def test_a_fixed_kind_is_written_and_read_but_no_argument() -> None:
+    data = to_json(a_run())
+    assert data["model"]["kind"] == "pl-nerf"
+    with pytest.raises(TypeError, match="kind"):
+        type(a_run().model)(**data["model"])
+    data["model"]["kind"] = "gaussians"
+    with pytest.raises(ConfigError, match=r"model\.kind must be one of 'pl-nerf', "):
+        from_json(RunConfig, data, "here")
 
 
-def test_a_whole_list_or_object_can_be_given() -> None:
-    config = a_run()
-    one = json.dumps([to_json(config.model.proposals[1])])
-    changed = override(config, (f"model.proposals={one}", "model.sampler.proposals=[48]"))
-    assert changed.model.proposals == config.model.proposals[1:]
-    assert changed.model.sampler.proposals == (48,)
-
-
-def test_no_assignment_changes_nothing_and_the_last_of_two_counts() -> None:
-    config = a_run()
-    assert override(config, ()) == config
-    assert override(config, ("train.rays=8", "train.normal_rays=4", "train.rays=16")).train.rays == 16
-
-
-ASSIGNMENTS = {
-    "unknown_section": "modell.field=3",
-    "unknown_key": "model.colour=3",
-    "unknown_key_below_a_number": "train.rays.x=3",
-    "no_such_item": "model.proposals.2.grid.finest=64",
-    "item_by_name": "model.proposals.first.grid.finest=64",
-    "key_left_out": "=3",
-    "no_equals_sign": "train.rays",
+WRONG_VALUES = {
     "fraction_for_a_whole_number": "train.rays=1.5",
     "truth_for_a_whole_number": "train.rays=true",
     "word_for_a_number": "train.hash_lr=fast",
@@ -129,13 +94,13 @@ ASSIGNMENTS = {
 }
 
 
-@pytest.mark.parametrize("name", ASSIGNMENTS)
-def test_text_of_a_wrong_assignment(name: str, snapshot: Callable[[str, str], None]) -> None:
+@pytest.mark.parametrize("name", WRONG_VALUES)
+def test_text_of_a_wrong_value(name: str, snapshot: Callable[[str, str], None]) -> None:
     with pytest.raises(ConfigError) as caught:
-        override(a_run(), (ASSIGNMENTS[name],))
+        changed(a_run(), (WRONG_VALUES[name],))
     text = str(caught.value)
-    assert "\n" not in text and text.startswith("--set: ")
-    snapshot(f"settings_set_{name}", text)
+    assert "\n" not in text and text.startswith("the test's settings: ")
+    snapshot(f"settings_value_{name}", text.replace("the test's settings", "<file>"))
 
 
 FILES: dict[str, Callable[[dict[str, Any]], object]] = {
@@ -168,5 +133,5 @@ def test_a_file_that_holds_no_object(data: object) -> None:
 
 def test_no_stored_text_is_left_over() -> None:
     stored = {path.stem for path in SNAPSHOTS.glob("settings_*.txt")}
-    wanted = {f"settings_set_{name}" for name in ASSIGNMENTS} | {f"settings_file_{name}" for name in FILES}
+    wanted = {f"settings_value_{name}" for name in WRONG_VALUES} | {f"settings_file_{name}" for name in FILES}
     assert stored == wanted

@@ -104,7 +104,9 @@ def _check_common(config: CompareConfig) -> None:
         f"{key} {before.get(key)!r} -> {value!r}" for key, value in common.items() if before.get(key) != value
     ]
     known = before["settings"]
-    differ += [f"settings of {name}" for name in settings if known.get(name, settings[name]) != settings[name]]
+    differ += [
+        f"settings of {name}" for name in settings if known.get(name, settings[name]) != settings[name]
+    ]
     if differ:
         raise ConfigError(
             f"{config.out} holds a comparison with other values: {', '.join(differ)}. Give the same values, "

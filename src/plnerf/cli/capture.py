@@ -44,7 +44,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
 
 def capture_shown(console: Console, source: Path, out: Path, config: Any) -> Path:
     """`capture_scene` with a bar for each stage, and a summary."""
-    from plnerf.capture.report import read_report, summary
+    from plnerf.capture.summary import read_report, summary
     from plnerf.console import bars, say
     from plnerf.pipeline import capture_scene
 

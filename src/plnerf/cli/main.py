@@ -16,7 +16,7 @@ from rich.console import Console
 
 from plnerf.bench.config import SPAN_PRESETS, for_the_span
 from plnerf.cli.capture import capture, reconstruct, synth
-from plnerf.cli.measure import bench, bench_all, compare, compare_all
+from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.train import demo, eval, render, train
@@ -27,38 +27,36 @@ from plnerf.train.config import Settings
 COMMANDS: tuple[Callable[..., Any], ...] = (
     demo, capture, reconstruct, train, eval, render, synth, survey, score, doctor, bench, compare,
 )  # fmt: skip
+ABOUT = "From photos of a power line to a radiance field and its measures."
 OF_A_PRESET = (train, bench, compare)
 """Commands whose options are the settings of a preset."""
 
 
-def parse(arguments: Sequence[str], settings: Settings) -> Any:
-    """Runs the subcommand that the arguments name; its options start from the settings."""
+def starts(arguments: Sequence[str]) -> dict[str, Settings]:
+    """The presets that a command line is about, with the settings that its options start from."""
+    match arguments:
+        case ["compare", *_]:
+            names = words_of("--presets", arguments) or presets_by_year()
+        case ["bench", *_]:
+            names = words_of("--preset", arguments)[:1] or ("pl-nerf",)
+            if "span" in words_of("--suite", arguments):
+                names += SPAN_PRESETS
+            elif not words_of("--scene", arguments):
+                return {names[0]: for_the_span(settings_of(names[0]))}
+        case ["train", *_]:
+            names = words_of("--preset", arguments)[:1] or ("pl-nerf",)
+        case _:
+            names = ("pl-nerf",)
+    return {name: settings_of(name) for name in names}
+
+
+def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
+    """The subcommands; options of a preset's commands start from these settings."""
     app = tyro.extras.SubcommandApp()
     for command in COMMANDS:
         function = partial(command, settings=settings) if command in OF_A_PRESET else command
-        app.command(function, name=command.__name__)
-    about = "From photos of a power line to a radiance field and its measures."
-    return app.cli(prog="plnerf", description=about, args=arguments)
-
-
-def parse_and_run(arguments: Sequence[str]) -> None:
-    """Runs a command line."""
-    match arguments:
-        case ["compare", *_]:
-            presets = words_of("--presets", arguments) or presets_by_year()
-            # The same options on top of the settings of each.
-            compare_all({name: parse(arguments, settings_of(name)) for name in dict.fromkeys(presets)})
-        case ["bench", *_]:
-            own = (words_of("--preset", arguments) or ("pl-nerf",))[0]
-            spans = "span" in words_of("--suite", arguments)
-            settings = {name: settings_of(name) for name in dict.fromkeys((own, *(SPAN_PRESETS * spans)))}
-            if not spans and not words_of("--scene", arguments):
-                settings[own] = for_the_span(settings[own])
-            bench_all({name: parse(arguments, one) for name, one in settings.items()})
-        case ["train", *_]:
-            parse(arguments, settings_of((words_of("--preset", arguments) or ("pl-nerf",))[0]))
-        case _:
-            parse(arguments, settings_of("pl-nerf"))
+        app.command(name=command.__name__)(function)
+    return app
 
 
 def main() -> None:
@@ -83,7 +81,11 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
-            parse_and_run(sys.argv[1:])
+            arguments, results = sys.argv[1:], {}
+            for preset, settings in starts(arguments).items():  # the same options on top of each
+                results[preset] = app_from(settings).cli(prog="plnerf", description=ABOUT, args=arguments)
+            if isinstance(next(iter(results.values())), Measuring):
+                measure(results)
     except PlnerfError as error:
         fail(type(error).__name__, str(error))
         sys.exit(1)

@@ -1,19 +1,28 @@
 """The commands that measure: the machine, and systems against one another."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import tyro
 from rich.console import Console
 
 from plnerf.cli.options import AsOptions, BackendName, Device, Out, PresetName, PresetNames
 from plnerf.errors import ConfigError
+from plnerf.train.config import Settings
 
-if TYPE_CHECKING:
-    from plnerf.bench.compare import CompareConfig
-    from plnerf.bench.config import BenchConfig
+
+@dataclass(frozen=True)
+class Measuring:
+    """A command that needs the settings of several presets, parsed for one of them."""
+
+    settings: Settings
+    run: Callable[[Mapping[str, Settings]], object]
+
+
+def measure(parsed: Mapping[str, Measuring]) -> None:
+    """Runs a command that was parsed once for each preset: its options on top of each one's settings."""
+    next(iter(parsed.values())).run({name: one.settings for name, one in parsed.items()})
 
 
 def bench(  # noqa: PLR0913 (an argument is an option)
@@ -31,7 +40,7 @@ def bench(  # noqa: PLR0913 (an argument is an option)
     backend: BackendName = "auto",
     quick: bool = False,
     settings: AsOptions,
-) -> Any:
+) -> Measuring:
     """Measure this machine with plnerf: ops against plain torch, training, rendering.
 
     Args:
@@ -50,18 +59,12 @@ def bench(  # noqa: PLR0913 (an argument is an option)
         settings: Settings of the runs.
     """
     from plnerf.bench.config import BenchConfig
-    systems = {"of one preset": settings}  # `bench_all` names it
-    return BenchConfig(
-        out, suite, scene, run, preset, systems, downscale, seconds, targets, seed, device, backend, quick
-    )
-
-
-def bench_all(parsed: Mapping[str, "BenchConfig"]) -> None:
-    """Runs a bench; `parsed` are the command's options on top of each preset's settings."""
     from plnerf.bench.suites import run_bench
 
-    systems = {name: next(iter(one.systems.values())) for name, one in parsed.items()}
-    run_bench(replace(next(iter(parsed.values())), systems=systems), Console())
+    config = BenchConfig(
+        out, suite, scene, run, preset, {}, downscale, seconds, targets, seed, device, backend, quick
+    )
+    return Measuring(settings, lambda systems: run_bench(replace(config, systems=systems), Console()))
 
 
 def compare(  # noqa: PLR0913 (an argument is an option)
@@ -76,7 +79,7 @@ def compare(  # noqa: PLR0913 (an argument is an option)
     device: Device = "auto",
     backend: BackendName = "auto",
     settings: AsOptions,
-) -> Any:
+) -> Measuring:
     """Train several systems on one scene at the same budget, and write what each makes of it side by side.
 
     Args:
@@ -92,21 +95,18 @@ def compare(  # noqa: PLR0913 (an argument is an option)
         settings: Settings changed in all of them; what is not given stays as each preset has it.
     """
     from plnerf.bench.compare import CompareConfig
+    from plnerf.bench.compare import compare as run_comparison
+    from plnerf.console import say
 
     if steps is None and seconds is None:
         seconds = 240.0
     if len(set(presets)) < len(presets):
         raise ConfigError(f"--presets takes one or more, each once, but got {' '.join(presets)}.")
-    one = {"of one preset": settings}  # `compare_all` names it
-    return CompareConfig(scene, out, one, steps, seconds, downscale, seed, device, backend)
 
+    def run(systems: Mapping[str, Settings]) -> None:
+        console = Console()
+        config = CompareConfig(scene, out, systems, steps, seconds, downscale, seed, device, backend)
+        page = run_comparison(config, console).with_name("compare.html")
+        say(console, f"comparison: {page}, compare.md, compare.json")
 
-def compare_all(parsed: Mapping[str, "CompareConfig"]) -> None:
-    """Compares presets; `parsed` are the command's options on top of each preset's settings."""
-    from plnerf.bench.compare import compare as run_comparison
-    from plnerf.console import say
-
-    systems = {name: next(iter(one.systems.values())) for name, one in parsed.items()}
-    console = Console()
-    page = run_comparison(replace(next(iter(parsed.values())), systems=systems), console).parent
-    say(console, f"comparison: {page / 'compare.html'}, compare.md, compare.json")
+    return Measuring(settings, run)

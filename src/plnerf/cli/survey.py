@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.cli.options import OptionalOut, PresetName
+from plnerf.presets._find import find_preset
 from plnerf.survey.config import SurveyConfig
 
 
@@ -19,7 +20,7 @@ def survey(
     voltage_kv: float | None = None,
     thresholds: Path | None = None,
     clearance_m: float | None = None,
-    settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),  # noqa: B008 (frozen)
+    settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
 
@@ -52,7 +53,7 @@ def survey_shown(
     if not found.wires:
         say(console, "No wire was found.")
         for finding in found.findings:
-            say(console, " ".join(text for text in (finding.what, finding.do) if text))
+            say(console, finding.text)
     say(console, f"{len(found.wires)} wires, {len(found.cloud.xyz):,} points: {folder}")
     say(console, f"report: {folder / PAGE}")
     return bool(found.wires)
@@ -81,10 +82,13 @@ def score(
 
 
 def score_shown(console: Console, survey: Path, **options: Any) -> None:
-    """`score_survey` with its tables."""
-    from plnerf.score.score import score_survey
+    """`score_files` with its tables."""
+    from plnerf.console import say
+    from plnerf.score.score import score_files
 
-    score_survey(survey, **options, console=console)
+    score = score_files(survey, **options)
+    console.print(score.text, highlight=False, markup=False, soft_wrap=True)
+    say(console, score.places)
 
 
 def doctor(
@@ -107,21 +111,29 @@ def doctor(
         sigma_px: How well a wire is found in an image, in pixels; of scenes with poses.
         preset: What is to be trained; of photos, how long that takes.
     """
-    from plnerf.doctor.photo_doctor import examine_photos
-    from plnerf.doctor.scene_doctor import examine
+    from plnerf.console import bar, say
+    from plnerf.doctor import photo_doctor, scene_doctor
+    from plnerf.doctor.config import PhotoDoctorConfig, SceneDoctorConfig
     from plnerf.scene.formats import has_poses
 
     console = Console()
     if has_poses(scene):
-        found = examine(
-            scene, out=out, distance=distance, wire_diameter_m=wire_diameter, sigma_px=sigma_px,
-            console=console,
-        )  # fmt: skip
-        sys.exit(0 if found.usable else 3)
-    from plnerf.presets._find import find_preset
-
-    usable = examine_photos(
-        scene, distance_m=distance, wire_diameter_m=wire_diameter, preset=preset,
-        rays_per_s=find_preset(preset).rays_per_s, out=out, console=console,
-    )  # fmt: skip
+        views = SceneDoctorConfig(wire_diameter_m=wire_diameter, sigma_px=sigma_px)
+        seen = scene_doctor.examine_scene(scene, distance=distance, config=views)
+        console.print(scene_doctor.table(seen), highlight=False, markup=False, soft_wrap=True)
+        usable = seen.usable
+        if out is not None:
+            scene_doctor.write_diagnosis(out, seen)
+    else:
+        with bar(console, "photos") as progress:
+            found = photo_doctor.examine_photos(
+                scene, distance_m=distance, preset=preset, rays_per_s=find_preset(preset).rays_per_s,
+                config=PhotoDoctorConfig(wire_diameter_m=wire_diameter), progress=progress,
+            )  # fmt: skip
+        console.print(photo_doctor.photo_text(found), highlight=False, markup=False, soft_wrap=True)
+        usable = found.usable
+        if out is not None:
+            photo_doctor.write_photo_diagnosis(out, found)
+    if out is not None:
+        say(console, f"diagnosis: {out}")
     sys.exit(0 if usable else 3)

@@ -64,7 +64,7 @@ class Field:
 
     @property
     def unit(self) -> str:
-        """"m", or "unscaled" where nothing gives the world a scale."""
+        """Of the world: "m", or "unscaled" where nothing gives it a scale."""
         return self.frames.unit
 
     @property

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 
-from plnerf.errors import CheckpointError, ConfigError
+from plnerf.errors import CheckpointError, ConfigError, SceneError
 from plnerf.field.guides import Guides
 from plnerf.line.wire import Wire
 from plnerf.ops.dispatch import resolve_backend
@@ -49,7 +49,14 @@ class TrainedRun:
     @cached_property
     def scene(self) -> Scene:
         """The scene with its photos.  Raises SceneError where it has gone or changed."""
-        return open_scene(self.config, self.folder)
+        scene, record = open_scene(self.config, self.folder), self.record
+        same = scene.names == record.names and (scene.train, scene.test) == (record.train, record.test)
+        if not same or not torch.allclose(scene.cameras.centre, record.cameras.centre, atol=1e-5):
+            raise SceneError(
+                f"The scene {self.config.scene} has changed since the run in {self.folder} was trained: its "
+                "images, their poses or the held-out ones are others. Restore it, or train again."
+            )
+        return scene
 
     @cached_property
     def field(self) -> Field:
