@@ -1,4 +1,4 @@
-"""How accurate conductors are when the poses come from structure from motion, in place of exact ones.
+"""How accurate wires are when the poses come from structure from motion, in place of exact ones.
 
     python benchmarks/sfm_span.py OUT            # renders the span, flown so that its passes share features
     python benchmarks/sfm_span.py OUT --scene S  # takes a scene that `plnerf synth` made
@@ -7,8 +7,8 @@ OUT/flight/    the rendered scene, with exact poses
 OUT/photos/    its images with the focal length in EXIF, and geo.txt: centres as RTK states them, with noise
 OUT/scene/     what `plnerf capture` makes of them, and the true wires in its frame (truth.json)
 
-Printed: camera centres and directions against the true ones, and the curves that are found at the start of
-training, as they are and refitted, with the captured and with the exact poses, against the true wires.
+Printed: camera centres and directions against the true ones, and the wires that are detected, as they are and
+refitted to the images, with the captured and with the exact poses, against the true ones.
 """
 
 import argparse
@@ -20,22 +20,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from PIL import ExifTags, Image
-from rich.console import Console
 from scipy.spatial.transform import Rotation
 
-from plnerf.capture.capture import CaptureConfig
+from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.local_frame import LocalFrame
-from plnerf.capture.report import capture_and_tell
 from plnerf.capture.sfm import SfmConfig
-from plnerf.detect.curves import Curve
-from plnerf.detect.detect import find_curves
+from plnerf.capture.summary import read_report, summary
+from plnerf.detect.detect import detect_wires
 from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
 from plnerf.scene.listing import Listing
 from plnerf.scene.scene import Scene, load_scene
-from plnerf.survey.refine.curves import Line, refit_curves
+from plnerf.score.survey_score import into
+from plnerf.score.truth import Truth, read_truth
+from plnerf.score.wires import Match, match_wires
+from plnerf.survey.photos import photos_of
+from plnerf.survey.refine.config import RefineConfig
+from plnerf.survey.refine.refine import refine_wires
 from plnerf.synth.config import Pass
 from plnerf.synth.options import SceneOptions, find_scene
 from plnerf.synth.scene import synthesize
@@ -68,18 +70,19 @@ def main() -> None:
     exact = read_listing(flight)
     write_photos(exact, given.out / "photos", given.noise, given.seed)
     config = CaptureConfig(SfmConfig(seed=given.seed, threads=given.threads))
-    path = capture_and_tell(given.out / "photos", given.out / "scene", config, Console())
+    path = capture(given.out / "photos", given.out / "scene", config).parent
+    print(summary(read_report(path)))
     content = json.loads((path / "transforms.json").read_text())["plnerf"]
     if content["unit"] != "m":
         raise SystemExit("The captured scene is not metric, so that it cannot be compared with the truth.")
     frame = LocalFrame.from_json(content)
     truth = json.loads((flight / "truth.json").read_text())
     write_text(path / "truth.json", json.dumps(moved(truth, frame)) + "\n")
-    tell_cameras(read_listing(path), exact, frame)
-    for name, folder, wires in (("captured", path, moved(truth, frame)), ("exact", flight, truth)):
+    print(cameras_off(read_listing(path), exact, frame))
+    for name, folder in (("captured", path), ("exact", flight)):
         with tempfile.TemporaryDirectory() as store:
             scene = load_scene(folder, store=Path(store))
-            tell_wires(f"{name} poses", scene, find_curves(scene), wires["conductors"])
+            print(wires_off(f"{name} poses", scene, read_truth(folder / "truth.json")))
 
 
 def write_photos(exact: Listing, folder: Path, noise_m: float, seed: int) -> None:
@@ -121,7 +124,7 @@ def moved(truth: dict[str, Any], frame: LocalFrame) -> dict[str, Any]:
     return {**{key: truth[key] for key in kept}, **world, "conductors": wires, "towers": towers}
 
 
-def tell_cameras(found: Listing, exact: Listing, frame: LocalFrame) -> None:
+def cameras_off(found: Listing, exact: Listing, frame: LocalFrame) -> str:
     """How far the poses are from the true ones, in the true world: no similarity is fitted."""
     true = {shot.path.name: shot.T_world_camera for shot in exact.shots}
     poses = np.stack([shot.T_world_camera for shot in found.shots])
@@ -129,37 +132,39 @@ def tell_cameras(found: Listing, exact: Listing, frame: LocalFrame) -> None:
     centres = PLACE.to_local(frame.to_crs(poses[:, :3, 3]))
     off = 100 * np.linalg.norm(centres - truths[:, :3, 3], axis=1)
     turn = Rotation.from_matrix(poses[:, :3, :3] @ truths[:, :3, :3].transpose(0, 2, 1)).magnitude()
-    print(
+    return (
         f"{len(poses)} of {len(true)} cameras; centres {np.median(off):.1f} cm off (median), "
         f"{off.max():.1f} cm (worst); directions {np.degrees(np.median(turn)):.3f} and "
         f"{np.degrees(turn.max()):.3f} degrees"
     )
 
 
-def tell_wires(title: str, scene: Scene, curves: Sequence[Curve], wires: list[dict[str, Any]]) -> None:
-    """A table: for each true wire the certain curve nearest to it, as found and refitted, from end to end."""
-    print(f"\n| wire, {title} | found: across | up | sag error | refitted: across | up | sag error |")
-    print("| --- |" + " ---: |" * 6)
-    certain = [curve for curve in curves if curve.certain]
-    refits, motion_px = refit_curves(scene, certain, 1.0)
-    for wire in wires:
-        line = np.array(wire["polyline"])
-        rows = [[100 * _apart(one, line) for one in (refit.before, refit.after)] for refit in refits]
-        before, after = min(rows, key=lambda row: float(np.hypot(*row[0][:2])))
-        cells = [f"{one[0]:.2f} cm | {one[1]:.2f} cm | {one[2]:+.2f} cm" for one in (before, after)]
-        print(f"| {wire['name']} | {cells[0]} | {cells[1]} |")
-    print(f"{len(certain)} certain curves; the images lie {motion_px:.2f} px off their poses")
+def wires_off(title: str, scene: Scene, truth: Truth) -> str:
+    """A table: every true wire and the certain one that is it, as detected and refitted."""
+    photos = photos_of(scene)
+    true = truth.moved(into(photos.frame)).wires
+    certain = [wire for wire in detect_wires(scene) if wire.evidence.certain]
+    refined = refine_wires(photos, certain, RefineConfig())
+    before, after = (match_wires(wires, true).matches for wires in (certain, refined.wires))
+    lines = [
+        f"\n| wire, {title} | detected: across | up | sag error | refitted: across | up | sag error |",
+        "| --- |" + " ---: |" * 6,
+    ]
+    for wire in true:
+        lines.append(f"| {wire.name} | {_cells(before, wire.name)} | {_cells(after, wire.name)} |")
+    lines.append(
+        f"{len(certain)} certain wires; the images lie {refined.pose_residual_px:.2f} px off their poses"
+    )
+    return "\n".join(lines)
 
 
-def _apart(found: Line, line: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
-    """Root mean squares across and up, and how much the sag between the wire's true ends is too large."""
-    local = found.base.local(line)
-    local = local[np.argsort(local[:, 0])]
-    s = np.linspace(local[0, 0], local[-1, 0], 400)
-    true = np.stack([np.interp(s, local[:, 0], local[:, k]) for k in (1, 2)], 1)
-    here = found.base.at(found.q, s)
-    sags = [np.linspace(z[0], z[-1], len(s)) - z for z in (here[:, 1], true[:, 1])]
-    return np.append(np.sqrt(((here - true) ** 2).mean(0)), sags[0].max() - sags[1].max())
+def _cells(matches: Sequence[Match], name: str | None) -> str:
+    """Root mean squares across and up, and how much the sag along the common stretch is too large."""
+    one = next((match for match in matches if match.wire == name), None)
+    if one is None:
+        return "missing | - | -"
+    across, up, sag = 100 * one.rmse_across_m, 100 * one.rmse_up_m, 100 * one.sag_common_error_m
+    return f"{across:.2f} cm | {up:.2f} cm | {sag:+.2f} cm"
 
 
 if __name__ == "__main__":
