@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plnerf.survey import collinear
-from plnerf.survey.collinear import CollinearConfig
+from plnerf.survey.config_wires import CollinearConfig
 
 RADIUS = 0.05
 CONFIG = CollinearConfig()

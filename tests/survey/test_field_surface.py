@@ -10,7 +10,8 @@ from tests.support.tiny_run import Recorder, tiny_config
 
 from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
-from plnerf.survey.field_surface import FieldConfig, field_surface, half_width
+from plnerf.survey.config_ground import FieldConfig
+from plnerf.survey.field_surface import field_surface, half_width
 from plnerf.train.loop import train
 from plnerf.train.run import TrainedRun, open_run
 
@@ -44,9 +45,13 @@ def test_points_that_float_alone_or_far_out_are_dropped(run: TrainedRun) -> None
     stricter = field_surface(run, frame, replace(some, max_isolation=0.5))
     assert len(stricter.xyz) < len(every.xyz)
     low, high = frame.from_scene(run.scene.box)
-    nearer = field_surface(run, frame, replace(some, farthest=0.5))
-    assert len(nearer.xyz) < len(every.xyz)
-    assert (np.abs(nearer.xyz - (low + high) / 2) <= 0.5 * (high - low).max() / 2).all()
+
+    def half_sides(xyz: np.ndarray) -> np.ndarray:
+        return np.abs(xyz - (low + high) / 2).max(1) / ((high - low).max() / 2)
+
+    farthest = float(np.median(half_sides(every.xyz)))
+    nearer = field_surface(run, frame, replace(some, farthest=farthest))
+    assert 0 < len(nearer.xyz) < len(every.xyz) and (half_sides(nearer.xyz) <= farthest + 1e-9).all()
 
 
 def test_half_widths_are_those_of_normal_light() -> None:

@@ -4,7 +4,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plnerf.survey.wire_points import WirePointsConfig, first_thing
+from plnerf.survey.config_wires import WirePointsConfig
+from plnerf.survey.wire_points import first_thing
 
 MIN_SHARE = WirePointsConfig().min_share
 

@@ -15,7 +15,8 @@ from plnerf.line import catenary
 from plnerf.line.hang import hang
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
-from plnerf.survey.on_wires import NONE, OnWiresConfig, on_wires
+from plnerf.survey.config_ground import OnWiresConfig
+from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.photos import Photos, photos_of
 from plnerf.survey.stereo.cloud import inflate_sigma, stereo_surface
 from plnerf.survey.stereo.config import (
@@ -236,16 +237,16 @@ def true_distances(views: Sequence[View], photos: Photos) -> np.ndarray:
         t = cast(view)[0]
         there = np.isfinite(t)
         there[there] = photos.within(view.centre + t[there][:, None] * view.rays()[there], CONFIG.farthest)
-        found.append(np.quantile(t[there], [0.5, CONFIG.near_quantile]))
+        found.append(np.quantile(t[there], CONFIG.coarse.quantiles))
     return np.array(found)
 
 
-@pytest.mark.parametrize("size", [0.5, 1.0, 4.0])
-def test_distances_by_matching_are_those_of_the_things(tmp_path: Path, size: float) -> None:
-    """Whatever the box is: it only says what is too far to count."""
+@pytest.mark.parametrize(("size", "ahead"), [(0.5, 0.0), (1.0, 0.0), (4.0, 0.0), (1.0, 3.0)])
+def test_distances_by_matching_are_those_of_the_things(tmp_path: Path, size: float, ahead: float) -> None:
+    """Whatever the box is: it only decides what is background."""
     photos = photos_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3, -0.35)))
-    low, high = np.array([-1.5, -1.5, -1.5]), np.array([1.5, 1.5, 1.5])
-    photos = replace(photos, box=np.stack([low, high]) * size)
+    box = 1.5 * size * np.array([[-1.0] * 3, [1.0] * 3]) + [0.0, ahead, 0.0]
+    photos = replace(photos, box=box)
     found = distances_by_matching(photos, [], CONFIG)
     true = true_distances([view_of(photos, i, CONFIG.coarse.longest_px) for i in photos.train], photos)
     assert np.abs(np.log(found / true)).max() < 0.15
@@ -262,12 +263,22 @@ def test_views_without_depths_take_their_neighbours_distances(tmp_path: Path) ->
     assert np.isfinite(found).all() and (found[4] == found[0]).all() and (found[1] != found[0]).all()
 
 
+def test_views_that_show_too_little_have_no_distances(tmp_path: Path) -> None:
+    """Nothing within the box, or too few pixels with a depth."""
+    photos = photos_with(tmp_path, row_of_cameras())
+    empty = replace(photos, box=np.array([[-0.1] * 3, [0.1] * 3]))
+    assert np.isnan(distances_by_matching(empty, [], CONFIG)).all()
+    assert np.isnan(distances_by_matching(photos, [], replace(CONFIG, min_share=0.99))).all()
+    assert np.isfinite(distances_by_matching(photos, [], CONFIG)).all()
+
+
 def test_settings_that_cannot_work_are_refused() -> None:
     for make in (
         lambda: MatchConfig(block_px=4), lambda: MatchConfig(sigma_px=0.0),
         lambda: StereoPairConfig(min_baseline=0.2), lambda: StereoPairConfig(partners=1),
         lambda: ConsistencyConfig(min_support=30), lambda: CoarseConfig(distance_step=1.0),
-        lambda: StereoConfig(points=0), lambda: StereoConfig(near_quantile=0.0),
+        lambda: StereoConfig(points=0), lambda: StereoConfig(quantiles=(0.1, 0.5)),
+        lambda: StereoConfig(quantiles=()), lambda: CoarseConfig(quantiles=(0.5, 0.0)),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match="need"):
             make()

@@ -13,12 +13,14 @@ from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
 from plnerf.scene.cameras import project
 from plnerf.survey import wire_points as survey_points
-from plnerf.survey.collinear import CollinearConfig
-from plnerf.survey.wire_points import WirePointsConfig, ridge_pixels, wire_points
+from plnerf.survey.config_wires import CollinearConfig, WirePointsConfig
+from plnerf.survey.wire_points import ridge_pixels, wire_points
 from plnerf.train.loop import train
 from plnerf.train.run import TrainedRun, open_run
 
 CONFIG = WirePointsConfig()
+ALL = replace(CONFIG, min_share=1e-9, margin=1e6)
+"""Every wire pixel gives a point, however faint and wherever it lies."""
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +43,8 @@ def frame_of(run: TrainedRun) -> LineFrame:
 @pytest.mark.usefixtures("all_on_lines")
 def test_a_real_run_gives_the_same_points_twice(run: TrainedRun) -> None:
     done: list[tuple[int, int]] = []
-    first = wire_points(run, frame_of(run), CONFIG, lambda *at: done.append(at))
-    again = wire_points(run, frame_of(run), CONFIG)
+    first = wire_points(run, frame_of(run), ALL, lambda *at: done.append(at))
+    again = wire_points(run, frame_of(run), ALL)
     assert len(first.xyz) > 0 and (first.xyz == again.xyz).all() and (first.solid == again.solid).all()
     count = len(run.scene.train)
     assert done == [(k + 1, count) for k in range(count)]
@@ -63,27 +65,31 @@ def test_ridge_pixels_are_centres_of_the_image_the_strongest_ones(run: TrainedRu
 
 @pytest.mark.usefixtures("all_on_lines")
 def test_points_that_are_returned_are_solid_and_in_the_box(run: TrainedRun) -> None:
-    frame = frame_of(run)
-    found = wire_points(run, frame, CONFIG)
-    assert 0 < len(found.xyz) == len(found.view) == len(found.solid) <= found.tried
-    inside = frame.to_scene(found.xyz)
-    low, high = run.scene.box
-    assert ((inside > low - 0.11) & (inside < high + 0.11)).all()
-    assert (found.solid >= CONFIG.min_share).all()
-    assert set(found.view) <= set(run.scene.train)
+    frame, (low, high) = frame_of(run), run.scene.box
+
+    def outside(xyz: np.ndarray) -> np.ndarray:
+        inside = frame.to_scene(xyz)
+        return np.maximum(low - inside, inside - high).max(1)
+
+    every = wire_points(run, frame, ALL)
+    margin, share = float(np.median(outside(every.xyz))), float(np.median(every.solid))
+    found = wire_points(run, frame, replace(ALL, margin=margin))
+    assert 0 < len(found.xyz) == len(found.view) == len(found.solid) < len(every.xyz) == found.tried
+    assert (outside(found.xyz) <= margin + 1e-6).all() and set(found.view) <= set(run.scene.train)
+    solid = wire_points(run, frame, replace(ALL, min_share=share)).solid
+    assert len(solid) and (solid >= share).all() and (every.solid < share).any()
 
 
 def test_points_of_no_line_are_dropped(run: TrainedRun) -> None:
-    everywhere = replace(CONFIG.collinear, min_views=10_000)
-    assert not len(wire_points(run, frame_of(run), replace(CONFIG, collinear=everywhere)).xyz)
+    nowhere = replace(CONFIG.collinear, min_views=10_000)
+    assert not len(wire_points(run, frame_of(run), replace(ALL, collinear=nowhere)).xyz)
 
 
 @pytest.mark.usefixtures("all_on_lines")
 def test_points_lie_in_front_of_their_cameras_on_the_rays_of_ridge_pixels(run: TrainedRun) -> None:
     """All that were tried: seen from their views, they are the ridge pixels again."""
     frame = frame_of(run)
-    whole = replace(run.scene, box=np.array([[-1e6] * 3, [1e6] * 3]))
-    found = wire_points(replace(run, scene=whole), frame, replace(CONFIG, min_share=1e-9))
+    found = wire_points(run, frame, ALL)
     assert len(found.xyz) == found.tried > 100
     slope = track_slope(run.scene.cameras.centre[list(run.scene.train)].double().numpy())
     for i in run.scene.train:

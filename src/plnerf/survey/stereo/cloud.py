@@ -45,13 +45,13 @@ def stereo_surface(
         if progress is not None:
             progress(done, of)
 
-    far, near = (
+    distances = (
         distances_of_points(views, field.xyz, config)
         if field is not None
         else distances_by_matching(photos, wires, config, lambda done, of: report(done, rounds * of))
-    ).T
+    )
     # Near things need images that are near to one another, far things others.
-    chosen = joined_partners(partners(views, far, config.pairs), partners(views, near, config.pairs))
+    chosen = joined_partners(*(partners(views, distance, config.pairs) for distance in distances.T))
     random = np.random.default_rng(0)
     each = max(1, config.points // max(1, len(views)))
     parts, images, radii = [], [], []
@@ -59,7 +59,7 @@ def stereo_surface(
         if len(others) >= 2:
             mine, rgb = picture(photos, photos.train[k], view, config.longest_px)
             there = [picture(photos, photos.train[j], views[j], config.longest_px)[0] for j in others]
-            depths = depth_map(mine, there, float(near[k]), config.match)
+            depths = depth_map(mine, there, float(distances[k, -1]), config.match)
             depths.t[shows_wires(view, wires, config)] = np.nan
             at = _pixels(depths, each, random)
             t, rays, sigma = depths.t[at], mine.rays[at], depths.sigma[at]

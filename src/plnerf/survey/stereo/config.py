@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from plnerf.errors import ConfigError
 
 
@@ -116,8 +118,13 @@ class CoarseConfig:
     max_baseline / min_baseline, so that nothing falls between two of them."""
     most_distances: int = 10
     """Distances that are tried, at most, from the farthest that counts."""
+    quantiles: tuple[float, ...] = (0.5, 0.05)
+    """As `StereoConfig.quantiles`, of the depths that are matched.  Images show little of what is near, which
+    clearances are measured to: with 0.15 in place of 0.05, a seventh fewer square metres of ground were found
+    on the bundled span, and with both no more."""
 
     def __post_init__(self) -> None:
+        check_quantiles(self.quantiles)
         if self.longest_px < 32 or self.distance_step <= 1 or self.most_distances < 1:
             raise ConfigError(
                 "The coarse round of stereo needs longest_px >= 32, distance_step > 1 and most_distances >= "
@@ -138,8 +145,9 @@ class StereoConfig:
     """Points further from the middle of the scene's box than so many of its half sides are background."""
     min_seen: int = 20
     """Points of the field that a view must show for its typical distances to be known."""
-    near_quantile: float = 0.15
-    """Quantile of a view's distances that stands for what is near."""
+    quantiles: tuple[float, ...] = (0.5, 0.15)
+    """Quantiles of the distances that a field shows in a view; each has partners of its own, the last rules
+    how near depths are searched."""
     min_share: float = 0.02
     """Share of the drawn pixels that must have a depth: with fewer there is no stereo to speak of."""
     edge_px: float = 2.5
@@ -160,8 +168,17 @@ class StereoConfig:
                 "Stereo needs points >= 1, longest_px >= 32 and wire_samples >= 2, but got "
                 f"{self.points}, {self.longest_px} and {self.wire_samples}."
             )
-        if not 0 < self.near_quantile <= 0.5 or not 0 < self.min_share < 1 or self.wire_px < 0:
+        check_quantiles(self.quantiles)
+        if not 0 < self.min_share < 1 or self.wire_px < 0:
             raise ConfigError(
-                "Stereo needs 0 < near_quantile <= 0.5, 0 < min_share < 1 and wire_px >= 0, but got "
-                f"{self.near_quantile}, {self.min_share} and {self.wire_px}."
+                "Stereo needs 0 < min_share < 1 and wire_px >= 0, but got "
+                f"{self.min_share} and {self.wire_px}."
             )
+
+
+def check_quantiles(quantiles: tuple[float, ...]) -> None:
+    """Raises ConfigError unless they fall, between 1 and 0."""
+    if not quantiles or not quantiles[0] < 1 or quantiles[-1] <= 0 or any(np.diff(quantiles) >= 0):
+        raise ConfigError(
+            f"Stereo needs quantiles of distances between 1 and 0 that fall, but got {quantiles}."
+        )

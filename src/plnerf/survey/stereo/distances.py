@@ -3,7 +3,7 @@
 A trained field gives these distances; without one, reduced images are matched first, with partners for every
 distance that may occur.
 
-Letters: m views, n points.  LineFrame.
+Letters: m views, n points, q quantiles of distances, the farthest first.  LineFrame.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,15 +23,15 @@ from plnerf.survey.stereo.views import View, picture, shows_wires, view_of
 
 def distances_of_points(
     views: Sequence[View], points: Float[np.ndarray, "n 3"], config: StereoConfig
-) -> Float[np.ndarray, "m 2"]:
-    """Median distance of the points that each view has in its image, and their `near_quantile`; NaN where
-    they are fewer than `min_seen`."""
-    found = np.full((len(views), 2), np.nan)
+) -> Float[np.ndarray, "m q"]:
+    """Quantiles of the distances of the points that each view has in its image; NaN where they are fewer than
+    `min_seen`."""
+    found = np.full((len(views), len(config.quantiles)), np.nan)
     for k, view in enumerate(views):
         _, inside = view.project(points)
         if inside.sum() >= config.min_seen:
             apart = np.linalg.norm(points[inside] - view.centre, axis=1)
-            found[k] = np.quantile(apart, [0.5, config.near_quantile])
+            found[k] = np.quantile(apart, config.quantiles)
     return found
 
 
@@ -40,8 +40,8 @@ def distances_by_matching(
     wires: Sequence[Wire],
     config: StereoConfig,
     progress: Callable[[int, int], None] | None = None,
-) -> Float[np.ndarray, "m 2"]:
-    """The same two distances of what each training image shows, by matching the images at reduced size.
+) -> Float[np.ndarray, "m q"]:
+    """Quantiles of the distances of what each training image shows, by matching the images at reduced size.
 
     Images in which fewer than `min_share` of the pixels get a depth take the distances of the nearest view
     that has some; NaN where there is none.
@@ -57,7 +57,7 @@ def distances_by_matching(
             near, partners(views, np.full(len(views), distance), config.pairs), strict=True
         ):
             mine.update(dict.fromkeys(others, distance))
-    found = np.full((len(views), 2), np.nan)
+    found = np.full((len(views), len(config.coarse.quantiles)), np.nan)
     for k, view in enumerate(views):
         if len(near[k]) >= 2:
             one = replace(pictures[k])  # a copy: its rays are not kept
@@ -66,7 +66,7 @@ def distances_by_matching(
             known = np.isfinite(t)
             t = t[known][photos.within(view.centre + t[known][:, None] * one.rays[known], config.farthest)]
             if len(t) >= config.min_share * known.size:
-                found[k] = np.quantile(t, [0.5, config.near_quantile])
+                found[k] = np.quantile(t, config.coarse.quantiles)
         if progress is not None:
             progress(k + 1, len(views))
     return _filled(found, np.array([view.centre for view in views]))
@@ -87,11 +87,11 @@ def tried_distances(photos: Photos, config: StereoConfig) -> list[float]:
 
 
 def _filled(
-    distances: Float[np.ndarray, "m 2"], centres: Float[np.ndarray, "m 3"]
-) -> Float[np.ndarray, "m 2"]:
+    distances: Float[np.ndarray, "m q"], centres: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, "m q"]:
     known = np.isfinite(distances[:, 0])
     if not known.any():
         return distances
     nearest = cKDTree(centres[known]).query(centres)[1]
-    filled: Float[np.ndarray, "m 2"] = np.where(known[:, None], distances, distances[known][nearest])
+    filled: Float[np.ndarray, "m q"] = np.where(known[:, None], distances, distances[known][nearest])
     return filled
