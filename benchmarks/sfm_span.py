@@ -26,13 +26,13 @@ from scipy.spatial.transform import Rotation
 from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.sfm import SfmConfig
+from plnerf.capture.similarity import Similarity
 from plnerf.capture.summary import read_report, summary
 from plnerf.detect.detect import detect_wires
 from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
 from plnerf.scene.listing import Listing
 from plnerf.scene.scene import Scene, load_scene
-from plnerf.score.survey_score import into
 from plnerf.score.truth import Truth, read_truth
 from plnerf.score.wires import Match, match_wires
 from plnerf.survey.photos import photos_of
@@ -142,7 +142,7 @@ def cameras_off(found: Listing, exact: Listing, frame: LocalFrame) -> str:
 def wires_off(title: str, scene: Scene, truth: Truth) -> str:
     """A table: every true wire and the certain one that is it, as detected and refitted."""
     photos = photos_of(scene)
-    true = truth.moved(into(photos.frame)).wires
+    true = truth.moved(Similarity(*photos.frame.similarity)).wires
     certain = [wire for wire in detect_wires(scene) if wire.evidence.certain]
     refined = refine_wires(photos, certain, RefineConfig())
     before, after = (match_wires(wires, true).matches for wires in (certain, refined.wires))

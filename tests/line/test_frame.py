@@ -33,6 +33,9 @@ def test_the_world_comes_back(frame: LineFrame) -> None:
     back = frame.from_world(frame.to_world(line))
     np.testing.assert_allclose(back, line, atol=1e-8 * max(1.0, frame.scale))
     np.testing.assert_allclose(frame.from_world(frame.origin_world), np.zeros(3), atol=1e-12)
+    scale, R, shift = frame.similarity
+    there = scale * near @ R.T + shift
+    np.testing.assert_allclose(there, frame.from_world(near), atol=1e-8 * max(1.0, scale))
     lengths = np.linalg.norm(np.diff(near, axis=0), axis=1)
     there = np.linalg.norm(np.diff(frame.from_world(near), axis=0), axis=1)
     np.testing.assert_allclose(there, frame.scale * lengths, rtol=1e-7)

@@ -236,7 +236,7 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
     assert plant is not None and (plant.wire, plant.conductor) == ("A", 2)
     assert plant.true_m == pytest.approx(3.02) and plant.error_m == pytest.approx(0.3) and not plant.within_95
     for other, why in (
-        (replace(truth, houses=2), "2 houses, which surveys do not tell from plants"),
+        (replace(truth, houses=2), "2 houses, which surveys do not distinguish from plants"),
         (replace(truth, plants=()), "the truth has none"),
         (replace(truth, plants=truth.plants[2:]), "the truth has none between the conductors' ends"),
     ):

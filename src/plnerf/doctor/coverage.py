@@ -108,7 +108,7 @@ def diagnose(
     if listing.span is not None:
         points, box = _grid(listing.span, frames, config), "in the span box of the file"
     else:
-        points = _on_axes(cameras, distance * frames.scale, config)
+        points = _on_axes(cameras, frames.length_to_scene(distance), config)
         box = f"on the cameras' optical axes, about {distance:.3g} {'m' if metric else '(unscaled)'} away"
     u = np.tile([1.0, 0.0, 0.0], (len(points), 1))
     known = observe_wire(
@@ -116,10 +116,12 @@ def diagnose(
         points,
         u,
         sigma_px=config.sigma_px,
-        pose_sigma=config.pose_sigma_m * frames.scale,
-        least_px_per_length=config.least_px / (config.wire_diameter_m * frames.scale) if metric else 0.0,
+        pose_sigma=frames.length_to_scene(config.pose_sigma_m),
+        least_px_per_length=config.least_px / frames.length_to_scene(config.wire_diameter_m)
+        if metric
+        else 0.0,
     )
-    x = points[:, 0] / frames.scale
+    x = frames.depth_to_world(points[:, 0])
     begin, end = float(x.min()), float(x.max())
     count = max(1, min(config.stretches, int((end - begin) / (config.least_stretch_m * limit))))
     slot = np.minimum(((x - begin) / max(end - begin, 1e-12) * count).astype(np.int64), count - 1)
@@ -127,7 +129,7 @@ def diagnose(
     stretches = []
     for i in np.unique(slot):
         inside = slot == i
-        track = _track_deg(cameras, points[inside], 2 * distance * frames.scale)
+        track = _track_deg(cameras, points[inside], frames.length_to_scene(2 * distance))
         ends = (i * width, (i + 1) * width)
         stretches.append(_stretch(ends, known[inside], frames, limit, track, config))
     fine = sum(stretch.verdict == "good" for stretch in stretches)
@@ -146,7 +148,7 @@ def _grid(
 ) -> Float[np.ndarray, "p 3"]:
     """Points across the line through the middle of the world box, as far along as the box reaches (scene)."""
     middle, half = span.mean(0), (span[1] - span[0]) / 2
-    axes = frames.R_scene_world  # rows: along the line, across it, up
+    axes = frames.axes_in_world  # rows: along the line, across it, up
     reach = [
         1 / max(np.abs(axes[k] / half).max(), 1e-12) for k in range(3)
     ]  # from the middle to the box's side
@@ -189,7 +191,7 @@ def _stretch(
 ) -> Stretch:
     """limit: the scene's units per metre of the thresholds."""
     seen = known[known.views > 0]
-    sigma = seen.worst / frames.scale
+    sigma = frames.depth_to_world(seen.worst)
     typical = float(np.median(sigma)) if len(sigma) else math.inf
     in_pixels = float(np.median(seen.worst * seen.px_per_length)) if len(sigma) else math.inf
     verdict: Verdict = "good" if in_pixels <= config.good_px else "poor"
@@ -208,9 +210,9 @@ def _stretch(
         spread_deg=float(np.median(seen.spread_deg)) if len(sigma) else 0.0,
         baseline_deg=track_deg,
         views=int(np.median(seen.views)) if len(sigma) else 0,
-        distance_m=float(np.median(seen.distance)) / frames.scale if len(sigma) else None,
+        distance_m=frames.length_to_world(float(np.median(seen.distance))) if len(sigma) else None,
         wire_px=(
-            float(np.median(seen.px_per_length)) * frames.scale * config.wire_diameter_m
+            float(np.median(seen.px_per_length)) * frames.length_to_scene(config.wire_diameter_m)
             if len(sigma) and frames.unit == "m"
             else None
         ),

@@ -110,7 +110,7 @@ def about_positions(
         found.append(Finding(
             "jump", "harms",
             f"{len(jumps)} positions are further from the one before than a flight goes.", jumps,
-            "Correct them in geo.txt; a few wrong ones are told from the rest and left out.",
+            "Correct them in geo.txt; a few wrong ones are recognised and left out.",
         ))  # fmt: skip
     return found
 

@@ -18,9 +18,7 @@ class Base:
     b: Float[np.ndarray, "2"]
 
     @classmethod
-    def along(
-        cls, o: Float[np.ndarray, "2"], u: Float[np.ndarray, "2"], low: float, high: float
-    ) -> "Base":
+    def along(cls, o: Float[np.ndarray, "2"], u: Float[np.ndarray, "2"], low: float, high: float) -> "Base":
         """From o + low u to o + high u."""
         return cls(o + low * u, o + high * u)
 

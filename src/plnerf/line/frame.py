@@ -66,6 +66,12 @@ class LineFrame:
         return moved
 
     @property
+    def similarity(self) -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+        """`from_world` as scale, rotation and shift: x_line = scale R x_world + shift."""
+        shift: Float[np.ndarray, 3] = -self.scale * (self.R_line_world @ self.origin_world)
+        return self.scale, self.R_line_world, shift
+
+    @property
     def upright(self) -> bool:
         """Whether the world's z is up as well, so that it is a height."""
         return bool(1 - self.R_line_world[2, 2] < MOST_LEAN)

@@ -73,7 +73,7 @@ def score_clearances(
     truth: Truth,
     config: WireScoreConfig,
 ) -> ClearanceScore:
-    """Compares what is stated of a survey's wires; `RULES` says how in words."""
+    """Compares what is stated of a survey's wires; `RULES` states how."""
     notes: list[str] = []
     return ClearanceScore(
         _ground(matches, wires, clearances, truth, config, notes),
@@ -143,7 +143,7 @@ def _vegetation(
     plants = [plant for plant in truth.plants if _beside(plant, wires)]
     if not plants or truth.houses or found is None:
         why = (
-            f"the truth has {truth.houses} houses, which surveys do not tell from plants"
+            f"the truth has {truth.houses} houses, which surveys do not distinguish from plants"
             if truth.houses
             else "the truth has none"
             if not truth.plants

@@ -52,8 +52,8 @@ class WireScoreConfig:
     end_m: float = 0.3
     """Cut off either end of the common stretch, where clamps and insulators are."""
     least_common_m: float = 2.0
-    """Shortest stretch that a true and a found wire must share: along less, neither says anything of the
-    other."""
+    """Shortest stretch that a true and a found wire must share: along less, nothing can be concluded of
+    either."""
     match_m: float = 0.5
     """Greatest root mean square distance along the common stretch of two wires that are one."""
 

@@ -51,7 +51,7 @@ class WireScore:
     name: str
     kind: str
     scored_m: float
-    """Length that is scored; with 0, all that follows says nothing and counts in no mean."""
+    """Length that is scored; with 0, all that follows has no meaning and counts in no mean."""
     recall: tuple[float, ...]
     """At each tolerance of the configuration."""
     covered_share: float
@@ -127,9 +127,9 @@ class _Points:
 def score_points(
     points: Float[np.ndarray, "n 3"], truth: Truth, config: PointScoreConfig = DEFAULT.points
 ) -> PointScore:
-    """Scores points of wires against the true wires, in the truth's frame; `rules` says how in words.
+    """Scores points of wires against the true wires, in the truth's frame; `rules` states how.
 
-    No points, or none that counts, score 0, and `notes` says so.
+    No points, or none that counts, score 0, and `notes` states why.
     """
     cells = _cut(truth, config)
     survey = _assign(np.unique(points, axis=0), cells, truth, config)

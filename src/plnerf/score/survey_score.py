@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from plnerf.capture.similarity import Similarity
 from plnerf.errors import SurveyError
-from plnerf.line.frame import LineFrame
 from plnerf.line.survey import Survey
 from plnerf.score.clearances import ClearanceScore, score_clearances
 from plnerf.score.config import DEFAULT, WireScoreConfig
@@ -32,17 +31,10 @@ def score_survey(survey: Survey, truth: Truth, config: WireScoreConfig = DEFAULT
             f"The survey {survey.source} is unscaled, so that its wires cannot be compared with true ones in "
             "metres. Give the photos' positions or control points, and survey again."
         )
-    there, wires = truth.moved(into(survey.frame)), survey.wires
+    there, wires = truth.moved(Similarity(*survey.frame.similarity)), survey.wires
     matches = match_wires(wires, there.wires, config)
     ids = {wire.id for wire in wires}
     before = match_wires([wire for wire in survey.detected if wire.id in ids], there.wires, config)
     stated = () if survey.clearances is None else survey.clearances.wires
     clearances = score_clearances(matches.matches, wires, stated, there, config)
     return SurveyScore(matches, clearances, before.matches)
-
-
-def into(frame: LineFrame) -> Similarity:
-    """The motion from the world into the LineFrame."""
-    return Similarity(
-        frame.scale, frame.R_line_world, -frame.scale * (frame.R_line_world @ frame.origin_world)
-    )

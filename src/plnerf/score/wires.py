@@ -165,7 +165,7 @@ def _common(line: Float[np.ndarray, "v 3"], found: Wire, config: WireScoreConfig
 def match_wires(
     found: Sequence[Wire], true: Sequence[Wire], config: WireScoreConfig = DEFAULT.wires
 ) -> WireMatches:
-    """Compares; `rules` says how in words.
+    """Compares; `rules` states how.
 
     Raises SurveyError where every found wire is farther from every true one than these are long: then they
     are in another frame.

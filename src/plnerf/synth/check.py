@@ -1,4 +1,4 @@
-"""What cannot be told from a configuration's numbers: do wires clear the ground, are cameras in free air?
+"""What a configuration's numbers do not show: do wires clear the ground, are cameras in free air?
 
 World frame, metres.  Every refusal is a ConfigError that names the thing, the place and what to change.
 """
