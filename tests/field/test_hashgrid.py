@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from plnerf.field.hashgrid import HashGrid
-from plnerf.ops.dispatch import Backend, hash_encode
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import hash_encode
 from plnerf.ops.grid import GridShape
 
 SHAPE = GridShape(3, 4, 16, 2, 9, "cubic")

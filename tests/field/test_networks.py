@@ -6,7 +6,8 @@ import pytest
 import torch
 from torch import nn
 
-from plnerf.field.density import DensityConfig, DensityField
+from plnerf.field.config import DensityConfig
+from plnerf.field.density import DensityField
 from plnerf.field.networks import density_activation, mlp
 from plnerf.ops.grid import GridShape
 

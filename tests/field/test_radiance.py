@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from plnerf.errors import ConfigError
-from plnerf.field.radiance import DirectionEncoding, RadianceConfig, RadianceField
-from plnerf.ops.dispatch import Backend
+from plnerf.field.config import DirectionEncoding, RadianceConfig
+from plnerf.field.radiance import RadianceField
+from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 
 CONFIG = RadianceConfig(GridShape(3, 4, 16, 2, 10, "cubic"), hidden=16, feature=7, appearance=4)

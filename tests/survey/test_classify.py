@@ -8,8 +8,9 @@ import pytest
 from plnerf.errors import ConfigError
 from plnerf.line.hang import hang
 from plnerf.line.line import Structure
-from plnerf.survey.classify import ClassifyConfig, classified, ground_of, standing_on
-from plnerf.survey.on_wires import NONE, OnWiresConfig, on_wires
+from plnerf.survey.classify import classified, ground_of, standing_on
+from plnerf.survey.config_ground import ClassifyConfig, OnWiresConfig
+from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
 
 CONFIG = ClassifyConfig()

@@ -19,9 +19,10 @@ from plnerf.line.line import Structure
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey import obstacles as room
-from plnerf.survey.clearance import ClearanceConfig, _lowest, measure_clearances
-from plnerf.survey.ground_section import GroundSectionConfig, ground_under
-from plnerf.survey.obstacles import CLASSES, ObstacleConfig, obstacles, onto_wire, rules, stations
+from plnerf.survey.clearance import _lowest, measure_clearances
+from plnerf.survey.config_ground import ClearanceConfig, GroundSectionConfig, ObstacleConfig
+from plnerf.survey.ground_section import ground_under
+from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, rules, stations
 
 CONFIG = ClearanceConfig()
 WIRE = hang((0.0, 0.0, 20.0), (100.0, 0.0, 20.0), 4.0)

@@ -10,7 +10,8 @@ from plnerf.line.base import Base, base_of
 from plnerf.line.ends import Attached, Open
 from plnerf.line.hang import hang
 from plnerf.line.wire import Wire
-from plnerf.survey.fit import FitConfig, fit_wire
+from plnerf.survey.config_wires import FitConfig
+from plnerf.survey.fit import fit_wire
 
 WIRES = {
     "level": hang((500_000.0, 5_700_000.0, 20.0), (500_040.0, 5_700_009.0, 20.4), 1.4),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from plnerf.errors import ConfigError
-from plnerf.survey.ground import Ground, GroundConfig, find_ground, vegetation
+from plnerf.survey.config_ground import GroundConfig
+from plnerf.survey.ground import Ground, find_ground, vegetation
 
 EXTENT = 120.0
 CONFIG = GroundConfig()

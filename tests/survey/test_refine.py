@@ -6,28 +6,51 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from tests.support.drawn import FOCAL, HALF, hanging, pinhole_cameras, polyline, scene_of, two_passes
+from tests.support.drawn import FOCAL, HALF, pinhole_cameras, scene_of, two_passes
 from tests.support.lit_wires import draw_lit
 
-from plnerf.detect.curves import Curve
+from plnerf.line.base import Base
+from plnerf.line.curve import curve_at
+from plnerf.line.ends import Evidence, Open
+from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
-from plnerf.scene.transforms import Frames
-from plnerf.survey.fit import Base
-from plnerf.survey.refine.adjust import VIEWS, Prior, State, adjust
-from plnerf.survey.refine.curves import Held, cut, of_curve, refit_curves
-from plnerf.survey.refine.profile import Sightings, sightings
-from plnerf.survey.refine.projection import Track, crossings, track
-from plnerf.survey.refine.refine import Refined, double, refine
+from plnerf.survey.photos import Photos, photos_of
+from plnerf.survey.refine.adjust import Prior, State, adjust
+from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
+from plnerf.survey.refine.profile import ProfileMeasurements, measure_profiles
+from plnerf.survey.refine.projection import Projection, crossings, project_wire
+from plnerf.survey.refine.refine import refine_wires
 
-WIRES = (hanging(-0.08, 0.05), hanging(0.06, 0.02, 0.03), hanging(0.0, 0.1, 0.05, askew=0.01, climb=0.02))
 PIXEL = 0.45 / FOCAL
 """Width of a pixel at the distance of the passes."""
-DIAMETER = 2 * PIXEL
+BASE = Base(np.array([-HALF, 0.0]), np.array([HALF, 0.0]))
+CONFIG = RefineConfig(diameter_m=2 * PIXEL)
+"""The drawn scenes are two metres long."""
 LIGHT = np.array([0.0, 0.6, 0.8])
-BASE = Base(np.array([-HALF, 0.0]), np.array([1.0, 0.0]), 2 * HALF)
-OFF = np.array([1.2, -0.8, -1.2, 0.8, 0.6]) * PIXEL
-TRUST = [4 * PIXEL] * 3
+OFF = np.array([1.2, -0.8, -1.2, 0.8, 0.6, 0.0]) * PIXEL
+END_ON, CROSSING = CONFIG.profile.end_on, CONFIG.profile.least_crossing
+
+
+def hung(y: float, z: float, sag: float = 0.04, *, askew: float = 0.0, climb: float = 0.0) -> Wire:
+    """From end to end of the box; known to within four pixels."""
+    theta = np.array(
+        [y - askew * HALF, y + askew * HALF, z - climb * HALF, z + climb * HALF, sag, 0.0]
+    )
+    evidence = Evidence("a drawing", 1, reach_m=4 * PIXEL)
+    return Wire(0, BASE, theta, np.diag([PIXEL**2] * 5 + [0.0]), (Open("drawn"), Open("drawn")), evidence)
+
+
+WIRES = (hung(-0.08, 0.05), hung(0.06, 0.02, 0.03), hung(0.0, 0.1, 0.05, askew=0.01, climb=0.02))
+MOVED = tuple(replace(wire, theta=wire.theta + OFF) for wire in WIRES)
+
+
+def polyline(wire: Wire) -> np.ndarray:
+    return wire.points(np.linspace(0.0, wire.base.length_m, 120))
+
+
+def lit(cameras: Cameras, *wires: Wire) -> list[np.ndarray]:
+    return draw_lit(cameras, [polyline(wire) for wire in wires], CONFIG.diameter_m, LIGHT)
 
 
 @pytest.fixture(scope="module")
@@ -36,31 +59,42 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return scene_of(tmp_path_factory.mktemp("drawn"), cameras, lit(cameras, *WIRES))
 
 
-def lit(cameras: Cameras, *wires: Curve) -> list[np.ndarray]:
-    return draw_lit(cameras, [polyline(wire, 120) for wire in wires], DIAMETER, LIGHT)
+@pytest.fixture(scope="module")
+def photos(scene: Scene) -> Photos:
+    entered = photos_of(scene)
+    assert entered.frame.to_scene(np.ones(3)) == pytest.approx(np.ones(3))  # these scenes are metric
+    return entered
 
 
-def off(found: Refined, wire: Curve) -> np.ndarray:
+def off(found: Wire, wire: Wire) -> np.ndarray:
     """In pixels, y and z, over the middle nine tenths."""
     s = np.linspace(0.05, 0.95, 60) * BASE.length_m
-    return (BASE.at(found.q, s) - wire.points(s - HALF)[:, 1:]) / PIXEL
+    return (found.at(s) - wire.at(s)) / PIXEL
 
 
-def test_wires_come_to_where_they_are_drawn(scene: Scene) -> None:
-    start = [of_curve(wire, BASE) + OFF for wire in WIRES]
+def refused(wire: Wire) -> str:
+    """Why it was not refitted; empty if it was."""
+    return " ".join(text for text in wire.notes if "not refitted" in text)
+
+
+def test_wires_come_to_where_they_are_drawn(photos: Photos) -> None:
     done: list[tuple[int, int]] = []
-    found = refine(scene, BASE, start, TRUST, DIAMETER, lambda *at: done.append(at))
+    found = refine_wires(photos, MOVED, CONFIG, lambda *at: done.append(at))
     assert done[-1][0] == done[-1][1] and len(done) > 3
-    assert found.motion_px < 0.2
+    assert found.pose_residual_px < 0.2
     for one, wire in zip(found.wires, WIRES, strict=True):
-        assert one.refused is None
+        assert not refused(one)
         assert np.abs(off(one, wire)).max() < 0.4 and np.sqrt((off(one, wire) ** 2).mean()) < 0.2
-        assert one.views >= 12
-        sigma = np.sqrt(np.diag(one.covariance)) / PIXEL
-        assert (np.abs(one.q - of_curve(wire, BASE)) / PIXEL < 4 * sigma).all() and sigma.max() < 1
+        assert one.evidence.count >= 12
+        assert one.evidence.seen_m is not None
+        assert sum(high - low for low, high in one.evidence.seen_m) > 0.6 * BASE.length_m
+        sigma = np.sqrt(np.diag(one.covariance))[:5] / PIXEL
+        assert (np.abs(one.theta - wire.theta)[:5] / PIXEL < 4 * sigma).all() and sigma.max() < 1
+        assert one.swing_rad == 0 and not one.covariance[5].any()
+    assert refine_wires(photos, [], CONFIG).wires == ()
 
 
-def test_what_images_are_off_by_is_learnt_and_does_not_reach_the_wires(tmp_path: Path) -> None:
+def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) -> None:
     """Each picture shifted by a pixel or so of its own."""
     cameras = two_passes(8)
     random = np.random.default_rng(3)
@@ -69,39 +103,42 @@ def test_what_images_are_off_by_is_learnt_and_does_not_reach_the_wires(tmp_path:
         dx, dy = random.normal(size=2)
         move = np.array([[1, 0, dx], [0, 1, dy]])
         picture[:] = cv2.warpAffine(picture, move, picture.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
-    start = [of_curve(wire, BASE) + OFF for wire in WIRES]
-    found = refine(scene_of(tmp_path, cameras, pictures), BASE, start, TRUST, DIAMETER)
-    assert 0.6 < found.motion_px < 1.5
+    found = refine_wires(photos_of(scene_of(tmp_path, cameras, pictures)), MOVED, CONFIG)
+    assert 0.6 < found.pose_residual_px < 1.5
     for one, wire in zip(found.wires, WIRES, strict=True):
-        assert one.refused is None and np.sqrt((off(one, wire) ** 2).mean()) < 0.5
+        assert not refused(one) and np.sqrt((off(one, wire) ** 2).mean()) < 0.5
 
 
-def test_one_that_goes_too_far_stays(scene: Scene) -> None:
-    start = [of_curve(wire, BASE) + OFF for wire in WIRES]
-    found = refine(scene, BASE, start, [4 * PIXEL, 0.4 * PIXEL, 4 * PIXEL], DIAMETER).wires
-    assert found[1].refused is not None and "times as far as it may be off" in found[1].refused
-    assert (found[1].q == start[1]).all() and found[0].refused is None
+def test_one_that_goes_too_far_stays(photos: Photos) -> None:
+    sure = replace(MOVED[1], evidence=replace(MOVED[1].evidence, reach_m=0.4 * PIXEL))
+    found = refine_wires(photos, [MOVED[0], sure, MOVED[2]], CONFIG).wires
+    assert "times as far as its detection may be off" in refused(found[1])
+    np.testing.assert_allclose(found[1].theta, sure.theta, atol=1e-12)
+    assert not refused(found[0])
+    # It states its detection's least certain point for all of them.
+    assert np.diag(found[1].covariance)[:5] == pytest.approx(sure.worst_sigma() ** 2)
 
 
-def test_no_wire_is_refined_where_none_is_seen(scene: Scene) -> None:
-    empty = of_curve(hanging(0.14, -0.1, 0.02), BASE)
-    (found,) = refine(scene, BASE, [empty], [4 * PIXEL], DIAMETER).wires
-    assert found.refused is not None and (found.q == empty).all()
+def test_no_wire_is_refined_where_none_is_seen(photos: Photos) -> None:
+    empty = hung(0.14, -0.1, 0.02)
+    (found,) = refine_wires(photos, [empty], CONFIG).wires
+    assert refused(found) and np.allclose(found.theta, empty.theta, atol=1e-12)
 
 
 def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
     random = np.random.default_rng(0)
-    known = np.array([of_curve(wire, BASE) for wire in WIRES])
+    known = np.array([wire.theta for wire in WIRES])
+    config, moved = AdjustConfig(), np.pad(random.normal(size=(3, 5)) * PIXEL, ((0, 0), (0, 1)))
     state = State(
-        known + random.normal(size=(3, 5)) * PIXEL,
-        *(random.normal(size=shape) for shape in ((4, 3), (3, VIEWS), (3, 2), 2)),
+        known + moved, *(random.normal(size=shape) for shape in ((4, 3), (3, config.views), (3, 2), 2))
     )
-    nothing = Sightings(*(np.zeros((0, *rest)) for rest in ((), (2,), (3,), (), (), (), ())))
-    step = adjust(BASE, state, Prior(known, np.array(TRUST), DIAMETER, 0.1), [[nothing] * 3] * 4)
-    np.testing.assert_allclose(step.state.q, known, atol=1e-3 * PIXEL)
-    for name in ("motion", "bias", "light", "common_light"):
+    nothing = ProfileMeasurements(*(np.zeros((0, *rest)) for rest in ((), (2,), (3,), (), (), (), ())))
+    prior = Prior(known, np.array([4 * PIXEL] * 3), CONFIG.diameter_m, 0.1)
+    step = adjust(BASE, state, prior, [[nothing] * 3] * 4, config)
+    np.testing.assert_allclose(step.state.theta, known, atol=1e-3 * PIXEL)
+    for name in ("pose", "bias", "shading", "common_shading"):
         np.testing.assert_allclose(getattr(step.state, name), 0, atol=1e-9)
-    # Nor is there a spread among images that would tell otherwise than what was known.
+    # Nor is there a spread among images that would say otherwise than what was known.
     np.testing.assert_allclose(step.spread, step.covariance, rtol=1e-6, atol=1e-9 * step.covariance.max())
 
 
@@ -109,59 +146,55 @@ def test_a_track_along_the_wires_fixes_none(tmp_path: Path) -> None:
     x = np.linspace(-0.75, 0.75, 12)
     centres = np.stack([x, 0 * x - 0.45, 0 * x + 0.05], 1)
     cameras = pinhole_cameras(centres, centres + np.array([0.0, 1.0, -0.1]))
-    straight = Curve((0.05, 0.0), (0.05, 0.0, 0.001), (-HALF, HALF), 0.01, 0.05, True)
-    scene = scene_of(tmp_path, cameras, lit(cameras, straight))
-    (found,) = refine(scene, BASE, [of_curve(straight, BASE)], [0.05], DIAMETER).wires
-    assert found.refused is not None and "do not fix it" in found.refused
+    straight = hung(0.05, 0.05, 0.001)
+    straight = replace(straight, evidence=replace(straight.evidence, reach_m=0.05))
+    (found,) = refine_wires(
+        photos_of(scene_of(tmp_path, cameras, lit(cameras, straight))), [straight], CONFIG
+    ).wires
+    assert "do not fix it" in refused(found)
 
 
-def test_curves_come_out_in_world_units_and_cut(scene: Scene) -> None:
-    turn = np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
-    frames = replace(scene.frames, R_scene_world=turn, scale=0.05, shift_world=np.array([500.0, 60.0, 7.0]))
-    curves = [replace(wire, ends=(-0.7, 0.8), reach=4 * PIXEL) for wire in WIRES]
-    rows, motion_px = refit_curves(replace(scene, frames=frames), curves, DIAMETER / 0.05 / 0.03)
-    assert motion_px < 0.2
-    for row, wire in zip(rows, curves, strict=True):
-        assert row.refused is None and row.images >= 12
-        for line in (row.before, row.after):
-            assert line.base.length_m == pytest.approx(1.5 / 0.05)
-            points = line.base.curve(line.q).points(np.linspace(0, line.base.length_m, 30))
-            at = frames.to_scene(points)
-            assert np.abs((at - wire.points(at[:, 0]))[:, 1:]).max() < 0.5 * PIXEL
-            assert at[[0, -1], 0] == pytest.approx([-0.7, 0.8], abs=1e-3)
-    assert refit_curves(scene, [], 1.0) == ([], 0.0)
+def test_wires_of_unequal_extents_are_refitted_on_one_base(photos: Photos) -> None:
+    cut = [wire.between(0.2, 1.7) for wire in MOVED[:2]]
+    found = refine_wires(photos, [*cut, MOVED[2]], CONFIG)
+    for one, wire in zip(found.wires, WIRES, strict=True):
+        assert one.base.length_m == pytest.approx(BASE.length_m) and not refused(one)
+        assert np.abs(off(one, wire)).max() < 0.5
 
 
 def test_a_cut_wire_is_as_certain_as_the_whole() -> None:
     """By draws from the covariance."""
     random = np.random.default_rng(1)
-    q, half = of_curve(WIRES[2], BASE), random.normal(size=(5, 5)) * 1e-3
-    covariance = half @ half.T
-    frames = Frames(np.eye(3), 1.0, np.zeros(3), "m", None, "file")
-    line = cut(BASE, q, covariance, (-0.5, 0.7), frames)
-    draws = random.multivariate_normal(q, covariance, 4000)
+    half = random.normal(size=(5, 5)) * 1e-3
+    covariance = np.pad(half @ half.T, (0, 1))
+    wire = replace(WIRES[2], covariance=covariance).between(0.4, 1.6)
+    draws = random.multivariate_normal(WIRES[2].theta, covariance, 4000)
     s = np.array([0.4, 1.0, 1.6])
-    spread = np.std([BASE.at(one, s) for one in draws], axis=0)
-    J = line.base.by_q(line.q, s - 0.4)
-    stated = np.sqrt(np.einsum("kij,jl,kil->ki", J, line.covariance, J))
-    np.testing.assert_allclose(stated, spread, rtol=0.06)
+    spread = np.std([curve_at(one, BASE.length_m, s) for one in draws], axis=0)
+    np.testing.assert_allclose(wire.sigma_at(s - 0.4), spread, rtol=0.06)
 
 
-def test_a_moved_wire_is_told_by_the_profile() -> None:
-    """-B / A is where the wire is, wherever it is looked for within a pixel."""
+def test_a_moved_wire_is_measured_by_the_profile() -> None:
+    """-B / A is where the wire is, wherever it is measured within a pixel."""
     cameras = two_passes(8)[[3]]
-    camera, s = double(cameras), np.linspace(0, BASE.length_m, 200)
-    lines = [polyline(wire, 120) for wire in WIRES]
-    grey = cv2.cvtColor(draw_lit(cameras, lines, DIAMETER, np.zeros(3))[0], cv2.COLOR_RGB2GRAY)
+    camera = Cameras(
+        *(value.double() if value.is_floating_point() else value for value in vars(cameras).values())
+    )
+    s = np.linspace(0, BASE.length_m, 200)
+    lines = [polyline(wire) for wire in WIRES]
+    grey = cv2.cvtColor(draw_lit(cameras, lines, CONFIG.diameter_m, np.zeros(3))[0], cv2.COLOR_RGB2GRAY)
     grey = grey.astype(np.float32)
-    q = of_curve(WIRES[0], BASE)
-    tracks = [track(camera, BASE, of_curve(wire, BASE), s, np.zeros(3)) for wire in WIRES[1:]]
+
+    def seen(theta: np.ndarray) -> Projection:
+        return project_wire(camera, BASE, theta, s, np.zeros(3), END_ON)
+
+    others = [seen(wire.theta) for wire in WIRES[1:]]
     for away in (-0.8, 0.0, 0.8):
-        moved = q + np.array([away, away, 0, 0, 0]) * PIXEL
-        one = sightings(grey, None, track(camera, BASE, moved, s, np.zeros(3)), tracks, 0.6, DIAMETER)
+        moved = seen(WIRES[0].theta + np.array([away, away, 0, 0, 0, 0]) * PIXEL)
+        one = measure_profiles(grey, None, moved, others, 0.6, CONFIG.diameter_m, ProfileConfig())
         clear = np.abs(one.A) > 5 * np.sqrt(one.variance_A)
         assert clear.sum() > 30
-        expected = -away * PIXEL * one.g[clear, 0]
+        expected = -away * PIXEL * one.by_yz[clear, 0]
         np.testing.assert_allclose(np.median((-one.B / one.A)[clear] - expected), 0, atol=0.1)
 
 
@@ -170,28 +203,20 @@ def test_crossings_are_where_the_lines_meet() -> None:
     along = np.stack([10 + 80 * s, np.full(41, 50.0)], 1)
     other = np.stack([10 + 80 * s, 50 + 8 * (s - 0.5)], 1)
     lines = [_flat(along), _flat(other)]
-    apart = crossings(lines[0], [lines[1], _flat(along + np.array([0, 60.0]))], 3.0, 2)
+    far = _flat(along + np.array([0, 60.0]))
+    apart = crossings(lines[0], [lines[1], far], 3.0, 2, CROSSING)
     # Normals point to positive y for a line to the right.
     expected = other[:, 1] - 50
     near = np.abs(expected) < 2.8
     np.testing.assert_allclose(apart[near, 0], expected[near], atol=1e-6)
     assert np.isnan(apart[np.abs(expected) > 3.2]).all() and np.isnan(apart[:, 1]).all()
     across = np.stack([np.full(41, 50.2), 10 + 80 * s], 1)
-    assert crossings(lines[0], [_flat(across)], 3.0, 1)[20, 0] == 0.0
+    assert crossings(lines[0], [_flat(across)], 3.0, 1, CROSSING)[20, 0] == 0.0
 
 
-def _flat(pixel: np.ndarray) -> Track:
+def _flat(pixel: np.ndarray) -> Projection:
     tangent = np.gradient(pixel, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
     s, yes, still = np.linspace(0, 1, len(pixel)), np.ones(len(pixel), bool), np.zeros((len(pixel), 3))
-    return Track(s, pixel, tangent, normal, normal, still, yes, yes)
-
-
-def test_a_seen_support_makes_ends_uncertain(scene: Scene) -> None:
-    curves = [replace(wire, ends=(-0.6, 0.6), reach=4 * PIXEL) for wire in WIRES]
-    rows, _ = refit_curves(scene, curves, DIAMETER / 0.03, (Held(-0.65, 0.1), None))
-    for row in rows:
-        assert row.end_sigma == (pytest.approx(0.1 * DIAMETER / 0.03), 0.0)
-        first, last = row.after.base.curve(row.after.q).points(np.array([0.0, row.after.base.length_m]))
-        assert scene.frames.to_scene(np.array([first, last]))[:, 0] == pytest.approx([-0.65, 0.6], abs=1e-3)
+    return Projection(s, pixel, tangent, normal, normal, still, yes, yes)

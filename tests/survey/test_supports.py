@@ -7,9 +7,10 @@ from plnerf.line.base import Base
 from plnerf.line.ends import Attached, Evidence, Open
 from plnerf.line.wire import Wire
 from plnerf.survey.attach import hung_between, line_of
-from plnerf.survey.attachments import AttachmentConfig, held_at
-from plnerf.survey.bodies import BodyConfig, find_bodies
-from plnerf.survey.supports import SupportConfig, find_supports, trimmed
+from plnerf.survey.attachments import held_at
+from plnerf.survey.bodies import find_bodies
+from plnerf.survey.config_wires import AttachmentConfig, BodyConfig, SupportConfig
+from plnerf.survey.supports import find_supports, trimmed
 from plnerf.survey.surface import Surface
 
 CONFIG = SupportConfig()

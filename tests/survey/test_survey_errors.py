@@ -4,30 +4,31 @@ What `plnerf survey` says is stored in tests/snapshots/survey_*.txt; ``pytest --
 anew.  Status 1: nothing was written; status 3: a report was, which says that there is no conductor, and why.
 """
 
-import json
 import re
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.conftest import ROOT, SNAPSHOTS
-from tests.support.drawn import hanging
+from tests.support.drawn import FRAME, hanging, uncertain
 from tests.support.lidar_clouds import Line, line
 from tests.support.tiny_run import Recorder, tiny_config
-from tests.survey.test_run_survey import RD, write_las
+from tests.survey.lidar.test_las import write_las
 
 from plnerf.cli.main import main
-from plnerf.detect.curves import Curve, write_curves
+from plnerf.line.files import read_survey, write_wires
 from plnerf.survey.thresholds import DEFAULT_TABLE
-from plnerf.train.guidance import CURVES
+from plnerf.train.guidance import WIRES
 from plnerf.train.loop import train
 
 Spoil = Callable[[Path], list[str]]
 REFUSED: dict[str, Spoil] = {}
 """Status 1."""
+RD = np.array([230_000.0, 570_000.0, 0.0])
 POINTS = 100 * np.random.default_rng(3).random((500, 3))
 """Without a wire."""
 TABLE = ROOT / "src" / "plnerf" / "data" / "clearances" / DEFAULT_TABLE
@@ -223,13 +224,12 @@ def test_no_stored_text_is_left_over() -> None:
     assert stored == {f"survey_{name}" for name in [*REFUSED, *SAID]}
 
 
-SAID = ("no_wires", "no_ground", "no_crs", "run_that_looked_for_none", "run_without_a_certain_curve")
+SAID = ("no_wires", "no_ground", "no_crs", "run_that_looked_for_none", "run_without_a_certain_wire")
 """What is surveyed, and what is said of it."""
 
 
-def caveats(folder: Path) -> str:
-    content = json.loads((folder / "survey.json").read_text())
-    return "\n".join(content["caveats"])
+def findings(folder: Path) -> str:
+    return "\n".join(finding.text for finding in read_survey(folder / "survey.json").findings)
 
 
 def test_a_cloud_without_wires_has_status_3_and_a_report_that_says_so(
@@ -248,7 +248,7 @@ def test_a_cloud_without_wires_has_status_3_and_a_report_that_says_so(
     arguments[0] = cloud(tmp_path, made.xyz[plain] + RD)
     status, text = plnerf_survey(arguments, monkeypatch, capsys, tmp_path)
     snapshot("survey_no_wires", text)
-    assert status == 3 and json.loads((out / "survey.json").read_text())["conductors"] == []
+    assert status == 3 and read_survey(out / "survey.json").wires == ()
     assert "No wires were found" in (out / "report.html").read_text()
     assert {path.name for path in out.iterdir()} == {
         "report.html", "survey.json", "cloud.laz", "cloud.ply", "conductors.dxf",
@@ -264,10 +264,10 @@ def test_a_cloud_without_ground_is_surveyed_and_says_so(
 ) -> None:
     hanging_ones = made.xyz[np.isin(made.truth, (13, 14))] + RD
     status, _ = plnerf_survey([cloud(tmp_path, hanging_ones)], monkeypatch, capsys, tmp_path)
-    content = json.loads((tmp_path / "line-survey" / "survey.json").read_text())
-    assert status == 0 and 0 < len(content["conductors"]) <= len(made.wires)
-    assert not [one for one in content["clearances"] if "ground" in one["to"]]
-    snapshot("survey_no_ground", caveats(tmp_path / "line-survey"))
+    survey = read_survey(tmp_path / "line-survey" / "survey.json")
+    assert status == 0 and 0 < len(survey.wires) <= len(made.wires) and survey.clearances is not None
+    assert not [place for place in survey.clearances.all_places() if place.to == "ground"]
+    snapshot("survey_no_ground", findings(tmp_path / "line-survey"))
 
 
 def test_repeated_points_and_no_crs_change_nothing(
@@ -281,10 +281,10 @@ def test_repeated_points_and_no_crs_change_nothing(
     for times in (1, 4):
         path = cloud(tmp_path, np.tile(made.xyz + RD, (times, 1)), None)
         assert plnerf_survey([path], monkeypatch, capsys, tmp_path)[0] == 0
-        content = json.loads((tmp_path / "line-survey" / "survey.json").read_text())
-        found.append([(one["q"], one["covariance"], one["kind"]) for one in content["conductors"]])
+        survey = read_survey(tmp_path / "line-survey" / "survey.json")
+        found.append([(w.theta.tolist(), w.covariance.tolist(), w.kind) for w in survey.wires])
     assert found[0] == found[1] and len(found[0]) == len(made.wires)
-    said = caveats(tmp_path / "line-survey")
+    said = findings(tmp_path / "line-survey")
     snapshot("survey_no_crs", re.sub(r"\d{2,}", "N", said))
 
 
@@ -294,20 +294,34 @@ def trained(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return train(tiny_config(built_tiny_scene, steps=3), folder, Recorder())
 
 
-@pytest.mark.parametrize("name", ["run_that_looked_for_none", "run_without_a_certain_curve"])
 def test_a_run_that_never_saw_a_wire_has_status_3_and_a_report_that_says_so(
-    name: str,
     trained: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     snapshot: Callable[[str, str], None],
 ) -> None:
+    """Its preset detects none: they are detected for the survey."""
     run = shutil.copytree(trained, tmp_path / "run")
-    if name == "run_without_a_certain_curve":
-        one = hanging(0.1, 0.2)
-        write_curves(run / CURVES, [Curve(one.y, one.z, one.ends, 0.05, 0.2, False)])
     status, text = plnerf_survey([str(run)], monkeypatch, capsys, tmp_path)
-    snapshot(f"survey_{name}", re.sub(r"[\d,]+ points", "N points", text))
-    assert status == 3 and json.loads((run / "survey" / "survey.json").read_text())["conductors"] == []
-    assert "No conductor was found" in (run / "survey" / "report.html").read_text()
+    snapshot("survey_run_that_looked_for_none", re.sub(r"[\d,]+ points", "N points", text))
+    assert status == 3 and read_survey(run / "survey" / "survey.json").wires == ()
+    assert (run / "survey" / "report.html").exists()
+
+
+def test_a_run_without_a_certain_wire_has_status_3(
+    tmp_path: Path,
+    built_tiny_scene: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    snapshot: Callable[[str, str], None],
+) -> None:
+    """What the views do not fix is no wire of the survey."""
+    run = tmp_path / "run"
+    run.mkdir()
+    write_wires(run / WIRES, [uncertain(hanging(0.1, 0.2))], FRAME, {})
+    config = tiny_config(built_tiny_scene, steps=3)
+    train(replace(config, train=replace(config.train, find_wires=True)), run, Recorder())
+    status, text = plnerf_survey([str(run)], monkeypatch, capsys, tmp_path)
+    snapshot("survey_run_without_a_certain_wire", re.sub(r"[\d,]+ points", "N points", text))
+    assert status == 3 and read_survey(run / "survey" / "survey.json").wires == ()

@@ -9,7 +9,7 @@ from tests.support.catenary_surveys import UTM, corridor
 
 from plnerf.errors import SurveyError
 from plnerf.line.clearances import GROUPS
-from plnerf.survey.clearance import ClearanceConfig
+from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.thresholds import (
     altitude_m,
     load_table,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from tests.support.changed import changed
 from tests.support.no_sync import Watch
 from tests.support.tiny_run import open_tiny, tiny_config
 from torch import Tensor
@@ -17,7 +18,6 @@ from plnerf.render.model import PLNeRF
 from plnerf.scene.cameras import Cameras
 from plnerf.train.config import RunConfig
 from plnerf.train.pixels import PixelBatch, PixelSampler, detail_pools
-from plnerf.train.settings import override
 from plnerf.train.step import NonFiniteMonitor, Training
 
 CAMERAS, RAYS = 5, 64
@@ -27,7 +27,7 @@ META = torch.device("meta")
 def meta_training(*settings: str) -> Training:
     """A preset's model on the device that stands for a GPU; its optimiser has the least there can be."""
     start = RunConfig("", 1, "pl-nerf", "triton", "cuda", PL_NERF.model, PL_NERF.train, steps=1)
-    config = override(start, settings)
+    config = changed(start, settings)
     model = PLNeRF(config.model, CAMERAS, "triton", torch.Generator()).to(META)
     for value in model.parameters():
         value.grad = torch.empty_like(value)
@@ -178,7 +178,8 @@ def test_a_step_with_triton_is_a_step_with_torch(tiny_scene: Path, tmp_path: Pat
         for value in model.parameters():
             value.grad = torch.zeros_like(value)
         optimizer = torch.optim.SGD(model.parameters(), lr=0.0)
-        training = Training(model, optimizer, scene.cameras, config.train, NonFiniteMonitor(torch.device("cpu")))
+        monitor = NonFiniteMonitor(torch.device("cpu"))
+        training = Training(model, optimizer, scene.cameras, config.train, monitor)
         terms = training.step(batch, 0.5, torch.Generator().manual_seed(2), refine_poses=True)
         found.append(terms | {name: value.grad for name, value in model.named_parameters()})
     for name, truth in found[0].items():

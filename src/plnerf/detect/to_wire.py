@@ -11,6 +11,7 @@ from plnerf.detect.config import CertaintyConfig
 from plnerf.detect.narrow import curve_point
 from plnerf.detect.views import Views
 from plnerf.line.base import Base
+from plnerf.line.curve import bend_of_sag
 from plnerf.line.ends import Evidence, Open
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
@@ -38,13 +39,16 @@ def wire_of(
     covariance = T @ candidate.covariance @ T.T
     sigma = worst_sigma(covariance)
     unit = float(frame.from_scene(np.ones(1))[0])
+    theta = np.append(unit * (T @ candidate.theta), 0.0)
+    # The candidate is a parabola; the wire is the catenary of the same ends and the same sag.
+    theta[4] = bend_of_sag(theta, unit * (high - low), theta[4])
     in_line = np.zeros((6, 6))
     in_line[:5, :5] = unit**2 * covariance
     seen = [float(np.clip(x[plane], low, high)) for plane in candidate.seen]
     return Wire(
         id=number,
         base=Base(np.array([unit * low, 0.0]), np.array([unit * high, 0.0])),
-        theta=np.append(unit * (T @ candidate.theta), 0.0),
+        theta=theta,
         covariance=in_line,
         ends=(OPEN, OPEN),
         evidence=Evidence(

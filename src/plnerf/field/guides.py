@@ -75,12 +75,13 @@ def guides_of(wires: Sequence[Wire], frame: LineFrame) -> Guides:
 
 
 def parabola(wire: Wire, frame: LineFrame) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], float]:
-    """Ends of a wire and its sag b below the middle of the chord, scene frame.
+    """Ends of a wire and its sag b below the chord, scene frame.
 
     Its points are those of the chord, 4 b t (1 - t) lower, with t in [0, 1] along the chord.
     """
     ends = frame.to_scene(wire.points(np.array([0.0, wire.base.length_m])))
-    return ends[0], ends[1], float(frame.to_scene(wire.theta[4:5])[0])
+    sag = wire.drop_between(0.0, wire.base.length_m)
+    return ends[0], ends[1], float(frame.to_scene(np.array([sag]))[0])
 
 
 def scene_points(wire: Wire, frame: LineFrame, count: int) -> Float[np.ndarray, "m 3"]:

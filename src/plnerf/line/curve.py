@@ -53,6 +53,12 @@ def transport(theta: Float[np.ndarray, "6"], old: Base, new: Base) -> Float[np.n
     return np.array([y_A, y_B, z_A, z_B, b, theta[5]])
 
 
+def bend_of_sag(theta: Float[np.ndarray, "6"], L: float, sag_m: float) -> float:
+    """The b with which an upright curve of these ends has a greatest vertical drop of `sag_m`."""
+    D, h, _ = plane_of(theta, L)
+    return max(L**2 / (8 * catenary.p_of_sag(D, h, sag_m)), LEAST_BEND_M) if sag_m > 0 else LEAST_BEND_M
+
+
 def vertical_sag(theta: Float[np.ndarray, "6"], L: float) -> float:
     """The greatest vertical drop below the chord: the plane's own sag, times the cosine of the swing."""
     return math.cos(float(theta[5])) * catenary.sag(*plane_of(theta, L))

@@ -6,7 +6,7 @@ Of a scene it is the scene frame in metres: the same axes and the same origin.  
 export/, report/ and score/ knows of scales and rotations.  float64 throughout.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -88,8 +88,7 @@ class LineFrame:
         """Cameras of the scene in this frame, float64."""
         values = [getattr(cameras, one.name) for one in fields(cameras)]
         found = Cameras(*(value.double() if value.is_floating_point() else value for value in values))
-        found.centre.div_(self._per_unit)
-        return found
+        return replace(found, centre=found.centre / self._per_unit)
 
     @property
     def _per_unit(self) -> float:

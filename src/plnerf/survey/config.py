@@ -4,17 +4,11 @@ from dataclasses import dataclass, field
 
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
-from plnerf.survey.classify import ClassifyConfig
-from plnerf.survey.clearance import ClearanceConfig
-from plnerf.survey.evidence import EvidenceConfig
-from plnerf.survey.field_surface import FieldConfig
-from plnerf.survey.ground import GroundConfig
-from plnerf.survey.kinds import KindsConfig
+from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, FieldConfig
+from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.stereo.config import StereoConfig
-from plnerf.survey.supports import SupportConfig
-from plnerf.survey.wire_points import WirePointsConfig
 
 
 @dataclass(frozen=True)
@@ -33,14 +27,12 @@ class SurveyConfig:
     """Structures that hold the wires, of images."""
     refine: RefineConfig = field(default_factory=RefineConfig)
     """The refit of wires to the images."""
-    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    evidence: WireEvidenceConfig = field(default_factory=WireEvidenceConfig)
     """What a wire rests on."""
     kinds: KindsConfig = field(default_factory=KindsConfig)
     """Which wires are shield wires."""
-    ground: GroundConfig = field(default_factory=GroundConfig)
-    """The ground in a cloud."""
     classify: ClassifyConfig = field(default_factory=ClassifyConfig)
-    """Classes of the cloud's points, of images."""
+    """The ground, and classes of the points, of images."""
     clearance: ClearanceConfig = field(default_factory=ClearanceConfig)
     """Clearances, and what is required of them."""
     lidar: LidarConfig = field(default_factory=LidarConfig)

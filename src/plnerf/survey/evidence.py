@@ -1,29 +1,13 @@
 """What a wire of a scene rests on: the images that show it, and the points that a field has on it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.errors import ConfigError
 from plnerf.line.wire import Wire
-
-
-@dataclass(frozen=True)
-class EvidenceConfig:
-    """How points of a field are counted for a wire."""
-
-    near_m: float = 0.25
-    """A point this near to the wire, horizontally across it and in height, is on it."""
-    step_m: float = 0.25
-    """Length of the pieces of a wire that are with a point or without."""
-
-    def __post_init__(self) -> None:
-        if self.near_m <= 0 or self.step_m <= 0:
-            raise ConfigError(
-                f"Evidence needs near_m and step_m above 0, but got {self.near_m} and {self.step_m}."
-            )
+from plnerf.survey.config_wires import WireEvidenceConfig
 
 
 def by_images(wire: Wire) -> Wire:
@@ -37,7 +21,7 @@ def by_images(wire: Wire) -> Wire:
     return replace(wire, evidence=evidence)
 
 
-def by_points(wire: Wire, points: Float[np.ndarray, "n 3"], config: EvidenceConfig) -> Wire:
+def by_points(wire: Wire, points: Float[np.ndarray, "n 3"], config: WireEvidenceConfig) -> Wire:
     """With the coverage, gaps and residuals of a field's points on it."""
     on = points_on(wire, points, config.near_m)
     local = wire.base.local(points[on])

@@ -107,9 +107,9 @@ def _of_images(
     if refined.pose_residual_px > config.refine.loose_poses_px:
         surface = inflate_sigma(surface, refined.pose_residual_px, config.stereo)
         findings = (*findings, _loose(refined.pose_residual_px))
-    ground = ground_of(surface, hung, supports.points, config.ground, config.classify)
+    ground = ground_of(surface, hung, supports.points, config.classify)
     structures = [None if one is None else standing_on(ground, [one])[0] for one in supports.structures]
-    cloud, more = classified(surface, ground, hung, supports.points, config.ground, config.classify)
+    cloud, more = classified(surface, ground, hung, supports.points, config.classify)
     survey = Survey(
         photos.frame, (line_of(hung, structures),) if hung else (), cloud, source, made,
         findings=(*_about(found, wires, len(supports.seen)), *findings, *more),
@@ -159,7 +159,7 @@ def _about(found: Sequence[Wire], wires: Sequence[Wire], structures: int) -> lis
         findings.append(harms("wires", "The images show no wire whose place the views fix."))
     if len(found) > len(wires):
         left = len(found) - len(wires)
-        findings.append(note("wires", f"{left} further wires may be there, but the views do not fix them."))
+        findings.append(note("wires", f"The views do not fix the place of {left} more that may be wires."))
     if wires and structures < 2:
         findings.append(
             harms(

@@ -6,7 +6,8 @@ import pytest
 
 from plnerf.line.hang import hang
 from plnerf.line.wire import Wire
-from plnerf.survey.kinds import KindsConfig, kinds
+from plnerf.survey.config_wires import KindsConfig
+from plnerf.survey.kinds import kinds
 
 Hung = tuple[Wire, int]
 """A wire and the number of its points."""

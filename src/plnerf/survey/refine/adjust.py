@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from plnerf.line.base import Base
 from plnerf.line.curve import curve_at, curve_by_theta
@@ -68,7 +68,7 @@ class Step:
     """Of each wire, the distances of its visible measurements, as the state before this step has them."""
     s: tuple[Float[np.ndarray, " _"], ...]
     """Of each wire, where along it these are."""
-    image: tuple[Float[np.ndarray, " _"], ...]
+    image: tuple[Int[np.ndarray, " _"], ...]
     """Of each wire, the images that they are of."""
     pixels_per_m: float
     """By which a wire is usually magnified."""
@@ -136,7 +136,7 @@ def adjust(
         apart = off / np.sqrt(one.variance_B)
         scale = max(1.4826 * float(np.median(np.abs(apart))), 0.3)
         weight = 1 / (1 + (apart / (config.robust * scale)) ** 2) / (one.variance_B * scale**2)
-        for n in np.unique(image):
+        for n in np.unique(image).tolist():
             mine, own = image == n, at.columns(w, n)
             weighted = columns[mine] * weight[mine, None]
             H[np.ix_(own, own)] += weighted.T @ columns[mine]
@@ -166,7 +166,7 @@ def adjust(
 
 def _visible(
     rows: Sequence[ProfileMeasurements], least: float
-) -> tuple[ProfileMeasurements, Float[np.ndarray, " k"]]:
+) -> tuple[ProfileMeasurements, Int[np.ndarray, " k"]]:
     """The measurements of one wire in all images at which it stands out, and the images they are of."""
     parts = [one.name for one in fields(ProfileMeasurements)]
     one = ProfileMeasurements(*(np.concatenate([getattr(row, name) for row in rows]) for name in parts))
