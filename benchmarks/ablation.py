@@ -13,18 +13,19 @@ from typing import Annotated, Any
 
 import tyro
 
+from plnerf.cli.options import settings_from
 from plnerf.pipeline import bundled_span, evaluate, train_scene
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "pl-nerf": (),
-    "no contraction": ("model.contraction=false",),
-    "cubic interpolation": ("model.field.grid.interpolation=cubic",),
-    "direction sh": ("model.field.direction_encoding=sh",),
-    "direction both": ("model.field.direction_encoding=both",),
-    "no appearance": ("model.field.appearance=0",),
-    "normals shape density": ("train.loss.normals_shape_density=true",),
-    "no normals": ("model.field.normals=false",),
-    "uniform pixels": ("train.detail_share=0",),
+    "no contraction": ("--model.no-contraction",),
+    "cubic interpolation": ("--model.field.grid.interpolation cubic",),
+    "direction sh": ("--model.field.direction-encoding sh",),
+    "direction both": ("--model.field.direction-encoding both",),
+    "no appearance": ("--model.field.appearance 0",),
+    "normals shape density": ("--train.loss.normals-shape-density",),
+    "no normals": ("--model.field.no-normals",),
+    "uniform pixels": ("--train.detail-share 0",),
 }
 
 
@@ -54,10 +55,11 @@ def main(arguments: Arguments) -> None:
         if not (run / "eval" / "metrics.json").exists():
             if (run / "config.json").exists():  # cut off: begin this one anew
                 shutil.rmtree(run)
-            fitted = () if arguments.scene else ("model.stretch=[1,3,2]",)
+            fitted = () if arguments.scene else ("--model.stretch 1 3 2",)
+            made = settings_from("pl-nerf", " ".join((*fitted, *settings)))
             train_scene(
-                arguments.scene or bundled_span(), run, steps=arguments.steps, downscale=arguments.downscale,
-                settings=(*fitted, *settings),
+                arguments.scene or bundled_span(), run, model=made.model, train=made.train,
+                steps=arguments.steps, downscale=arguments.downscale,
             )  # fmt: skip
             evaluate(run)
         rows.append((name, json.loads((run / "eval" / "metrics.json").read_text())))

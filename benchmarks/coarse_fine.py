@@ -19,6 +19,8 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 from rich.console import Console
 
+from plnerf.cli.options import settings_from
+from plnerf.console import RunConsole
 from plnerf.pipeline import evaluate, train_scene
 from plnerf.render.files import write_text
 
@@ -76,16 +78,17 @@ def main(arguments: Arguments) -> None:
             if not (run / "eval/metrics.json").exists():
                 settings = (
                     *looks,
-                    f"model.field.width={arguments.width}",
-                    "model.sampler.far=4",
-                    "model.sampler.knee=4",
-                    "train.rays=256",
+                    f"--model.field.width {arguments.width}",
+                    "--model.sampler.far 4",
+                    "--model.sampler.knee 4",
+                    "--train.rays 256",
                 )
+                made = settings_from("nerf", " ".join(settings))
                 train_scene(
-                    scene, run, preset="nerf", steps=arguments.steps, settings=settings, seed=seed,
-                    console=console,
+                    scene, run, preset="nerf", model=made.model, train=made.train, steps=arguments.steps,
+                    seed=seed, report=RunConsole(run, console),
                 )  # fmt: skip
-                evaluate(run, console=console)
+                evaluate(run)
             metrics = json.loads((run / "eval/metrics.json").read_text())
             mean, seconds = metrics["mean"], metrics["protocol"]["training_seconds"]
             lines.append(f"| {name} | {seed} | {mean['psnr_db']:.2f} | {mean['ssim']:.3f} | {seconds:.0f} |")
@@ -97,13 +100,13 @@ def looks_of(intervals: int) -> dict[str, tuple[str, ...]]:
     """Settings of the two, by their names."""
     return {
         f"{intervals} coarse, {intervals} + {intervals} fine": (
-            f"model.sampler.proposals=[{intervals}]",
-            f"model.sampler.final={intervals}",
+            f"--model.sampler.proposals {intervals}",
+            f"--model.sampler.final {intervals}",
         ),
         f"one look of {3 * intervals}": (
-            "model.sampler.proposals=[]",
-            f"model.sampler.final={3 * intervals}",
-            "model.networks=1",
+            "--model.sampler.proposals ",
+            f"--model.sampler.final {3 * intervals}",
+            "--model.networks 1",
         ),
     }
 

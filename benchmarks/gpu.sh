@@ -10,8 +10,8 @@ set -euo pipefail
 fox=$1 out=$2 peer=${3:-}
 steps=30000 rays=4096
 # The preset is sized for a CPU's cache; these are nerfacto's table and samples, so that both do the same work.
-sizes=(--set train.rays=$rays --set model.field.grid.levels=16 --set model.field.grid.features=2
-    --set model.field.grid.log2_table=19 --set "model.sampler.proposals=[256,96]" --set model.sampler.final=48)
+sizes=(--train.rays $rays --model.field.grid.levels 16 --model.field.grid.features 2
+    --model.field.grid.log2-table 19 --model.sampler.proposals 256 96 --model.sampler.final 48)
 mkdir "$out"
 nvidia-smi --query-gpu=name,driver_version,clocks.sm,clocks.mem,memory.total --format=csv | tee "$out/gpu.csv"
 

@@ -203,7 +203,7 @@ def run_ours(arguments: Arguments, seconds: float, count: int) -> Run:
     command = [
         sys.executable, "-m", "plnerf.cli.main", "train", str(arguments.scene), "-o", str(folder),
         "--downscale", str(arguments.downscale), "--seconds", str(seconds), "--device", "cpu",
-        "--set", f"train.validations={validations}", "--set", "train.checkpoints=1",
+        "--train.validations", str(validations), "--train.checkpoints", "1",
     ]  # fmt: skip
     run, rates, seen, begin = (
         Run("plnerf", 0, seconds, os.getloadavg()),

@@ -8,7 +8,7 @@ finished after a break.
 
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +16,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.bench.span_suite import RESULT, VIEWS, score_run
+from plnerf.cli.options import settings_from
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.line.files import write_wires
@@ -27,21 +28,23 @@ from plnerf.train.guidance import WIRES
 from plnerf.train.protocol import plain
 from plnerf.train.settings import to_json
 
+NO_TUBES = "no tubes"
+"""No option: a part of the model is left out."""
 VARIANTS: dict[str, tuple[str, ...]] = {
     "pl-nerf-wire": (),
-    "no curves at all": ("train.find_wires=false",),
-    "curves for pixels only": ("model.sampler.guided=0",),
-    "curves for pixels and samples, no tubes": ("model.tubes=null",),
-    "no pixels along curves": ("train.curve_share=0",),
-    "cells of tubes 16 times as short": ("model.tubes.along=1",),
-    "half the guided samples": ("model.sampler.guided=0.2",),
-    "weights of pixels halved (unbias 0.5)": ("train.unbias=0.5",),
-    "no detail pixels": ("train.detail_share=0",),
-    "detail pixels by ridges": ("train.detail_map=ridge",),
-    "no stretch across the span": ("model.stretch=[1,1,1]",),
-    "damped levels": ("model.field.damping=true",),
-    "blurred interlevel loss": ("train.loss.interlevel_blur=[0.03,0.003]",),
-    "dilated proposals": ("model.sampler.dilation=0.0025",),
+    "no curves at all": ("--train.no-find-wires",),
+    "curves for pixels only": ("--model.sampler.guided 0",),
+    "curves for pixels and samples, no tubes": (NO_TUBES,),
+    "no pixels along curves": ("--train.curve-share 0",),
+    "cells of tubes 16 times as short": ("--model.tubes.along 1",),
+    "half the guided samples": ("--model.sampler.guided 0.2",),
+    "weights of pixels halved (unbias 0.5)": ("--train.unbias 0.5",),
+    "no detail pixels": ("--train.detail-share 0",),
+    "detail pixels by ridges": ("--train.detail-map ridge",),
+    "no stretch across the span": ("--model.stretch 1 1 1",),
+    "damped levels": ("--model.field.damping",),
+    "blurred interlevel loss": ("--train.loss.interlevel-blur 0.03 0.003",),
+    "dilated proposals": ("--model.sampler.dilation 0.0025",),
 }
 
 
@@ -77,9 +80,14 @@ def main(arguments: Arguments) -> None:
                 shutil.rmtree(run)
             run.mkdir(parents=True, exist_ok=True)
             shutil.copy(found, run / WIRES)
+            options = [one for one in settings if one != NO_TUBES]
+            options += ["--train.validations 0", "--train.checkpoints 1"]
+            made = settings_from("pl-nerf-wire", " ".join(options))
+            if NO_TUBES in settings:
+                made = replace(made, model=replace(made.model, tubes=None))
             train_scene(
-                scene, run, preset="pl-nerf-wire", steps=arguments.steps,
-                settings=("train.validations=0", "train.checkpoints=1", *settings), seed=arguments.seed,
+                scene, run, preset="pl-nerf-wire", model=made.model, train=made.train, steps=arguments.steps,
+                seed=arguments.seed,
             )  # fmt: skip
             result = plain(score_run(run, views=VIEWS, console=Console()))
             write_text(run / RESULT, json.dumps(result, indent=1) + "\n")

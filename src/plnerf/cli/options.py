@@ -37,6 +37,11 @@ def settings_of(preset: str) -> Settings:
     return Settings(chosen.model, chosen.train)
 
 
+def settings_from(preset: str, options: str) -> Settings:
+    """A preset's settings changed by options as on the command line, such as "--train.rays 256"."""
+    return tyro.cli(AsOptions, default=settings_of(preset), args=options.split())
+
+
 def words_of(option: str, arguments: Sequence[str]) -> tuple[str, ...]:
     """The words that follow an option on a command line that is not parsed yet."""
     for k, word in enumerate(arguments):

@@ -1,6 +1,6 @@
 """The field of a system at points, rather than along rays of cameras.
 
-A point is the short interval around it on a ray of its own, so that every system encodes it as it encodes
+A point is a short interval on a ray of its own, so that every system encodes it as it encodes
 samples.  Letters: n points; scene frame.
 """
 
@@ -20,8 +20,8 @@ from plnerf.render.occupancy_grid import OccupancyGridNeRF
 from plnerf.render.ray_ops import ray_ops
 from plnerf.render.system import RadianceSystem
 
-HALF = 1e-6
-"""Half of the interval around a point, in scene units: far below what float32 tells apart there."""
+BACK, LENGTH = 1.0, 1e-5
+"""A point's ray begins so far before it, and its interval is so long; scene units."""
 
 
 class FieldValues(NamedTuple):
@@ -43,8 +43,8 @@ def query(
 ) -> FieldValues:
     """The field at points seen along unit directions; in the tubes around wires, the tubes' own."""
     nothing = torch.zeros(len(points), device=points.device)
-    rays = Rays(points, directions, nothing, nothing.long())
-    t = torch.tensor([-HALF, HALF], device=points.device).expand(len(points), 2)
+    rays = Rays(points - BACK * directions, directions, nothing, nothing.long())
+    t = torch.tensor([BACK, BACK + LENGTH], device=points.device).expand(len(points), 2)
     vectors = appearance.expand(len(points), -1)
     if isinstance(system, PLNeRF):
         density, feature, colour = _pl_nerf(system, rays, t, vectors)

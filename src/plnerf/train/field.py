@@ -74,8 +74,8 @@ class Field:
 
     def density(self, x_world: Float[np.ndarray, "*s 3"]) -> Float64[np.ndarray, "*s"]:
         """Density in 1/world unit: light passes a distance d of it with probability exp(-density d)."""
-        per_unit = self.frames.length_to_scene(1.0)
-        return self._query(x_world, None).density.double().numpy().reshape(x_world.shape[:-1]) * per_unit
+        density = self._query(x_world, None).density.double() * self.frames.length_to_scene(1.0)
+        return density.numpy().reshape(x_world.shape[:-1])
 
     def features(self, x_world: Float[np.ndarray, "*s 3"]) -> Float32[np.ndarray, "*s G"]:
         """The vectors that the density network hands on to the colour network."""
