@@ -30,9 +30,7 @@ def test_a_run_records_all_that_decides_it(tiny_scene: Path, tmp_path: Path) -> 
     }  # fmt: skip
 
 
-def test_the_model_is_fitted_to_the_scene_unless_it_is_set(
-    tiny_scene: Path, tmp_path: Path
-) -> None:
+def test_the_model_is_fitted_to_the_scene_unless_it_is_set(tiny_scene: Path, tmp_path: Path) -> None:
     other = small(f"model.field.grid.finest={PL_NERF.model.field.grid.finest}")
     for downscale in (1, 2):
         out = tmp_path / f"by{downscale}"
@@ -98,9 +96,7 @@ def test_stages_meet_through_files(tiny_scene: Path, tmp_path: Path) -> None:
     assert done == [(1, 2), (2, 2)]
     assert metrics == json.loads((moved / "eval" / "metrics.json").read_text())
     assert [image["name"] for image in metrics["images"]] == ["images/0000.png", "images/0008.png"]
-    folder = pipeline.render(
-        moved, views="path", outputs=("rgb", "depth"), frames=3, scale=0.5, video=False
-    )
+    folder = pipeline.render(moved, views="path", outputs=("rgb", "depth"), frames=3, scale=0.5, video=False)
     assert [path.name for path in sorted((folder / "depth").iterdir())] == [
         "0000.png",
         "0001.png",
@@ -133,9 +129,7 @@ def test_rendering_needs_no_photos(tiny_scene: Path, tmp_path: Path) -> None:
         pipeline.evaluate(out)
 
 
-def test_nothing_is_printed(
-    tiny_scene: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_printed(tiny_scene: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     out = pipeline.train_scene(tiny_scene, tmp_path / "run", steps=1, **small())
     pipeline.evaluate(out)
     pipeline.render(out, views="test", outputs=("rgb",), video=False)

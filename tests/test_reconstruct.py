@@ -85,9 +85,7 @@ def test_other_settings_and_poses_train_anew_and_lose_nothing(
     assert {path.name for path in out.iterdir()} == {"run", "run-1", "run-2", "reconstruct.json"}
 
 
-def test_photos_are_captured_first(
-    tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]
-) -> None:
+def test_photos_are_captured_first(tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]) -> None:
     def capture(source: Path, out: Path, _: object) -> None:
         done.append(f"capture {source.name} {out.name}")
         tiny_scene.rename(out)

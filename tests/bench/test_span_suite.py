@@ -55,7 +55,7 @@ def test_every_preset_has_a_row_and_is_not_run_again(
             "overall"
         ].keys()
         folder = tmp_path / "bench" / "span" / "tiny" / one["preset"]
-        assert (folder / "survey" / "wires.ply").exists() and (folder / "config.json").exists()
+        assert (folder / span_suite.RESULT).exists() and (folder / "config.json").exists()
     again = span_suite.measure_spans(bench, Console(quiet=True))
     assert again == results and trained == presets
     table = span_suite.span_table(results, 0.3)

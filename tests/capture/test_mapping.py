@@ -15,8 +15,8 @@ from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.lens import lens_problem
 from plnerf.capture.mapping import MOST_ERROR_PX, Try, judged, map_until_plausible, tries
 from plnerf.capture.pairs import PairConfig, choose_pairs
-from plnerf.capture.summary import summary
 from plnerf.capture.sfm import SfmConfig, reconstruct
+from plnerf.capture.summary import summary
 
 GOOD, BENT = (440.0, 440.5), (606.0, 291.0)
 

@@ -16,7 +16,8 @@ from tests.support.tiny_run import assert_same_bits, tiny_config
 from torch import Tensor
 
 from plnerf.errors import CheckpointError, PlnerfError, TrainingError
-from plnerf.render.model import ModelConfig, PLNeRF
+from plnerf.render.config import ModelConfig
+from plnerf.render.model import PLNeRF
 from plnerf.train.checkpoint import (
     drop_old_checkpoints,
     list_checkpoints,

@@ -9,12 +9,12 @@ import pytest
 from tests.support.tiny_run import open_tiny
 
 from plnerf.errors import ConfigError
-from plnerf.pipeline import find_preset
 from plnerf.presets import preset_names
+from plnerf.presets._find import find_preset
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.scene.scene import load_scene
-from plnerf.train.config import RunConfig, TrainConfig, fit_to_scene
-from plnerf.train.losses import LossWeights
+from plnerf.train.config import LossWeights, RunConfig, TrainConfig
+from plnerf.train.fitted import fit_to_scene
 from plnerf.train.settings import from_json, to_json
 
 GOOD: dict[str, Any] = {

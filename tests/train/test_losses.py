@@ -12,7 +12,8 @@ from plnerf.rays.histograms import blurred_interlevel_loss
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss
 from plnerf.render.proposals import Histogram
 from plnerf.render.system import NormalSamples, RenderedRays
-from plnerf.train.losses import LossWeights, loss_terms, normal_loss, orientation_loss
+from plnerf.train.config import LossWeights
+from plnerf.train.losses import loss_terms, normal_loss, orientation_loss
 
 R, S, Q = 6, 5, 4
 ONE = torch.ones(R)

@@ -9,15 +9,8 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
-from plnerf.train.pixels import (
-    DETAIL_MAPS,
-    DetailMap,
-    PixelSampler,
-    Pool,
-    detail_pixels,
-    detail_pools,
-    ridge_strength,
-)
+from plnerf.train.config import DetailMap
+from plnerf.train.pixels import DETAIL_MAPS, PixelSampler, Pool, detail_pixels, detail_pools, ridge_strength
 
 SIZES = [(24, 16), (10, 30), (17, 13), (20, 20)]
 TRAIN = (2, 0, 3)  # in no order, and not all

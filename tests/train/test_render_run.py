@@ -12,7 +12,7 @@ from PIL import Image
 from tests.support.oracle import oracle_run, tiny_config, z_depth_mm
 
 from plnerf.errors import ConfigError
-from plnerf.ops.dispatch import Backend
+from plnerf.ops.backends import Backend
 from plnerf.render.images import render_view
 from plnerf.render.model import PLNeRF
 from plnerf.render.pictures import rgb_picture
@@ -155,7 +155,7 @@ def test_frames_of_a_flight_are_pruned_on_a_cpu_and_say_so(
     for views, expected in (("path", pruning), ("test", None)):
         folder = render_run(run, views=views, outputs=("rgb",), frames=2, scale=0.5, video=False)
         told = json.loads((folder / "render.json").read_text())["pruning"]
-        assert told == (None if expected is None else {"light": expected.light})
+        assert told == (None if expected is None else {"weight_budget": expected.weight_budget})
         shot = shots_of(run, views, 2, 0.5)[0]
         view = render_view(model, shot.camera, shot.appearance, normals=False, pruning=expected)
         rgb = np.asarray(Image.open(folder / "rgb" / "0000.png"))
