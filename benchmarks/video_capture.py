@@ -11,10 +11,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from plnerf.capture.report import capture_and_tell
 from rich.console import Console
 
 from plnerf.capture.capture import CaptureConfig
-from plnerf.capture.report import capture_and_tell
 from plnerf.capture.similarity import fit_similarity
 from plnerf.render.video import write_video
 from plnerf.scene.formats import read_listing
