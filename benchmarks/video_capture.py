@@ -11,11 +11,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from plnerf.capture.report import capture_and_tell
-from rich.console import Console
 
 from plnerf.capture.capture import CaptureConfig
 from plnerf.capture.similarity import fit_similarity
+from plnerf.pipeline import capture_scene
 from plnerf.render.video import write_video
 from plnerf.scene.formats import read_listing
 
@@ -38,7 +37,7 @@ def main() -> None:
         pictures.append(folder / f"{i:04d}.png")
         cv2.imwrite(str(pictures[-1]), cv2.blur(picture, (SMEAR_PX, 1)) if i in smeared else picture)
     write_video(video, pictures, arguments.fps)
-    scene = capture_and_tell(video, arguments.out / "scene", CaptureConfig(), Console())
+    scene = capture_scene(video, arguments.out / "scene", CaptureConfig())
     frames = json.loads((scene / "capture.json").read_text())["frames"]
     dropped = {int(one["name"]) for one in frames if one["reason"] == "blurred"}
     print(f"smeared: {len(smeared)}, of these called blurred: {len(dropped & set(smeared))}, wrongly so: "

@@ -35,8 +35,8 @@ class OpCase:
     """The sizes, in words."""
     setup: Callable[[Generator], tuple[Tensor, ...]]
     """Inputs from a generator on the CPU; those that require a gradient have a zero one already."""
-    truth: Op
-    twin: Op
+    reference: Op
+    kernel: Op
     forward: Work
     backward: Work | None = None
     """None where the op has no backward pass."""
@@ -45,7 +45,7 @@ class OpCase:
     prepare: Callable[..., None] | None = None
     """What is done to the inputs before each time, unmeasured: where an op uses them up."""
     tolerance: float = 1e-4
-    """Largest difference of twin and truth taken for rounding, relative to the truth's largest value."""
+    """Largest difference of kernel and reference that is rounding, relative to the reference's largest value."""
 
 
 def leaf(value: Tensor) -> Tensor:

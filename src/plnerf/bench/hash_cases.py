@@ -48,8 +48,8 @@ def _hash_encode(what: str, points: Float[Tensor, "n 3"], grid: GridShape, backe
         name=f"hash encoding, {what}",
         shape=f"{n:,} points, {words(grid)}",
         setup=lambda generator: (points, random_table(grid, generator)),
-        truth=partial(reference.hash_encode, grid=grid),
-        twin=partial(dispatch.hash_encode, grid=grid, backend=backend),
+        reference=partial(reference.hash_encode, grid=grid),
+        kernel=partial(dispatch.hash_encode, grid=grid, backend=backend),
         forward=Work(moved, lines, flops),
         backward=Work(moved, 2 * lines, flops),
         table_bytes=level_bytes(grid),
@@ -67,8 +67,8 @@ def _hash_position_gradient(points: Float[Tensor, "n 3"], grid: GridShape, backe
         name="gradient by position",
         shape=f"{n:,} points along rays, {words(grid)}",
         setup=setup,
-        truth=partial(reference.hash_position_gradient, grid=grid),
-        twin=partial(dispatch.hash_position_gradient, grid=grid, backend=backend),
+        reference=partial(reference.hash_position_gradient, grid=grid),
+        kernel=partial(dispatch.hash_position_gradient, grid=grid, backend=backend),
         # A corner: its value 2F, three products of three and their sums.
         forward=Work(4 * n * (6 + grid.width), lines, corners * (2 * grid.features + 9)),
         # And backward: its share, and a multiply-add into both gradients.
@@ -90,8 +90,8 @@ def _hash_mlp(points: Float[Tensor, "n 3"], grid: GridShape, backend: Backend) -
         name="proposal density",
         shape=f"{n:,} points along rays, {words(grid)}, {HIDDEN} hidden units",
         setup=setup,
-        truth=lambda x, table, *weights: reference.hash_mlp(x, table, grid, weights),
-        twin=lambda x, table, *weights: dispatch.hash_mlp(x, table, grid, weights, backend),
+        reference=lambda x, table, *weights: reference.hash_mlp(x, table, grid, weights),
+        kernel=lambda x, table, *weights: dispatch.hash_mlp(x, table, grid, weights, backend),
         forward=Work(4 * n * 4, lines, encoding + n * products),
         # The encoding again, or read back: what is less; gradients by inputs and by weights.
         backward=Work(4 * n * (4 + grid.width), 2 * lines, encoding + 2 * n * products),
@@ -127,8 +127,8 @@ def _adam(points: Float[Tensor, "n 3"], grid: GridShape, backend: Backend) -> li
         name="Adam on a table",
         shape=f"{words(grid)}, {touched:,} of {grid.rows:,} rows touched",
         setup=setup,
-        truth=step(reference.adam_rows),
-        twin=step(kernel),
+        reference=step(reference.adam_rows),
+        kernel=step(kernel),
         # Every gradient is read; of the touched rows four arrays are written and three more read.
         forward=Work(row * (grid.rows + 7 * touched), flops=12 * grid.features * touched),
         prepare=prepare,

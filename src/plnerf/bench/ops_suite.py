@@ -1,4 +1,4 @@
-"""The suite `ops`: each op against its plain-torch truth, and against what the machine can do at most."""
+"""The suite `ops`: each op against its plain-torch reference, and against what the machine can do at most."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -15,9 +15,9 @@ from plnerf.errors import PlnerfError
 from plnerf.scene.build_store import Progress
 
 NOTES = (
-    "Times are medians of pairs measured in turn, truth and twin; times faster is the median of the pairs' "
-    "ratios. Gradients are added to those that are there, as in training.",
-    "Shares are the twin's, of the best rates measured in the same run with all threads: memory is the "
+    "Times are medians of pairs measured in turn, reference and kernel; times faster is the median of the "
+    "pairs' ratios. Gradients are added to those that are there, as in training.",
+    "Shares are the kernel's, of the best rates measured in the same run with all threads: memory is the "
     "triad's, random that of 64-byte lines fetched from a table of the size of the op's largest level, "
     "arithmetic that of float32 matrix products. The work is counted from the equations: what is not needed "
     "counts for nothing. What stays in the caches can go beyond 100 % of the memory's rate, and "
@@ -46,7 +46,7 @@ class PassFigures:
     work: Work
     shares: Shares
     difference: float
-    """Largest difference of twin and truth, relative to the truth's largest value."""
+    """Largest difference of kernel and reference, relative to the reference's largest value."""
 
 
 def measure_ops(
@@ -61,7 +61,7 @@ def measure_ops(
 ) -> tuple[Ceilings, list[PassFigures]]:
     """The ceilings, then every case: at least `least` pairs and `seconds` of each.
 
-    Raises PlnerfError where a twin does not compute what its truth does: its times would mean nothing.
+    Raises PlnerfError where a kernel does not compute what its reference does: its times would mean nothing.
     """
     ceilings = measure_ceilings([case.table_bytes for case in cases if case.table_bytes], device, small=small)
     figures: list[PassFigures] = []
@@ -76,17 +76,17 @@ def measure_op(
     case: OpCase, ceilings: Ceilings, device: torch.device, *, least: int, seconds: float, seed: int
 ) -> list[PassFigures]:
     """One case: its forward pass and, where it has one, its backward pass."""
-    truth, twin = (_Run(case, op, device, seed) for op in (case.truth, case.twin))
-    truth.sample(), twin.sample()
-    differences = [difference(a, b) for a, b in zip(truth.values(), twin.values(), strict=True)]
+    reference, kernel = (_Run(case, op, device, seed) for op in (case.reference, case.kernel))
+    reference.sample(), kernel.sample()
+    differences = [difference(a, b) for a, b in zip(reference.values(), kernel.values(), strict=True)]
     wrong = [value for value in differences if not value <= case.tolerance]  # NaN is wrong, too
     if wrong:
         raise PlnerfError(
-            f"The twin of {case.name!r} ({case.shape}) does not compute what its truth does: outputs or "
-            f"gradients differ by {wrong[0]:.2g} of the truth's largest value, where {case.tolerance:.2g} is "
-            "allowed. No times were written. Run the tests of this op; another --backend may be sound."
+            f"The kernel of {case.name!r} ({case.shape}) does not compute what its reference does: outputs "
+            f"or gradients differ by {wrong[0]:.2g} of the reference's largest value, where "
+            f"{case.tolerance:.2g} is allowed. No times were written. Run the tests of this op; another --backend may be sound."
         )
-    times = alternate(truth.sample, twin.sample, least=least, seconds=seconds)
+    times = alternate(reference.sample, kernel.sample, least=least, seconds=seconds)
     works = [("forward", case.forward), *([("backward", case.backward)] if case.backward else [])]
     rate = ceilings.gather(case.table_bytes) if case.table_bytes else None
     return [
@@ -96,7 +96,7 @@ def measure_op(
             direction=direction,
             times=paired,
             work=work,
-            shares=shares_of(work, paired.twin_median_s, ceilings, rate),
+            shares=shares_of(work, paired.kernel_median_s, ceilings, rate),
             difference=max(differences),
         )
         for (direction, work), paired in zip(works, times, strict=True)
@@ -112,14 +112,14 @@ def shares_of(work: Work, seconds: float, ceilings: Ceilings, gather: Rate | Non
     )
 
 
-def difference(found: Tensor, truth: Tensor) -> float:
+def difference(found: Tensor, reference: Tensor) -> float:
     """Largest difference of two tensors, relative to the largest value of the second; NaN with a NaN."""
-    scale = truth.abs().max().clamp_min(torch.finfo(truth.dtype).tiny)
-    return float(((found - truth).abs().max() / scale).item())
+    scale = reference.abs().max().clamp_min(torch.finfo(reference.dtype).tiny)
+    return float(((found - reference).abs().max() / scale).item())
 
 
 class _Run:
-    """An op with inputs of its own, drawn from the seed: the same for truth and twin."""
+    """An op with inputs of its own, drawn from the seed: the same for reference and kernel."""
 
     def __init__(self, case: OpCase, op: Op, device: torch.device, seed: int) -> None:
         inputs = case.setup(torch.Generator().manual_seed(seed))
@@ -165,10 +165,11 @@ def ops_tables(ceilings: Ceilings, figures: Sequence[PassFigures]) -> tuple[Tabl
     rows = []
     for one in figures:
         times, shares = one.times, one.shares
-        milliseconds = (figure(1e3 * seconds) for seconds in (times.truth_median_s, times.twin_median_s))
+        medians = (times.reference_median_s, times.kernel_median_s)
+        milliseconds = (figure(1e3 * seconds) for seconds in medians)
         parts = (percent(share) for share in (shares.memory, shares.random, shares.arithmetic))
         rows.append((f"{one.op}: {one.direction}", *milliseconds, figure(times.ratio), *parts))
-    columns = ("op: pass", "truth ms", "twin ms", "times faster", "memory", "random", "arithmetic")
+    columns = ("op: pass", "reference ms", "kernel ms", "times faster", "memory", "random", "arithmetic")
     shapes = "; ".join(dict.fromkeys(f"{one.op}: {one.shape}" for one in figures))
     gathers = [rate for _, rate in ceilings.gathers]
     rates = (ceilings.copy, ceilings.triad, ceilings.float32, ceilings.bfloat16, *gathers)
@@ -189,8 +190,8 @@ def ops_json(ceilings: Ceilings, figures: Sequence[PassFigures]) -> dict[str, An
     cases = []
     for one in figures:
         derived = {
-            "truth_median_s": one.times.truth_median_s,
-            "twin_median_s": one.times.twin_median_s,
+            "reference_median_s": one.times.reference_median_s,
+            "kernel_median_s": one.times.kernel_median_s,
             "median_ratio": one.times.ratio,
         }
         cases.append({**asdict(one), **derived})

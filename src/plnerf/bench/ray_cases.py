@@ -123,8 +123,8 @@ def network_case(backend: Backend, r: int, S: int) -> OpCase:
         name="colour network",
         shape=f"{r:,} x {S}, {' - '.join(map(str, widths))}",
         setup=setup,
-        truth=lambda x, still, base, *weights: reference.ray_mlp(x, still, base, weights),
-        twin=lambda x, still, base, *weights: dispatch.ray_mlp(x, still, base, weights, backend),
+        reference=lambda x, still, base, *weights: reference.ray_mlp(x, still, base, weights),
+        kernel=lambda x, still, base, *weights: dispatch.ray_mlp(x, still, base, weights, backend),
         forward=Work(moved, flops=r * S * products),
         backward=Work(moved + 4 * r * S * inputs, flops=r * S * (2 * products - first)),
     )

@@ -20,44 +20,44 @@ Sample = Callable[[], tuple[float, ...]]
 
 @dataclass(frozen=True)
 class PairedTimes:
-    """Seconds of the truth and of its twin, in the order of measuring; the i-th of both belong together."""
+    """Seconds of the reference and of its kernel, in the order of measuring; the i-th of both are a pair."""
 
-    truth_s: tuple[float, ...]
-    twin_s: tuple[float, ...]
+    reference_s: tuple[float, ...]
+    kernel_s: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if not self.truth_s or len(self.truth_s) != len(self.twin_s):
+        if not self.reference_s or len(self.reference_s) != len(self.kernel_s):
             raise ConfigError(
-                f"Paired times need one of the truth for each of the twin, but got {len(self.truth_s)} and "
-                f"{len(self.twin_s)}."
+                "Paired times need one of the reference for each of the kernel, but got "
+                f"{len(self.reference_s)} and {len(self.kernel_s)}."
             )
 
     @property
-    def truth_median_s(self) -> float:
-        """Median seconds of the truth."""
-        return statistics.median(self.truth_s)
+    def reference_median_s(self) -> float:
+        """Median seconds of the reference."""
+        return statistics.median(self.reference_s)
 
     @property
-    def twin_median_s(self) -> float:
-        """Median seconds of the twin."""
-        return statistics.median(self.twin_s)
+    def kernel_median_s(self) -> float:
+        """Median seconds of the kernel."""
+        return statistics.median(self.kernel_s)
 
     @property
     def ratio(self) -> float:
-        """How many times faster the twin is: the median over the pairs, not the ratio of the medians."""
-        return statistics.median(a / b for a, b in zip(self.truth_s, self.twin_s, strict=True))
+        """How many times faster the kernel is: the median over the pairs, not the ratio of the medians."""
+        return statistics.median(a / b for a, b in zip(self.reference_s, self.kernel_s, strict=True))
 
 
-def alternate(truth: Sample, twin: Sample, *, least: int, seconds: float) -> tuple[PairedTimes, ...]:
+def alternate(reference: Sample, kernel: Sample, *, least: int, seconds: float) -> tuple[PairedTimes, ...]:
     """Measures A B A B ...: at least `least` pairs, and more until `seconds` have gone by; one entry a pass.
 
     Both are done once before, unmeasured: that compiles kernels and fills caches.
     """
-    truth(), twin()
+    reference(), kernel()
     pairs: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
     end = time.perf_counter() + seconds
     while len(pairs) < least or time.perf_counter() < end:
-        pairs.append((truth(), twin()))
+        pairs.append((reference(), kernel()))
     passes = range(len(pairs[0][0]))
     return tuple(PairedTimes(tuple(a[i] for a, _ in pairs), tuple(b[i] for _, b in pairs)) for i in passes)
 
