@@ -1,8 +1,7 @@
 """Settings of stereo: how images are paired, matched, and checked against one another."""
 
 from dataclasses import dataclass, field
-
-import numpy as np
+from itertools import pairwise
 
 from plnerf.errors import ConfigError
 
@@ -178,7 +177,8 @@ class StereoConfig:
 
 def check_quantiles(quantiles: tuple[float, ...]) -> None:
     """Raises ConfigError unless they fall, between 1 and 0."""
-    if not quantiles or not quantiles[0] < 1 or quantiles[-1] <= 0 or any(np.diff(quantiles) >= 0):
+    falls = all(after < before for before, after in pairwise(quantiles))
+    if not quantiles or not quantiles[0] < 1 or quantiles[-1] <= 0 or not falls:
         raise ConfigError(
             f"Stereo needs quantiles of distances between 1 and 0 that fall, but got {quantiles}."
         )
