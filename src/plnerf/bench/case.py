@@ -45,7 +45,7 @@ class OpCase:
     prepare: Callable[..., None] | None = None
     """What is done to the inputs before each time, unmeasured: where an op uses them up."""
     tolerance: float = 1e-4
-    """Largest difference of kernel and reference that is rounding, relative to the reference's largest value."""
+    """Largest difference of kernel and reference that is rounding, as a share of the largest value."""
 
 
 def leaf(value: Tensor) -> Tensor:

@@ -84,7 +84,8 @@ def measure_op(
         raise PlnerfError(
             f"The kernel of {case.name!r} ({case.shape}) does not compute what its reference does: outputs "
             f"or gradients differ by {wrong[0]:.2g} of the reference's largest value, where "
-            f"{case.tolerance:.2g} is allowed. No times were written. Run the tests of this op; another --backend may be sound."
+            f"{case.tolerance:.2g} is allowed. No times were written. Run the tests of this op; "
+            "another --backend may be sound."
         )
     times = alternate(reference.sample, kernel.sample, least=least, seconds=seconds)
     works = [("forward", case.forward), *([("backward", case.backward)] if case.backward else [])]

@@ -55,8 +55,10 @@ def transport(theta: Float[np.ndarray, "6"], old: Base, new: Base) -> Float[np.n
 
 def bend_of_sag(theta: Float[np.ndarray, "6"], L: float, sag_m: float) -> float:
     """The b with which an upright curve of these ends has a greatest vertical drop of `sag_m`."""
+    if sag_m <= LEAST_BEND_M:
+        return LEAST_BEND_M
     D, h, _ = plane_of(theta, L)
-    return max(L**2 / (8 * catenary.p_of_sag(D, h, sag_m)), LEAST_BEND_M) if sag_m > 0 else LEAST_BEND_M
+    return L**2 / (8 * catenary.p_of_sag(D, h, sag_m))
 
 
 def vertical_sag(theta: Float[np.ndarray, "6"], L: float) -> float:
