@@ -18,7 +18,7 @@ import torch
 import tyro
 from PIL import Image, ImageDraw
 
-from plnerf.render.files import write_text
+from plnerf.render.picture_files import write_text
 from plnerf.scene.cameras import project
 from plnerf.scene.scene import load_scene
 

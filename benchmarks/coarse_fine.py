@@ -22,7 +22,7 @@ from rich.console import Console
 from plnerf.cli.options import settings_from
 from plnerf.console import RunConsole
 from plnerf.pipeline import evaluate, train_scene
-from plnerf.render.files import write_text
+from plnerf.render.picture_files import write_text
 
 SIZE, FINER, FOCAL, VIEWS, EVERY = 96, 3, 80.0, 48, 8
 

@@ -29,7 +29,7 @@ from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.find import Found, find_lines
-from plnerf.survey.lidar.las import read_cloud
+from plnerf.survey.lidar.point_cloud import read_cloud
 
 TOLERANCE_M, STEP_M, ALONG_M, TOWER_M, BOTH_M = 0.25, 0.1, 2.5, 3.0, 5.0
 

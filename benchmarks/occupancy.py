@@ -11,8 +11,8 @@ import numpy as np
 import torch
 
 from plnerf.errors import ConfigError
-from plnerf.render.images import RenderedView, render_view
 from plnerf.render.occupancy_grid import OccupancyGridNeRF
+from plnerf.render.views import RenderedView, render_view
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.metrics import psnr_of_mse
 from plnerf.train.run import TrainedRun, open_run

@@ -34,13 +34,13 @@ from plnerf.scene.formats import read_listing
 from plnerf.scene.listing import Listing
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.score.truth import Truth, read_truth
-from plnerf.score.wires import Match, match_wires
-from plnerf.survey.photos import photos_of
+from plnerf.score.wire_matches import Match, match_wires
+from plnerf.survey.posed_photos import photos_of
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.refine import refine_wires
 from plnerf.synth.config import Pass
-from plnerf.synth.options import SceneOptions, find_scene
-from plnerf.synth.scene import synthesize
+from plnerf.synth.scene_options import SceneOptions, find_scene
+from plnerf.synth.synthesize import synthesize
 
 PLACE = LocalFrame("EPSG:4979", (10.0, 51.0, 250.0))
 """Where on the earth the synthetic world is put."""

@@ -15,7 +15,7 @@ import numpy as np
 from plnerf.capture.capture import CaptureConfig
 from plnerf.capture.similarity import fit_similarity
 from plnerf.pipeline import capture_scene
-from plnerf.render.video import write_video
+from plnerf.render.write_video import write_video
 from plnerf.scene.formats import read_listing
 
 EVERY, SMEAR_PX = 8, 13

@@ -22,7 +22,7 @@ from plnerf.detect.detect import detect_wires
 from plnerf.line.files import write_wires
 from plnerf.line.frame import LineFrame
 from plnerf.pipeline import bundled_span, train_scene
-from plnerf.render.files import write_text
+from plnerf.render.picture_files import write_text
 from plnerf.scene.scene import load_scene
 from plnerf.train.guidance import WIRES
 from plnerf.train.protocol import plain

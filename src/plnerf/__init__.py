@@ -23,7 +23,7 @@ _MODULES = {
     "detect_wires": "plnerf.detect.detect",
     "load_scene": "plnerf.scene.scene",
     "open_run": "plnerf.train.run",
-    "read_cloud": "plnerf.survey.lidar.las",
+    "read_cloud": "plnerf.survey.lidar.point_cloud",
     "read_survey": "plnerf.line.files",
     "read_truth": "plnerf.score.truth",
     "score_survey": "plnerf.score.survey_score",

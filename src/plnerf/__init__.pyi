@@ -10,7 +10,7 @@ from plnerf.scene.scene import load_scene as load_scene
 from plnerf.score.survey_score import score_survey as score_survey
 from plnerf.score.truth import read_truth as read_truth
 from plnerf.survey.config import SurveyConfig as SurveyConfig
-from plnerf.survey.lidar.las import read_cloud as read_cloud
+from plnerf.survey.lidar.point_cloud import read_cloud as read_cloud
 from plnerf.survey.run import survey_cloud as survey_cloud
 from plnerf.survey.run import survey_run as survey_run
 from plnerf.survey.run import survey_scene as survey_scene

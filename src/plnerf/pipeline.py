@@ -21,24 +21,24 @@ from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.mapping import Tell
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
-from plnerf.export.files import write_exports
+from plnerf.export.exports import write_exports
 from plnerf.line.files import SURVEY_FILE, write_survey_json
 from plnerf.line.survey import Survey
 from plnerf.ops.backends import BackendChoice
 from plnerf.ops.dispatch import resolve_backend
 from plnerf.presets._find import find_preset
 from plnerf.render.config import SystemConfig
-from plnerf.render.files import write_text
+from plnerf.render.picture_files import write_text
 from plnerf.report.page import write_report
 from plnerf.scene.build_store import Progress
 from plnerf.scene.files import check_folder
 from plnerf.scene.formats import has_poses
 from plnerf.scene.scene import load_scene
 from plnerf.survey.config import SurveyConfig
-from plnerf.survey.lidar.las import SUFFIXES, read_cloud
+from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
 from plnerf.survey.run import survey_cloud, survey_run, survey_scene
-from plnerf.synth.options import SceneOptions, find_scene
-from plnerf.synth.scene import synthesize
+from plnerf.synth.scene_options import SceneOptions, find_scene
+from plnerf.synth.synthesize import synthesize
 from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.evaluate import evaluate_run

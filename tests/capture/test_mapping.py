@@ -12,7 +12,7 @@ from PIL import Image
 from tests.capture.test_sfm import COUNT, steps
 
 from plnerf.capture.exif import PhotoFacts
-from plnerf.capture.lens import lens_problem
+from plnerf.capture.lens_fit import lens_problem
 from plnerf.capture.mapping import MOST_ERROR_PX, Try, judged, map_until_plausible, tries
 from plnerf.capture.pairs import PairConfig, choose_pairs
 from plnerf.capture.sfm import SfmConfig, reconstruct

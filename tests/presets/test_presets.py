@@ -16,9 +16,9 @@ from plnerf.pipeline import train_scene
 from plnerf.presets import preset_names
 from plnerf.presets._find import find_preset, presets_by_year
 from plnerf.render.config import CoarseFineConfig, DeepProposalsConfig, ModelConfig, OccupancyGridConfig
-from plnerf.render.images import render_view
 from plnerf.render.model import PLNeRF
 from plnerf.render.system import RadianceSystem
+from plnerf.render.views import render_view
 from plnerf.scene.scene import Scene
 from plnerf.train.checkpoint import load_checkpoint, save_checkpoint
 from plnerf.train.config import RunConfig, Settings

@@ -6,8 +6,8 @@ from tests.support.oracle import FAR, Oracle, one_camera, plane, tiny_config
 
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.images import default_chunk, render_view, resized
 from plnerf.render.model import PLNeRF
+from plnerf.render.views import default_chunk, render_view, resized
 from plnerf.scene.cameras import project
 
 LENS = (-0.08, 0.02, 0.001, -0.002, 0.0)

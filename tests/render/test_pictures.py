@@ -7,9 +7,8 @@ import pytest
 from PIL import Image
 
 from plnerf.errors import PlnerfError
-from plnerf.render.files import complete_file, write_npy, write_png
-from plnerf.render.images import RenderedView
 from plnerf.render.panels import evaluation_panel
+from plnerf.render.picture_files import complete_file, write_npy, write_png
 from plnerf.render.pictures import (
     NO_SURFACE,
     DepthRange,
@@ -25,6 +24,7 @@ from plnerf.render.pictures import (
     with_legend,
     world_depth,
 )
+from plnerf.render.views import RenderedView
 from plnerf.scene.transforms import Frames
 
 SHOWN = DepthRange(2.0, 50.0, "m")

@@ -20,10 +20,10 @@ from plnerf.rays.rays import Rays
 from plnerf.render import field_samples, field_samples_cpu
 from plnerf.render.config import ModelConfig, SamplerConfig
 from plnerf.render.field_samples import heaviest
-from plnerf.render.images import RenderedView, default_chunk, render_view
 from plnerf.render.model import PLNeRF
 from plnerf.render.pruning import Pruning, can_prune, is_fused, render_pruned
 from plnerf.render.ray_ops import ray_ops
+from plnerf.render.views import RenderedView, default_chunk, render_view
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.config import TrainConfig
 from plnerf.train.loop import set_learning_rates

@@ -25,12 +25,12 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.ply import write_ply
 from plnerf.scene.transforms import flip_camera_axes
 from plnerf.score.align import cameras_of
-from plnerf.score.clearances import ClearanceScore, score_clearances
+from plnerf.score.clearance_score import ClearanceScore, score_clearances
 from plnerf.score.config import DEFAULT, WireScoreConfig
 from plnerf.score.score import score_files
 from plnerf.score.survey_score import score_survey
 from plnerf.score.truth import TruePlant, Truth, read_truth
-from plnerf.score.wires import WireMatches, match_wires, rules
+from plnerf.score.wire_matches import WireMatches, match_wires, rules
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
 

@@ -15,10 +15,10 @@ from plnerf.line.ends import Evidence, Open
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
-from plnerf.survey.photos import Photos, photos_of
+from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.adjust import Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
-from plnerf.survey.refine.profile import ProfileMeasurements, measure_profiles
+from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import Projection, crossings, project_wire
 from plnerf.survey.refine.refine import refine_wires
 

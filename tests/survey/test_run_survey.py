@@ -18,9 +18,9 @@ from plnerf.line.files import read_survey
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config import SurveyConfig
-from plnerf.survey.evidence import WireEvidenceConfig, by_images, by_points, points_on
-from plnerf.survey.lidar.las import PointCloud, read_cloud
+from plnerf.survey.lidar.point_cloud import PointCloud, read_cloud
 from plnerf.survey.run import survey_cloud, survey_run, survey_scene
+from plnerf.survey.wire_evidence import WireEvidenceConfig, by_images, by_points, points_on
 from plnerf.survey.wire_points import WirePointsConfig
 from plnerf.train.loop import train
 from plnerf.train.run import TrainedRun, open_run

@@ -17,8 +17,7 @@ from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.survey.config_ground import OnWiresConfig
 from plnerf.survey.on_wires import NONE, on_wires
-from plnerf.survey.photos import Photos, photos_of
-from plnerf.survey.stereo.cloud import inflate_sigma, stereo_surface
+from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.stereo.config import (
     CoarseConfig,
     ConsistencyConfig,
@@ -28,8 +27,9 @@ from plnerf.survey.stereo.config import (
 )
 from plnerf.survey.stereo.depth import DepthMap, depth_map
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points, tried_distances
-from plnerf.survey.stereo.pairs import partners
-from plnerf.survey.stereo.views import Picture, View, picture, shows_wires, view_of
+from plnerf.survey.stereo.partners import partners
+from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
+from plnerf.survey.stereo.stereo_views import Picture, View, picture, shows_wires, view_of
 from plnerf.survey.surface import Surface, joined
 
 FLOOR = -0.5

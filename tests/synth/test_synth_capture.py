@@ -6,7 +6,7 @@ import pytest
 from plnerf.synth.build import build_span
 from plnerf.synth.capture import look, plan_flight
 from plnerf.synth.config import SceneConfig
-from plnerf.synth.scene import HOLD_OUT_EVERY, transforms_of
+from plnerf.synth.synthesize import HOLD_OUT_EVERY, transforms_of
 
 SCENE = SceneConfig()
 CONFIG = SCENE.capture

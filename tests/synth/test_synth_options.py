@@ -7,7 +7,7 @@ import pytest
 from plnerf.cli.main import synth
 from plnerf.errors import ConfigError
 from plnerf.synth.config import SceneConfig
-from plnerf.synth.options import SceneOptions, find_scene
+from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.scenes import SCENES
 
 SCENE = SceneConfig()

@@ -16,7 +16,7 @@ from plnerf.synth.config import CaptureConfig, ImageConfig, PlantsConfig, SceneC
 from plnerf.synth.meshes import grid, tube
 from plnerf.synth.parts import Part, Surface, span_parts
 from plnerf.synth.render import open_studio, to_srgb
-from plnerf.synth.scene import synthesize
+from plnerf.synth.synthesize import synthesize
 
 needs_mitsuba = pytest.mark.skipif(
     importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed (extra: synth)"

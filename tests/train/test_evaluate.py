@@ -14,7 +14,7 @@ from tests.support.oracle import Seen, oracle_run, tiny_world, z_depth_mm
 
 from plnerf.errors import SceneError
 from plnerf.rays.rays import Rays
-from plnerf.render.images import RenderedView
+from plnerf.render.views import RenderedView
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.evaluate import evaluate_run, measure, panel_names
 from plnerf.train.metrics import Lpips

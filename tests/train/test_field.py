@@ -16,8 +16,8 @@ from plnerf.errors import ConfigError
 from plnerf.field.tubes import FIRST_DEPTH
 from plnerf.presets import preset_names
 from plnerf.presets._find import find_preset
-from plnerf.render.images import render_view
 from plnerf.render.model import PLNeRF
+from plnerf.render.views import render_view
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 from plnerf.train.config import RunConfig

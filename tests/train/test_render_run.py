@@ -13,9 +13,9 @@ from tests.support.oracle import oracle_run, tiny_config, z_depth_mm
 
 from plnerf.errors import ConfigError
 from plnerf.ops.backends import Backend
-from plnerf.render.images import render_view
 from plnerf.render.model import PLNeRF
 from plnerf.render.pictures import rgb_picture
+from plnerf.render.views import render_view
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.render_run import FLIGHT, refined_cameras, render_run, shots_of
 

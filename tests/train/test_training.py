@@ -9,7 +9,7 @@ import pytest
 import torch
 from tests.support.tiny_run import Recorder, tiny_config
 
-from plnerf.render.images import render_view
+from plnerf.render.views import render_view
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.loop import train
 from plnerf.train.run import open_run

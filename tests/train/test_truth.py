@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from plnerf.errors import SceneError
-from plnerf.train.truth import (
+from plnerf.train.true_pictures import (
     CLOSE_M,
     at_full_size,
     depth_error,

@@ -20,15 +20,15 @@ from plnerf.console import RunConsole, bar
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.ops.backends import BackendChoice
 from plnerf.pipeline import Device, choose_device, resume_run, train_scene
-from plnerf.render.files import write_text
-from plnerf.render.images import render_view
+from plnerf.render.picture_files import write_text
 from plnerf.render.pictures import world_depth
+from plnerf.render.views import render_view
 from plnerf.train.config import Settings
 from plnerf.train.evaluate import evaluate_run, mean_appearance
 from plnerf.train.protocol import plain
 from plnerf.train.run import open_run, read_config
 from plnerf.train.settings import to_json
-from plnerf.train.truth import read_wire_mask
+from plnerf.train.true_pictures import read_wire_mask
 
 RESULT, VIEW = "result.json", "view.npz"
 FORMAT_VERSION = 1

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from plnerf.bench.tables import Table, figure
-from plnerf.render.files import write_png, write_text
 from plnerf.render.panels import side_by_side
+from plnerf.render.picture_files import write_png, write_text
 from plnerf.render.pictures import DepthRange, depth_picture, rgb_picture, with_legend
 
 CROP_WIDTH_PX = 320

@@ -19,8 +19,8 @@ from plnerf.bench.tables import Table, figure
 from plnerf.bench.timing import timed
 from plnerf.bench.train_suite import scene_of, settings_of
 from plnerf.pipeline import train_scene
-from plnerf.render.images import RenderedView, render_view
 from plnerf.render.pruning import can_prune
+from plnerf.render.views import RenderedView, render_view
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
 from plnerf.train.evaluate import mean_appearance

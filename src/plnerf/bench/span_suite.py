@@ -20,8 +20,8 @@ from plnerf.console import RunConsole, bar
 from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
 from plnerf.pipeline import bundled_span, train_scene
-from plnerf.render.files import write_text
-from plnerf.render.images import render_view
+from plnerf.render.picture_files import write_text
+from plnerf.render.views import render_view
 from plnerf.score.point_report import to_json
 from plnerf.score.points import score_points
 from plnerf.score.truth import read_truth

@@ -40,7 +40,7 @@ from plnerf.ops import reference
 from plnerf.ops.dispatch import kernels, resolve_backend
 from plnerf.pipeline import choose_device
 from plnerf.presets._find import find_preset
-from plnerf.render.files import write_text
+from plnerf.render.picture_files import write_text
 from plnerf.train.protocol import plain
 
 FORMAT_VERSION = 1

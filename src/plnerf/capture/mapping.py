@@ -15,7 +15,7 @@ from typing import Any
 import pycolmap
 
 from plnerf.capture.exif import PhotoFacts
-from plnerf.capture.lens import lens_problem
+from plnerf.capture.lens_fit import lens_problem
 from plnerf.findings import Finding
 from plnerf.scene.files import write_text
 

@@ -136,8 +136,8 @@ def synth(  # noqa: PLR0913 (an argument is an option)
     """
     from plnerf.console import bar, say
     from plnerf.pipeline import synthesize_scene
-    from plnerf.synth.options import SceneOptions
-    from plnerf.synth.scene import summary
+    from plnerf.synth.scene_options import SceneOptions
+    from plnerf.synth.synthesize import summary
 
     options = SceneOptions(
         seed=seed, samples=samples, width=width, height=height, views=views, motion_blur=motion_blur,

@@ -13,7 +13,7 @@ from ezdxf.entities.polyline import Polyline
 from ezdxf.filemanagement import new, readfile
 from jaxtyping import Float
 
-from plnerf.export.check import check_places, check_same
+from plnerf.export.read_back import check_places, check_same
 from plnerf.scene.files import complete_file
 
 VERSION = "R2010"

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.export.check import check_places, check_same
+from plnerf.export.read_back import check_places, check_same
 from plnerf.export.rows import Row
 from plnerf.scene.files import complete_file
 

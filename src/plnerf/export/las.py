@@ -16,8 +16,8 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from plnerf.errors import SurveyError
-from plnerf.export.check import check_all, check_places, check_same
 from plnerf.export.crs import CrsTransform
+from plnerf.export.read_back import check_all, check_places, check_same
 from plnerf.line.cloud import Cloud
 from plnerf.scene.files import complete_file
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.export.check import TOLERANCE_M, check_all, check_same
 from plnerf.export.crs import CrsTransform
+from plnerf.export.read_back import TOLERANCE_M, check_all, check_same
 from plnerf.line.clearances import Clearances
 from plnerf.line.cloud import CONDUCTOR, SHIELD
 from plnerf.line.ends import Attached, End, Quantity

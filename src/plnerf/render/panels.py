@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from plnerf.render.images import RenderedView
 from plnerf.render.pictures import (
     depth_picture,
     depth_range,
@@ -21,6 +20,7 @@ from plnerf.render.pictures import (
     with_legend,
     world_depth,
 )
+from plnerf.render.views import RenderedView
 from plnerf.scene.transforms import Frames
 
 ERROR_TIMES = 4

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8, UInt16
 from PIL import Image, ImageDraw, ImageFont
 
-from plnerf.render.images import RenderedView
+from plnerf.render.views import RenderedView
 from plnerf.scene.transforms import Frames
 
 NO_SURFACE = (38, 38, 38)

@@ -14,9 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from plnerf.line.survey import Survey
 from plnerf.report.nearest import by_need, check_parts
 from plnerf.report.overlay import shown_picture
+from plnerf.report.page_tables import cards, clearance_table, protocol, structure_table, wire_tables
 from plnerf.report.profile import profile
 from plnerf.report.scene_view import view
-from plnerf.report.tables import cards, clearance_table, protocol, structure_table, wire_tables
 from plnerf.report.words import caveats, found, judged, name_of, where
 from plnerf.scene.files import write_text
 

@@ -45,7 +45,7 @@ class PointScoreConfig:
 
 @dataclass(frozen=True)
 class WireScoreConfig:
-    """How a survey's wires are compared with the true ones (`wires.py`).  Lengths in metres."""
+    """How a survey's wires are compared with the true ones (`wire_matches.py`).  Lengths in metres."""
 
     place_m: float = 0.1
     """Longest distance between places that are compared."""

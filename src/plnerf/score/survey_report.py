@@ -5,12 +5,12 @@ from dataclasses import asdict
 from typing import Any
 
 from plnerf.line.ends import TWO_SIDED_95
-from plnerf.score import clearances as of_clearances
-from plnerf.score import wires as of_wires
-from plnerf.score.clearances import Compared
+from plnerf.score import clearance_score as of_clearances
+from plnerf.score import wire_matches as of_wires
+from plnerf.score.clearance_score import Compared
 from plnerf.score.config import WireScoreConfig
 from plnerf.score.survey_score import SurveyScore
-from plnerf.score.wires import Match, WireMatches
+from plnerf.score.wire_matches import Match, WireMatches
 
 _Column = tuple[str, str, str]
 """Heading, key of the row, and how the value is written."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from plnerf.capture.similarity import Similarity
 from plnerf.errors import SurveyError
 from plnerf.line.survey import Survey
-from plnerf.score.clearances import ClearanceScore, score_clearances
+from plnerf.score.clearance_score import ClearanceScore, score_clearances
 from plnerf.score.config import DEFAULT, WireScoreConfig
 from plnerf.score.truth import Truth
-from plnerf.score.wires import Match, WireMatches, match_wires
+from plnerf.score.wire_matches import Match, WireMatches, match_wires
 
 
 @dataclass(frozen=True)

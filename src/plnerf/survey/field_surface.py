@@ -16,10 +16,10 @@ from torch import Tensor
 
 from plnerf.line.frame import LineFrame
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.images import default_chunk
 from plnerf.render.proposals import s_to_t
+from plnerf.render.views import default_chunk
 from plnerf.survey.config_ground import FieldConfig
-from plnerf.survey.photos import within
+from plnerf.survey.posed_photos import within
 from plnerf.survey.surface import Surface
 from plnerf.train.run import TrainedRun
 

@@ -23,17 +23,17 @@ from plnerf.survey.attach import hung_between, line_of
 from plnerf.survey.classify import classified, ground_of, standing_on
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
-from plnerf.survey.evidence import by_images, by_points, points_on
 from plnerf.survey.field_surface import field_surface
 from plnerf.survey.kinds import kinds
 from plnerf.survey.lidar.find import find_lines
-from plnerf.survey.lidar.las import PointCloud
-from plnerf.survey.photos import Photos, photos_of
-from plnerf.survey.pictures import pictures_of
+from plnerf.survey.lidar.point_cloud import PointCloud
+from plnerf.survey.marked_photos import pictures_of
+from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.refine import refine_wires
-from plnerf.survey.stereo.cloud import inflate_sigma, stereo_surface
+from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.supports import find_supports, trimmed
 from plnerf.survey.surface import Surface
+from plnerf.survey.wire_evidence import by_images, by_points, points_on
 from plnerf.survey.wire_points import wire_points
 from plnerf.train.run import TrainedRun
 from plnerf.train.settings import to_json

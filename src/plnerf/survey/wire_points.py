@@ -19,8 +19,8 @@ from plnerf.detect.evidence import line_response, track_slope, vanishing_directi
 from plnerf.line.frame import LineFrame
 from plnerf.line.survey import WirePoints
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.images import default_chunk
 from plnerf.render.proposals import s_to_t
+from plnerf.render.views import default_chunk
 from plnerf.scene.scene import Scene
 from plnerf.survey.collinear import in_long_pieces, on_lines
 from plnerf.survey.config_wires import WirePointsConfig

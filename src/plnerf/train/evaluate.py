@@ -16,16 +16,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from plnerf.render.files import write_png, write_text
-from plnerf.render.images import RenderedView, render_view
 from plnerf.render.panels import evaluation_panel
+from plnerf.render.picture_files import write_png, write_text
 from plnerf.render.pictures import world_depth
+from plnerf.render.views import RenderedView, render_view
 from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene
 from plnerf.train.metrics import NEAR_WIRE_PX, Lpips, mean_inside, psnr, ssim_map
 from plnerf.train.protocol import plain, protocol, summary
 from plnerf.train.run import TrainedRun
-from plnerf.train.truth import (
+from plnerf.train.true_pictures import (
     DepthError,
     at_full_size,
     depth_error,

@@ -17,9 +17,9 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.rays.rays import Rays
-from plnerf.render.images import default_chunk, render_view
 from plnerf.render.query import FieldValues, query
 from plnerf.render.system import RadianceSystem
+from plnerf.render.views import default_chunk, render_view
 from plnerf.scene.cameras import Cameras
 from plnerf.train.scene_record import SceneRecord
 

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float
 from torch import Generator, Tensor
 
 from plnerf.rays.rays import pixel_rays
-from plnerf.render.images import default_chunk
 from plnerf.render.system import RadianceSystem
+from plnerf.render.views import default_chunk
 from plnerf.scene.scene import Scene
 
 SSIM_WINDOW = (

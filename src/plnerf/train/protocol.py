@@ -12,7 +12,7 @@ import torch
 import plnerf
 from plnerf.train.metrics import NEAR_WIRE_PX, SSIM_WINDOW
 from plnerf.train.run import TrainedRun
-from plnerf.train.truth import CLOSE_M, WIRE_RULE
+from plnerf.train.true_pictures import CLOSE_M, WIRE_RULE
 
 
 def protocol(run: TrainedRun, render_seconds: float, lpips_absent: str | None) -> dict[str, Any]:

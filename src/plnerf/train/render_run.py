@@ -17,9 +17,8 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.field.poses import rotation_matrix
-from plnerf.render.files import write_npy, write_png, write_text
-from plnerf.render.images import RenderedView, render_view, resized
 from plnerf.render.paths import JUMP, TURN_DEG, fly_along, in_time_order
+from plnerf.render.picture_files import write_npy, write_png, write_text
 from plnerf.render.pictures import (
     DepthRange,
     accumulation_picture,
@@ -34,7 +33,8 @@ from plnerf.render.pictures import (
 )
 from plnerf.render.pruning import Pruning, pruning_pays
 from plnerf.render.system import RadianceSystem
-from plnerf.render.video import require_ffmpeg, write_video
+from plnerf.render.views import RenderedView, render_view, resized
+from plnerf.render.write_video import require_ffmpeg, write_video
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.transforms import Frames

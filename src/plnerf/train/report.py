@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from torch import Tensor
 
-from plnerf.render.files import write_text
+from plnerf.render.picture_files import write_text
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 

@@ -9,7 +9,7 @@ from pyproj import CRS
 
 from plnerf.errors import SurveyError
 from plnerf.survey.lidar.config import CloudConfig
-from plnerf.survey.lidar.las import read_cloud
+from plnerf.survey.lidar.point_cloud import read_cloud
 
 XYZ = np.random.default_rng(0).uniform([230_000, 570_000, 0], [230_090, 570_040, 30], (500, 3))
 

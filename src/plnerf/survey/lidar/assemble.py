@@ -14,10 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from plnerf.line.ends import Attached, End, Open
 from plnerf.line.line import Line, Span, Structure
 from plnerf.survey.kinds import kinds
+from plnerf.survey.lidar.candidates import Candidate
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.spans import TrackSpan
 from plnerf.survey.lidar.structures import NOTHING_SEEN, Holder, Outline
-from plnerf.survey.lidar.wires import Candidate
 
 
 @dataclass(frozen=True, eq=False)

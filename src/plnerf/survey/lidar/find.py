@@ -17,6 +17,7 @@ from plnerf.line.cloud import NO_WIRE, TOWER, UNCLASSIFIED, Cloud
 from plnerf.line.line import Line
 from plnerf.survey.ground import Ground, find_ground
 from plnerf.survey.lidar.assemble import assemble
+from plnerf.survey.lidar.candidates import find_wires
 from plnerf.survey.lidar.checks import astray, check_cloud, distinct
 from plnerf.survey.lidar.classes import wires_and_structures, with_ground
 from plnerf.survey.lidar.config import LidarConfig
@@ -24,7 +25,6 @@ from plnerf.survey.lidar.linear import Linear, find_linear
 from plnerf.survey.lidar.spans import TrackSpan, find_spans
 from plnerf.survey.lidar.structures import find_structures
 from plnerf.survey.lidar.tracks import find_tracks
-from plnerf.survey.lidar.wires import find_wires
 
 STAGES = 5
 """Of the progress: ground, places on lines, spans, wires, classes."""

@@ -25,7 +25,7 @@ from jaxtyping import Float, Int
 from plnerf.line.base import Base
 from plnerf.line.curve import curve_at, curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
-from plnerf.survey.refine.profile import ProfileMeasurements
+from plnerf.survey.refine.profiles import ProfileMeasurements
 
 FREE = 5
 """Of theta, the numbers that are sought; the swing is held at what it was."""

@@ -1,7 +1,7 @@
 """Wires detected in images, refitted to them: to a tenth of a pixel rather than one.
 
 Each round projects the wires into every training image, reads what the grey values across them say
-(`profile.py`), and adjusts all wires, the images' pose residuals and the lighting together (`adjust.py`).
+(`profiles.py`), and adjusts all wires, the images' pose residuals and the lighting together (`adjust.py`).
 How large the residuals are is learnt: none of exact poses, tenths of a pixel of poses by structure from
 motion.
 """
@@ -17,10 +17,10 @@ from jaxtyping import Float
 from plnerf.line.base import Base
 from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
 from plnerf.line.wire import Wire
-from plnerf.survey.photos import Photos
+from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.adjust import Prior, State, Step, adjust
 from plnerf.survey.refine.config import RefineConfig
-from plnerf.survey.refine.profile import ProfileMeasurements, measure_profiles
+from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import Projection, project_wire
 
 

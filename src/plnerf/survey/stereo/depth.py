@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from plnerf.survey.stereo.config import MatchConfig
-from plnerf.survey.stereo.views import Picture
+from plnerf.survey.stereo.stereo_views import Picture
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from plnerf.line.wire import Wire
-from plnerf.survey.photos import Photos
+from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
 from plnerf.survey.stereo.depth import depth_map
-from plnerf.survey.stereo.pairs import partners
-from plnerf.survey.stereo.views import View, picture, shows_wires, view_of
+from plnerf.survey.stereo.partners import partners
+from plnerf.survey.stereo.stereo_views import View, picture, shows_wires, view_of
 
 
 def distances_of_points(

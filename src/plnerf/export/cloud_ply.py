@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from plnerf.export.check import check_all, check_places
 from plnerf.export.crs import CrsTransform
+from plnerf.export.read_back import check_all, check_places
 from plnerf.line.cloud import Cloud
 from plnerf.line.survey import WirePoints
 from plnerf.scene.files import complete_file

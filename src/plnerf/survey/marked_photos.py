@@ -9,7 +9,7 @@ from jaxtyping import Float
 from plnerf.line.survey import Picture
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import project
-from plnerf.survey.photos import Photos
+from plnerf.survey.posed_photos import Photos
 
 IN_FRONT_M = 0.02
 """Points nearer to the camera's plane, or behind it, are in no picture."""

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from plnerf.errors import PlnerfError
-from plnerf.render.files import complete_file
+from plnerf.render.picture_files import complete_file
 
 
 def require_ffmpeg() -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from plnerf.export.cloud_ply import write_cloud_ply, write_wires_ply
 from plnerf.export.crs import CrsTransform, crs_transform
 from plnerf.export.dxf import Drawn, write_dxf
 from plnerf.export.gis import Feature, write_geojson
 from plnerf.export.las import write_las
-from plnerf.export.ply import write_cloud_ply, write_wires_ply
 from plnerf.export.rows import clearance_rows, wire_properties, wire_rows, write_csv
 from plnerf.line.clearances import Place
 from plnerf.line.ends import Quantity

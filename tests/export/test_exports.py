@@ -19,9 +19,9 @@ from tests.support.catenary_surveys import UTM, ZERO, corridor, line_of
 
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.errors import CaptureError, SurveyError
-from plnerf.export import crs, dxf, files, gis, las, rows
+from plnerf.export import crs, dxf, exports, gis, las, rows
 from plnerf.export.crs import crs_transform
-from plnerf.export.files import Exports, write_exports
+from plnerf.export.exports import Exports, write_exports
 from plnerf.export.las import wkt_of
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Open, Quantity
@@ -139,7 +139,7 @@ def test_geojson_has_longitudes_and_latitudes(survey: Survey, written: Exports) 
     independent = Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True)
     for feature, wire in zip(data["features"], survey.wires, strict=True):
         lon, lat, height = np.array(feature["geometry"]["coordinates"]).T
-        line = world(survey, wire.polyline(files.VERTEX_M))
+        line = world(survey, wire.polyline(exports.VERTEX_M))
         east, north = independent.transform(lon, lat)
         assert np.abs(np.stack([east, north, height], 1) - line).max() < 1e-3
         said = feature["properties"]
@@ -162,7 +162,7 @@ def test_the_projected_copy_names_its_crs(survey: Survey, written: Exports) -> N
     data = json.loads(written.files["conductors-projected.geojson"].read_text())
     assert data["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::25832"
     first = np.array(data["features"][0]["geometry"]["coordinates"])
-    assert np.abs(first - world(survey, survey.wires[0].polyline(files.VERTEX_M))).max() < 1e-3
+    assert np.abs(first - world(survey, survey.wires[0].polyline(exports.VERTEX_M))).max() < 1e-3
 
 
 def test_the_drawing_has_a_layer_for_each_kind(survey: Survey, written: Exports) -> None:
@@ -174,7 +174,7 @@ def test_the_drawing_has_a_layer_for_each_kind(survey: Survey, written: Exports)
     assert all(line.is_3d_polyline for line in lines)
     shield = next(line for line in lines if line.dxf.layer == "CONDUCTOR-SHIELD")
     vertices = np.array([list(point) for point in shield.points()])
-    assert np.abs(vertices - world(survey, survey.wires[2].polyline(files.VERTEX_M))).max() < 1e-3
+    assert np.abs(vertices - world(survey, survey.wires[2].polyline(exports.VERTEX_M))).max() < 1e-3
     sag = survey.wires[2].sag
     said = [tag.value for tag in shield.get_xdata("PLNERF")]
     assert said[0] == 3 and f"sag {value(sag):.3f} +- {half(sag):.3f} m (95 %)" in said

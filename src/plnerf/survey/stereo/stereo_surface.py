@@ -15,13 +15,13 @@ from jaxtyping import Bool, Float, Int
 
 from plnerf.findings import Finding, harms
 from plnerf.line.wire import Wire
-from plnerf.survey.photos import Photos
+from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
 from plnerf.survey.stereo.consistency import consistent
 from plnerf.survey.stereo.depth import DepthMap, depth_map
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points
-from plnerf.survey.stereo.pairs import joined_partners, partners
-from plnerf.survey.stereo.views import picture, shows_wires, view_of
+from plnerf.survey.stereo.partners import joined_partners, partners
+from plnerf.survey.stereo.stereo_views import picture, shows_wires, view_of
 from plnerf.survey.surface import Surface, joined
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, UInt8
 from plnerf.line.wire import Wire
 from plnerf.rays.lens import undistort_plane
 from plnerf.scene.cameras import distort
-from plnerf.survey.photos import Photos
+from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.survey.stereo.config import StereoPairConfig
-from plnerf.survey.stereo.views import View
+from plnerf.survey.stereo.stereo_views import View
 
 
 def partners(

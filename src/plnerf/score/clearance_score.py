@@ -14,7 +14,7 @@ from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.wire import Wire
 from plnerf.score.config import WireScoreConfig
 from plnerf.score.truth import TruePlant, Truth
-from plnerf.score.wires import Match, common_stretch
+from plnerf.score.wire_matches import Match, common_stretch
 
 RULES = {
     "ground": "the least height of the wire above the ground straight below it; of the true wire over the "
