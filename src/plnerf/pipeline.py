@@ -11,6 +11,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
@@ -200,6 +201,8 @@ def survey(
         found = survey_scene(load_scene(source, store=folder / "pixels"), config, progress)
     else:
         found = survey_run(open_run(source), config, progress)
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
+    found = replace(found, made={**found.made, "date (UTC)": now})
     write_survey(found, folder)
     return found, folder
 
