@@ -220,6 +220,14 @@ def test_without_a_field_images_alone_show_the_same_things(tmp_path: Path) -> No
     assert (again.xyz == found.xyz).all()
 
 
+def test_a_field_that_shows_nothing_leaves_the_distances_to_the_images(tmp_path: Path) -> None:
+    photos = photos_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3, -0.35, 0.45)))
+    config = replace(CONFIG, points=30_000)
+    alone, _ = stereo_surface(photos, [], None, config)
+    found, findings = stereo_surface(photos, [], Surface.empty(), config)
+    assert not findings and (found.xyz == alone.xyz).all() and len(found.xyz)
+
+
 def test_without_a_field_and_pairs_there_is_nothing(tmp_path: Path) -> None:
     for count, offsets in ((2, (0.0, 1.5)), (1, (0.0,))):
         photos = photos_with(tmp_path / str(count), row_of_cameras(offsets))

@@ -144,6 +144,8 @@ class StereoConfig:
     """Points further from the middle of the scene's box than so many of its half sides are background."""
     min_seen: int = 20
     """Points of the field that a view must show for its typical distances to be known."""
+    min_views_share: float = 0.5
+    """Share of the views whose typical distances a field must show; with fewer, matched images show them."""
     quantiles: tuple[float, ...] = (0.5, 0.15)
     """Quantiles of the distances that a field shows in a view; each has partners of its own, the last rules
     how near depths are searched."""

@@ -35,19 +35,23 @@ def stereo_surface(
     """Points of stereo at those of `config.points` pixels, drawn evenly from the training images, that have a
     depth, and the field's points on the wires.
 
-    Without a field the images alone decide, and wires get no points.  Where the images make no stereo, all of
-    the field, or nothing, with a finding.
+    Without a field the images alone decide, and wires get no points; so they do of how far away things are
+    where a field, trained too little, shows it in too few views.  Where the images make no stereo, all of the
+    field, or nothing, with a finding.
     """
     views = [view_of(photos, i, config.longest_px) for i in photos.train]
-    rounds = 1 if field is not None else 2
+    by_field = None if field is None else distances_of_points(views, field.xyz, config)
+    if by_field is not None and np.isfinite(by_field).all(1).mean() < config.min_views_share:
+        by_field = None
+    rounds = 1 if by_field is not None else 2
 
     def report(done: int, of: int) -> None:
         if progress is not None:
             progress(done, of)
 
     distances = (
-        distances_of_points(views, field.xyz, config)
-        if field is not None
+        by_field
+        if by_field is not None
         else distances_by_matching(photos, wires, config, lambda done, of: report(done, rounds * of))
     )
     # Near things need images that are near to one another, far things others.
