@@ -3,7 +3,8 @@
     python benchmarks/survey_scenes.py SCENE_OR_RUN... [-o docs/results/survey.md]
 
 Each scene is surveyed with the default settings and scored against its truth.json, which nothing but the
-score reads.  Writes a table in Markdown and, beside it, the same as JSON, scene by scene: what is there of an
+score reads; but scenes of `plnerf synth` name the line's axis and box in transforms.json, which the finder
+uses.  Writes a table in Markdown and, beside it, the same as JSON, scene by scene: what is there of an
 earlier call and not measured again stays.  Deterministic; seconds are those of the machine it runs on.
 """
 
@@ -27,6 +28,9 @@ distance across and up; the worst error of a sag over the stretch that wire and 
 structures found, for the wires whose both ends a structure holds; the number of wires for which no sag is
 stated, since an end is open; the worst error of a height above ground, and of the distance to the nearest
 plant, in metres, with how many of their stated standard deviations that is.
+
+The finder needs the direction of the line, and takes it from the cameras' track unless transforms.json names
+`line_axis`, `span_min` and `span_max`; those of `plnerf synth` do, so that these scenes say where to search.
 """
 
 

@@ -1,4 +1,4 @@
-"""What the command line and the benches show on a terminal: bars, plain lines, a run as it trains."""
+"""Terminal output of the command line and the benches: progress bars, plain lines, training logs."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

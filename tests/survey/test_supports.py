@@ -1,5 +1,7 @@
 """Supports are where the wires are held, and are not invented."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -142,9 +144,11 @@ def test_a_wire_has_a_sag_between_two_structures_only() -> None:
     two = find_supports(arms, None, WIRES, CONFIG)
     held = hung_between(WIRES[1], trimmed(WIRES[1], two), two)
     assert held.sag is not None and held.sag.value == pytest.approx(0.001 * 15**2, abs=3e-3)
-    # A twentieth of a metre at either end of 30 m, of a sag of 0.225 m, adds to what the wire's own says.
-    exact = held.sag.sigma**2 - (2 * held.sag.value / 30) ** 2 * 2 * CONFIG.by_stereo_m**2
-    assert exact > 0
+    # What 5 cm at either end of 30 m add: at a fixed p the sag goes with the square of the span.
+    exact = [replace(end, sigma_m=0.0) for end in held.ends if isinstance(end, Attached)]
+    own = replace(held, ends=(exact[0], exact[1])).sag
+    by_ends = 2 * held.sag.value / held.base.length_m * np.sqrt(2) * CONFIG.by_stereo_m
+    assert own is not None and held.sag.sigma == pytest.approx(np.hypot(own.sigma, by_ends), rel=1e-9)
     assert held.ends[1].point == pytest.approx(held.points(np.array([held.base.length_m]))[0])
     line = line_of([held], two.structures)
     assert line.spans[0].structures == (1, 2) and len(line.structures) == 2

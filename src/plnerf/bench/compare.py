@@ -41,7 +41,7 @@ class CompareConfig:
     scene: Path
     out: Path
     systems: Mapping[str, Settings]
-    """What is trained of each preset, in the order of the comparison."""
+    """Settings to train, by preset, in the order of the comparison."""
     steps: int | None = None
     """Budget of every preset in steps, or in seconds."""
     seconds: float | None = None

@@ -44,7 +44,7 @@ class PairedTimes:
 
     @property
     def ratio(self) -> float:
-        """How many times faster the kernel is: the median over the pairs, not the ratio of the medians."""
+        """Speed-up of the kernel: the median of the pairs' ratios, not the ratio of the medians."""
         return statistics.median(a / b for a, b in zip(self.reference_s, self.kernel_s, strict=True))
 
 

@@ -161,7 +161,7 @@ def scene_of(bench: BenchConfig) -> Path:
 
 
 def settings_of(bench: BenchConfig, preset: str | None = None) -> Settings:
-    """What a bench trains of a preset; None: of its own."""
+    """Settings that a bench trains a preset with; None: its own preset."""
     name = preset or bench.preset
     if name in bench.systems:
         return bench.systems[name]

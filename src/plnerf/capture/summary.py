@@ -1,4 +1,4 @@
-"""What came of a capture, in words."""
+"""A capture's result as text."""
 
 import json
 from collections import Counter

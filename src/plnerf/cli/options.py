@@ -19,7 +19,7 @@ BackendName = Literal["auto", "torch", "numba", "triton"]
 
 
 def _presets(default: str) -> str:
-    """What help says after the option's text."""
+    """The default and the choices, which help shows after an option's text."""
     return f"(default: {default or 'all'}; there are {', '.join(preset_names())})"
 
 

@@ -35,7 +35,7 @@ def survey(
     """
     said = {"voltage_kv": voltage_kv, "thresholds": thresholds, "clearance_m": clearance_m}
     given = {name: value for name, value in said.items() if value is not None}
-    config = replace(settings, clearance=replace(settings.clearance, **given))  # type: ignore[arg-type]
+    config = replace(settings, clearance=replace(settings.clearance, **given))  # type: ignore[arg-type]  # each by its name
     if not survey_shown(Console(), source, out, config):
         sys.exit(3)
 

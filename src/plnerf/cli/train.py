@@ -122,7 +122,7 @@ def render(
 
 
 def render_shown(console: Console, run: Path, **options: Any) -> None:
-    """`pipeline.render` with a bar; a path's colours and depths where nothing else is asked for."""
+    """`pipeline.render` with a progress bar; by default colour and depth along a path."""
     from plnerf.console import bar, say
     from plnerf.pipeline import render as render_views
 

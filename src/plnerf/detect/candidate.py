@@ -19,7 +19,7 @@ class Candidate:
     theta: Float[np.ndarray, "5"]
     """(y_A, y_B, z_A, z_B, b) between the first and the last plane."""
     covariance: Float[np.ndarray, "5 5"]
-    """Of theta, scene units squared."""
+    """Covariance of theta, in scene units squared."""
     rms_px: float
     """Root mean square distance of its ridges."""
     images: int
@@ -29,7 +29,7 @@ class Candidate:
     seen: tuple[int, int] = (0, 0)
     """First and last plane of the stretch with the largest odds."""
     ends: tuple[int, int] = (0, 0)
-    """First and last plane of the longer stretch in which hardly anything speaks against it."""
+    """First and last plane of the longer stretch with hardly any evidence against it."""
 
     @property
     def planes(self) -> int:

@@ -11,7 +11,7 @@ from plnerf.errors import ConfigError
 
 @dataclass(frozen=True)
 class EvidenceConfig:
-    """How strongly a pixel responds to a line that runs along the span (`evidence.py`)."""
+    """Response of a pixel to a line that runs along the span (`evidence.py`)."""
 
     scales_px: tuple[float, ...] = (0.7, 1.4, 2.8)
     """Standard deviations of the Gaussians: wires 1 to 8 px wide."""
@@ -72,7 +72,7 @@ class OddsConfig:
     min_density: float = 0.02
     """Least density of ridges: however empty a sky, one ridge says no more than this."""
     muffled_px: int = 4
-    """Within this distance of other wires' ridges a weaker one does not show: its absence says nothing."""
+    """Within this distance of other wires' ridges a weaker ridge is hidden: its absence is no evidence."""
 
     def __post_init__(self) -> None:
         _check(

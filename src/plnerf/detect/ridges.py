@@ -60,13 +60,6 @@ def ridge_map(
     return find_ridges(image, config).strength
 
 
-def ridge_directions(
-    image: UInt8[np.ndarray, "h w 3"], config: RidgeConfig = DEFAULT.ridges
-) -> Float32[np.ndarray, "h w"]:
-    """Direction of the line through each pixel, in [0, pi) from +x towards +y."""
-    return find_ridges(image, config).tangent_rad
-
-
 def gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A Gaussian and its first and second derivative as filters, exact for constants, lines and parabolas.
 

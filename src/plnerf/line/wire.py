@@ -36,7 +36,7 @@ class Wire:
     """From below its first end to below its last."""
     theta: Float[np.ndarray, "6"]
     covariance: Float[np.ndarray, "6 6"]
-    """Of theta; zero for a swing that was held and not measured."""
+    """Covariance of theta; zero for a swing that was held and not measured."""
     ends: tuple[End, End]
     evidence: Evidence
     kind: Kind = "unknown"

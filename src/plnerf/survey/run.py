@@ -185,5 +185,12 @@ def _images_in(scene: Scene) -> str:
 
 def _parts(progress: Progress | None, count: int) -> list[Progress]:
     """A callback for each of some stages, which together report one progress."""
-    report = progress or (lambda done, of: None)
-    return [lambda done, of, k=k: report(k * of + done, count * of) for k in range(count)]  # type: ignore[misc]
+
+    def part(stage: int) -> Progress:
+        def report(done: int, of: int) -> None:
+            if progress is not None:
+                progress(stage * of + done, count * of)
+
+        return report
+
+    return [part(stage) for stage in range(count)]
