@@ -6,6 +6,7 @@ import pytest
 from plnerf.synth.build import build_span
 from plnerf.synth.capture import look, plan_flight
 from plnerf.synth.config import SceneConfig
+from plnerf.synth.hints import hints_of
 from plnerf.synth.synthesize import HOLD_OUT_EVERY, transforms_of
 
 SCENE = SceneConfig()
@@ -85,15 +86,21 @@ def test_cameras_keep_clear_of_plants_towers_and_ground():
         assert view.centre[2] - SPAN.ground.heights(view.centre[:1], view.centre[1:2])[0] > 5.0
 
 
-def test_transforms_json_holds_every_pose_and_a_box_around_the_span():
-    content = transforms_of(SPAN, CONFIG, VIEWS)
+def test_transforms_json_holds_every_pose_and_nothing_of_the_line():
+    content = transforms_of(CONFIG, VIEWS)
+    assert set(content["plnerf"]) == {"format_version", "unit", "crs", "up", "truth"}
     assert len(content["frames"]) == len(VIEWS) == 3 * CONFIG.views_per_pass
     assert "test" not in content["plnerf"]  # the default rule decides: every 8th by name
     names = [frame["file_path"] for frame in content["frames"]]
     assert names == sorted(names)
     held_out = [i for i, frame in enumerate(content["frames"]) if "depth_path" in frame]
     assert held_out == list(range(0, len(VIEWS), 8))
-    low, high = (np.array(content["plnerf"][key]) for key in ("span_min", "span_max"))
+
+
+def test_hints_are_the_direction_of_the_line_and_a_box_around_the_span():
+    hints = hints_of(SPAN, CONFIG)
+    np.testing.assert_allclose(hints["line_axis"], [*SPAN.along, 0.0])
+    low, high = (np.array(hints[key]) for key in ("span_min", "span_max"))
     for axis in AXES:
         assert (axis > low).all() and (axis < high).all()
     for tower in SPAN.towers:

@@ -10,9 +10,6 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
 from plnerf.errors import SceneError
 from plnerf.synth.build import build_span
 from plnerf.synth.capture import View, plan_flight, written_views
@@ -22,7 +19,6 @@ from plnerf.synth.film import HOLD_OUT_EVERY, film
 from plnerf.synth.parts import span_parts
 from plnerf.synth.render import open_studio, require_mitsuba
 from plnerf.synth.seen import MIN_IMAGES, seen_stretches
-from plnerf.synth.span import Span
 from plnerf.synth.truth import truth_of
 
 
@@ -50,16 +46,18 @@ def synthesize(
         seen = seen_stretches(span.wires, views, masks, config.capture, span.along)
         _write_json(folder / "truth.json", truth_of(span, config, views, seen))
         written = written_views(views, config.capture, config.seed)
-        _write_json(folder / "transforms.json", transforms_of(span, config.capture, written))
+        _write_json(folder / "transforms.json", transforms_of(config.capture, written))
         if out.exists():
             out.rmdir()
         folder.rename(out)
     return out
 
 
-def transforms_of(span: Span, capture: CaptureConfig, views: tuple[View, ...]) -> dict[str, object]:
-    """The content of transforms.json: nerfstudio's keys, and ours under `plnerf`."""
-    low, high = span_box(span, capture)
+def transforms_of(capture: CaptureConfig, views: tuple[View, ...]) -> dict[str, object]:
+    """The content of transforms.json: nerfstudio's keys, and ours under `plnerf`.
+
+    Nothing in it says where the line is: what is known of that stands in truth.json.
+    """
     frames: list[dict[str, object]] = []
     for i, view in enumerate(views):
         frame: dict[str, object] = {
@@ -87,38 +85,10 @@ def transforms_of(span: Span, capture: CaptureConfig, views: tuple[View, ...]) -
             "unit": "m",
             "crs": None,
             "up": [0.0, 0.0, 1.0],
-            "line_axis": [*span.along, 0.0],
-            "span_min": low.tolist(),
-            "span_max": high.tolist(),
             "truth": "truth.json",
         },
         "frames": frames,
     }
-
-
-def span_box(span: Span, capture: CaptureConfig) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """World box around supports, wires and the ground below them, with 1 m to spare at the sides.
-
-    Where only a stretch of the line is filmed, around what stands and hangs there.
-    """
-    half = span.config.span_length_m / 2
-    low_m, high_m = capture.filmed_m or (-half, half)
-    points = []
-    for wire in span.wires:
-        line = wire.polyline(0.25)
-        along = line[:, :2] @ np.array(span.along)
-        points.append(line if capture.filmed_m is None else line[(along >= low_m) & (along <= high_m)])
-    for tower in span.towers:
-        x, y, z = tower.foot
-        along_m = float(np.array([x, y]) @ np.array(span.along))
-        if low_m - 1e-6 <= along_m <= high_m + 1e-6:
-            points.append(np.array([[x - 1.2, y - 1.2, z], [x + 1.2, y + 1.2, z + tower.height_m]]))
-    if capture.filmed_m is not None:
-        x_m, y_m = np.concatenate(points)[:, :2].T
-        points.append(np.stack([x_m, y_m, span.ground.heights(x_m, y_m)], axis=1))
-    cloud = np.concatenate(points)
-    margin = np.array([1.0, 1.0, 0.0])
-    return cloud.min(axis=0) - margin - [0, 0, 0.5], cloud.max(axis=0) + margin + [0, 0, 0.5]
 
 
 def summary(folder: Path) -> str:

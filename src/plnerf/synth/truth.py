@@ -11,6 +11,7 @@ from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
+from plnerf.synth.hints import hints_of
 from plnerf.synth.seen import SEEN_RULE
 from plnerf.synth.span import Plant, Span, radius_m
 
@@ -71,6 +72,7 @@ def truth_of(
             for tower in span.towers
         ],
         "houses": [{k: v for k, v in asdict(house).items() if k != "seed"} for house in span.houses],
+        "hints": hints_of(span, config.capture),
         "ground": _ground(span),
         "vegetation": _vegetation(span),
     }
