@@ -20,6 +20,8 @@ from PIL import Image, ImageDraw
 
 from plnerf.render.picture_files import write_text
 from plnerf.scene.cameras import project
+from plnerf.scene.formats import read_listing
+from plnerf.scene.orientation import frames_for
 from plnerf.scene.scene import load_scene
 
 LEAST_SHARE = 0.02
@@ -28,7 +30,7 @@ LEAST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Arguments:
-    """Photos, masks and box of a circle on the ground."""
+    """Photos and masks of a circle on the ground."""
 
     scene: tyro.conf.Positional[Path]
     """A posed scene with a transforms.json."""
@@ -38,8 +40,6 @@ class Arguments:
     """Middle of the circle, on the ground, in the scene's world."""
     radius: float = 24.0
     """Of the circle, in the world's unit."""
-    height: float = 17.0
-    """Of what stands there at most; as much as a third of it is kept below the ground."""
     held_out: str | None = None
     """A photo that is not trained on."""
 
@@ -70,17 +70,20 @@ def main(arguments: Arguments) -> None:
         print(f"{frame['file_path']}: {100 * share:.0f} % of it")
     names = [frame["file_path"] for frame in kept]
     held = [name for name in names if Path(name).name == arguments.held_out]
-    lowest, highest = at[2] - arguments.height / 3, at[2] + arguments.height
-    box = {
-        "span_min": [*(at[:2] - arguments.radius), lowest],
-        "span_max": [*(at[:2] + arguments.radius), highest],
-    }
     ours = {key: value for key, value in data.get("plnerf", {}).items() if key != "order"}
-    data |= {"plnerf": ours | box, "frames": kept}
+    data |= {"plnerf": ours, "frames": kept}
     if held:
         data |= {"train_filenames": [name for name in names if name not in held], "val_filenames": held}
     write_text(arguments.out / "transforms.json", json.dumps(data, indent=1))
     print(f"{len(kept)} of {len(scene.names)} photos: {arguments.out}")
+    listing = read_listing(arguments.out)
+    poses = np.stack([shot.T_world_camera for shot in listing.shots])
+    frames = frames_for(poses, up=listing.up, unit=listing.unit, crs=listing.crs)
+    away = np.linalg.norm(frames.to_scene(poses[:, :3, 3]) - frames.to_scene(at), axis=1)
+    print(
+        f"In its scene frame the circle's radius is {frames.length_to_scene(arguments.radius):.3g}, and "
+        f"the cameras are {away.min():.3g} to {away.max():.3g} from its middle: choose near and far by them."
+    )
 
 
 if __name__ == "__main__":

@@ -25,6 +25,10 @@ from plnerf.pipeline import evaluate, train_scene
 from plnerf.render.picture_files import write_text
 
 SIZE, FINER, FOCAL, VIEWS, EVERY = 96, 3, 80.0, 48, 8
+RING = 0.8
+"""Radius of the cameras' ring, which is 1 in the scene frame."""
+FAR = 4 / RING
+"""More than the room's diagonal, in the scene frame."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +83,8 @@ def main(arguments: Arguments) -> None:
                 settings = (
                     *looks,
                     f"--model.field.width {arguments.width}",
-                    "--model.sampler.far 4",
-                    "--model.sampler.knee 4",
+                    f"--model.sampler.far {FAR}",
+                    f"--model.sampler.knee {FAR}",
                     "--train.rays 256",
                 )
                 made = settings_from("nerf", " ".join(settings))
@@ -117,16 +121,15 @@ def write_room(folder: Path, room: Room) -> None:
     frames = []
     for i in range(VIEWS):
         angle = 2 * np.pi * i / VIEWS
-        centre = np.array([0.8 * np.cos(angle), 0.8 * np.sin(angle), 0.25 + 0.3 * np.sin(5 * angle)])
+        centre = np.array([RING * np.cos(angle), RING * np.sin(angle), 0.25 + 0.3 * np.sin(5 * angle)])
         pose = look_at(centre, np.array([-0.2 * np.cos(angle), -0.2 * np.sin(angle), -0.5]))
         name = f"images/{i:03d}.png"
         Image.fromarray(picture(pose, room)).save(folder / name)
         opengl = pose @ np.diag([1.0, -1.0, -1.0, 1.0])
         frames.append({"file_path": name, "transform_matrix": opengl.tolist()})
-    box = {"span_min": [-1, -1, -1], "span_max": [1, 1, 1], "line_axis": [1, 0, 0]}
     data = {
         "w": SIZE, "h": SIZE, "fl_x": FOCAL, "fl_y": FOCAL, "cx": SIZE / 2, "cy": SIZE / 2,
-        "plnerf": {"format_version": 1, "unit": "m", "up": [0, 0, 1], **box},
+        "plnerf": {"format_version": 1, "unit": "m", "up": [0, 0, 1]},
         "frames": frames,
     }  # fmt: skip
     write_text(folder / "transforms.json", json.dumps(data))

@@ -98,7 +98,7 @@ def test_lenses_that_are_no_pinholes_are_refused(tiny_scene: Path, change: dict[
         read_listing(tiny_scene)
 
 
-def test_masks_depths_truth_span_and_lists_are_found(tiny_scene: Path) -> None:
+def test_masks_depths_truth_and_lists_are_found_and_unknown_keys_passed_over(tiny_scene: Path) -> None:
     for name in ("mask.png", "wire.png", "depth.png"):
         Image.new("L", (48, 32)).save(tiny_scene / name)
     (tiny_scene / "truth.json").write_text("{}")
@@ -107,9 +107,7 @@ def test_masks_depths_truth_span_and_lists_are_found(tiny_scene: Path) -> None:
         data["frames"][2].update(mask_path="mask.png", wire_mask_path="wire.png", depth_path="depth.png")
         data["plnerf"].update(
             truth="truth.json",
-            span_min=[-1, -2, 0],
-            span_max=[1, 2, 3],
-            line_axis=[0, 1, 0],
+            line_axis="what earlier versions wrote",
             crs="EPSG:25832",
             test=["images/0001.png", "./images/0005.png"],
         )
@@ -121,8 +119,6 @@ def test_masks_depths_truth_span_and_lists_are_found(tiny_scene: Path) -> None:
         tiny_scene / f"{n}.png" for n in ("mask", "wire", "depth")
     )
     assert listing.shots[1].mask is None and listing.truth == tiny_scene / "truth.json"
-    assert listing.span is not None and listing.span.tolist() == [[-1, -2, 0], [1, 2, 3]]
-    assert listing.line_axis is not None and listing.line_axis.tolist() == [0, 1, 0]
     assert listing.crs == "EPSG:25832" and listing.train is None
     assert listing.test == ("images/0001.png", "images/0005.png")
 

@@ -306,16 +306,6 @@ def up_is_zero(scene: Path) -> None:
 
 
 @case
-def half_a_span(scene: Path) -> None:
-    edit(scene, lambda data: data["plnerf"].update(span_min=[0, 0, 0]))
-
-
-@case
-def vertical_line(scene: Path) -> None:
-    edit(scene, lambda data: data["plnerf"].update(line_axis=[0, 0, -2]))
-
-
-@case
 def cameras_in_one_place(scene: Path) -> None:
     def stay(data: dict[str, Any]) -> None:
         for frame in data["frames"]:

@@ -14,7 +14,7 @@ from tests.conftest import look_at
 from plnerf.errors import SceneError
 from plnerf.scene import orientation
 from plnerf.scene.cameras import Cameras, project
-from plnerf.scene.orientation import estimate_line, estimate_up, frames_for
+from plnerf.scene.orientation import estimate_line, estimate_up, frames_for, heading, turned
 from plnerf.scene.transforms import MAX_DRIFT, Frames, flip_camera_axes, rigid_pose
 
 UTM = np.array([566_123.25, 5_932_456.5, 312.75])
@@ -29,7 +29,7 @@ def random_poses(n: int, seed: int) -> np.ndarray:
 
 
 def plain(poses: np.ndarray) -> Frames:
-    return frames_for(poses, up=None, line_axis=None, span=None, unit="unscaled", crs=None)
+    return frames_for(poses, up=None, unit="unscaled", crs=None)
 
 
 def ring(count: int, arc_rad: float = 2 * np.pi, height: float = 1.0) -> np.ndarray:
@@ -150,20 +150,27 @@ def test_scene_frames_are_rotations_and_fill_the_cube() -> None:
     assert np.abs(centres).max() == pytest.approx(1.0)
 
 
-def test_a_span_box_fills_the_cube_along_its_longest_side() -> None:
-    span = np.stack([UTM - [60, 20, 5], UTM + np.array([60, 20, 30])])
-    line = np.array([2.0, 1.0, 0.3])
-    frames = frames_for(
-        random_poses(4, 5), up=np.array([0.0, 0, 2]), line_axis=line, span=span, unit="m", crs="EPSG:25832"
-    )
-    corners = np.array([[span[a, 0], span[b, 1], span[c, 2]] for a in (0, 1) for b in (0, 1) for c in (0, 1)])
-    inside = frames.to_scene(corners)
-    np.testing.assert_allclose(inside.max(0) + inside.min(0), 0, atol=1e-9)
-    assert np.abs(inside).max() == pytest.approx(1.0)
+@pytest.mark.parametrize(
+    ("azimuth_deg", "world"), [(0.0, [0, 1, 0]), (90.0, [1, 0, 0]), (225.0, [-1, -1, 0])]
+)
+def test_azimuths_are_clockwise_from_north(azimuth_deg: float, world: list[float]) -> None:
+    poses = random_poses(4, 5)
+    frames = frames_for(poses, up=np.array([0.0, 0, 2]), unit="m", crs="EPSG:25832")
     assert frames.up_source == "file"
     np.testing.assert_allclose(frames.R_scene_world @ [0, 0, 1], [0, 0, 1], atol=1e-15)
-    along = frames.R_scene_world @ line
-    assert along[0] > 0 and along[1] == pytest.approx(0, abs=1e-12)
+    found = heading(frames, azimuth_deg)
+    along = np.array(world) / np.linalg.norm(world)
+    np.testing.assert_allclose(found @ frames.R_scene_world, along, atol=1e-12)
+    after = turned(frames, found)
+    np.testing.assert_allclose(after.R_scene_world @ along, [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(after.R_scene_world @ after.R_scene_world.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(after.R_scene_world) == pytest.approx(1.0) and after.scale == frames.scale
+
+
+def test_a_world_whose_north_is_vertical_has_no_azimuths() -> None:
+    frames = frames_for(random_poses(4, 5), up=np.array([0.0, 1, 0.1]), unit="unscaled", crs=None)
+    with pytest.raises(SceneError, match="stands for north, is vertical"):
+        heading(frames, 30.0)
 
 
 @pytest.mark.parametrize("elevation", [-60.0, -20.0, 0.0, 20.0, 60.0])
@@ -224,12 +231,8 @@ def test_line_of_an_orbit_is_some_horizontal_direction() -> None:
     assert np.linalg.norm(along) > 0.5 and along @ up == pytest.approx(0)
 
 
-def test_cameras_in_one_place_and_a_vertical_line_axis_are_refused() -> None:
+def test_cameras_in_one_place_are_refused() -> None:
     poses = ring(8)
-    with pytest.raises(SceneError, match="no horizontal direction"):
-        frames_for(
-            poses, up=np.array([0.0, 0, 1]), line_axis=np.array([0.0, 0, 1]), span=None, unit="m", crs=None
-        )
     poses[:, :3, 3] = UTM
     with pytest.raises(SceneError, match="same point"):
         plain(poses)

@@ -96,6 +96,7 @@ def doctor(
     *,
     out: OptionalOut = None,
     distance: float | None = None,
+    line_azimuth: float | None = None,
     wire_diameter: float = 0.03,
     sigma_px: float = 0.5,
     preset: PresetName = "pl-nerf-wire",
@@ -105,8 +106,10 @@ def doctor(
     Args:
         scene: Scene with poses (transforms.json, COLMAP), or a folder of photos.
         out: JSON to write.
-        distance: From cameras to wires in metres; when left out, a scene's span box, that of what the images
-            of a capture see, or 10 m; of photos their height over the start (DJI).
+        distance: From cameras to wires in metres; when left out, that of what the images of a capture see, or
+            10 m; of photos their height over the start (DJI).
+        line_azimuth: Of the line, in degrees clockwise from north (the world's +y); when left out, the
+            direction in which the cameras flew; of scenes with poses.
         wire_diameter: Of a conductor in metres.
         sigma_px: How well a wire is found in an image, in pixels; of scenes with poses.
         preset: What is to be trained; of photos, how long that takes.
@@ -119,7 +122,7 @@ def doctor(
     console = Console()
     if has_poses(scene):
         views = SceneDoctorConfig(wire_diameter_m=wire_diameter, sigma_px=sigma_px)
-        seen = scene_doctor.examine_scene(scene, distance=distance, config=views)
+        seen = scene_doctor.examine_scene(scene, distance=distance, azimuth_deg=line_azimuth, config=views)
         console.print(scene_doctor.table(seen), highlight=False, markup=False, soft_wrap=True)
         usable = seen.usable
         if out is not None:

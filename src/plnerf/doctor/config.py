@@ -76,21 +76,16 @@ class SceneDoctorConfig:
     """Most stretches that a line is cut into."""
     least_stretch_m: float = 2.0
     """Shortest length of a stretch, in metres."""
-    across: tuple[float, ...] = (-0.7, 0.0, 0.7)
-    """Grid of points that stand for wires, across the line: shares of the span box's half width,"""
-    heights: tuple[float, ...] = (0.5, 0.7, 0.9)
-    """and up: shares of its height (conductors hang high)."""
     depths: tuple[float, ...] = (0.7, 1.0, 1.4)
-    """Without a span box: points on every camera's optical axis, at these shares of the distance."""
+    """Points on every camera's optical axis that stand for wires, at these shares of the distance."""
 
     def __post_init__(self) -> None:
         names = ("wire_diameter_m", "sigma_px", "good_px", "unobservable_m", "distance_m", "spacings",
                  "least_px", "stretches", "least_stretch_m")  # fmt: skip
         _check_positive(self, names)
-        if not (self.across and self.heights and self.depths) or min(self.depths) <= 0:
+        if not self.depths or min(self.depths) <= 0:
             raise ConfigError(
-                "The doctor needs places across the line, heights, and depths greater than 0, but has across "
-                f"{self.across}, heights {self.heights} and depths {self.depths}. Correct them."
+                f"The doctor needs depths greater than 0, but has {self.depths}. Give one or more."
             )
 
 

@@ -1,8 +1,8 @@
 """Whether camera poses fix where a wire is, before anything is trained.
 
-Only poses are used, no pixels.  The line is cut into stretches along its axis; where in a stretch the wires
-are is not known yet, so a grid of points across it stands for them, each with a wire through it that runs
-along the line.  Lengths are in metres where the scene is metric, else in its own unit.
+Only poses are used, no pixels.  The line is cut into stretches along its direction; where in a stretch the
+wires are is not known yet, so points on the cameras' optical axes stand for them, each with a wire through
+it that runs along the line.  Lengths are in metres where the scene is metric, else in its own unit.
 """
 
 import math
@@ -16,7 +16,7 @@ from plnerf.doctor.config import SCENES, SceneDoctorConfig
 from plnerf.doctor.observability import Observability, observe_wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.listing import Listing
-from plnerf.scene.orientation import frames_for
+from plnerf.scene.orientation import frames_for, heading, turned
 from plnerf.scene.scene import scene_cameras
 from plnerf.scene.transforms import Frames
 
@@ -52,7 +52,7 @@ class Stretch:
     sigma_px: float | None
     """The same in pixels of the view that magnifies it most."""
     sigma_best_m: float | None
-    """At the point of the grid that is known best; likewise worst."""
+    """At the point that is known best; likewise worst."""
     sigma_worst_m: float | None
     spread_deg: float
     """Greatest angle between two viewing planes."""
@@ -63,7 +63,7 @@ class Stretch:
     wire_px: float | None
     """Width of a wire in the view that magnifies it most; None where the scene is unscaled."""
     seen_share: float
-    """Of the grid's points, by one view or more."""
+    """Of the stretch's points, by one view or more."""
 
 
 @dataclass(frozen=True)
@@ -84,32 +84,32 @@ def diagnose(
     listing: Listing,
     distance: float | None = None,
     config: SceneDoctorConfig = SCENES,
+    azimuth_deg: float | None = None,
 ) -> Diagnosis:
     """The viewing geometry of a listing's poses, stretch by stretch.
 
-    distance: from the cameras to the wires in the scene's unit, where no span box is known.
+    distance: from the cameras to the wires in the scene's unit.  azimuth_deg: of the line, clockwise from
+    north; None: the direction in which the cameras flew.
     """
     poses = np.stack([shot.T_world_camera for shot in listing.shots])
     frames = frames_for(
         poses,
         up=listing.up,
-        line_axis=listing.line_axis,
-        span=listing.span,
         unit=listing.unit,
         crs=listing.crs,
         origin=listing.origin,
     )
+    if azimuth_deg is not None:
+        frames = turned(frames, heading(frames, azimuth_deg))
     cameras = scene_cameras(listing, frames, 1)
     if distance is None:
         steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
         distance = config.distance_m if listing.unit == "m" else config.spacings * float(np.median(steps))
     metric = listing.unit == "m"
     limit = distance / config.distance_m if not metric else 1.0  # of the thresholds, in the scene's unit
-    if listing.span is not None:
-        points, box = _grid(listing.span, frames, config), "in the span box of the file"
-    else:
-        points = _on_axes(cameras, frames.length_to_scene(distance), config)
-        box = f"on the cameras' optical axes, about {distance:.3g} {'m' if metric else '(unscaled)'} away"
+    points = _on_axes(cameras, frames.length_to_scene(distance), config)
+    box = f"on the cameras' optical axes, about {distance:.3g} {'m' if metric else '(unscaled)'} away, and "
+    box += "along the cameras' track" if azimuth_deg is None else f"at an azimuth of {azimuth_deg:g}°"
     u = np.tile([1.0, 0.0, 0.0], (len(points), 1))
     known = observe_wire(
         cameras,
@@ -141,25 +141,6 @@ def diagnose(
         cameras=len(cameras),
         config=config,
     )
-
-
-def _grid(
-    span: Float[np.ndarray, "2 3"], frames: Frames, config: SceneDoctorConfig
-) -> Float[np.ndarray, "p 3"]:
-    """Points across the line through the middle of the world box, as far along as the box reaches (scene)."""
-    middle, half = span.mean(0), (span[1] - span[0]) / 2
-    axes = frames.axes_in_world  # rows: along the line, across it, up
-    reach = [
-        1 / max(np.abs(axes[k] / half).max(), 1e-12) for k in range(3)
-    ]  # from the middle to the box's side
-    steps = np.linspace(-1, 1, 2 * config.stretches + 1)
-    local = np.array([
-        (along * reach[0], across * reach[1], (2 * height - 1) * reach[2])
-        for along in steps
-        for across in config.across
-        for height in config.heights
-    ])
-    return frames.to_scene(middle + local @ axes)
 
 
 def _on_axes(cameras: Cameras, distance: float, config: SceneDoctorConfig) -> Float[np.ndarray, "p 3"]:

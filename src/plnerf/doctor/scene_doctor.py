@@ -20,20 +20,26 @@ CAPTURE_REPORT = "capture.json"
 
 
 def examine_scene(
-    source: Path, *, distance: float | None = None, config: SceneDoctorConfig = SCENES
+    source: Path,
+    *,
+    distance: float | None = None,
+    azimuth_deg: float | None = None,
+    config: SceneDoctorConfig = SCENES,
 ) -> Diagnosis:
     """The viewing geometry of a scene's poses.
 
-    distance: from the cameras to the wires in the scene's unit, where its file names no span box; None: that
-    of what the images of a capture see, else the configuration's.  Raises SceneError where the scene cannot
-    be read.
+    distance: from the cameras to the wires in the scene's unit; None: that of what the images of a capture
+    see, else the configuration's.  azimuth_deg: of the line, clockwise from north (the world's +y); None: the
+    direction in which the cameras flew.  Raises SceneError where the scene cannot be read.
     """
     if distance is not None and not 0 < distance < math.inf:
         raise SceneError(f"The distance must be a positive number, but is {distance:g}. Give it anew.")
+    if azimuth_deg is not None and not math.isfinite(azimuth_deg):
+        raise SceneError(f"The line's azimuth must be in degrees, but is {azimuth_deg:g}. Give it anew.")
     listing = read_listing(source)
-    if distance is None and listing.span is None:
+    if distance is None:
         distance = _view_distance(listing.root)
-    return diagnose(listing, distance, config)
+    return diagnose(listing, distance, config, azimuth_deg)
 
 
 def write_diagnosis(path: Path, diagnosis: Diagnosis) -> None:

@@ -3,8 +3,8 @@ keys.
 
 Poses in the file are camera-to-world with OpenGL camera axes; they leave this file with OpenCV's.  An
 instant-ngp file is recognised by its key ``aabb_scale``.  plnerf's keys (all optional, under ``plnerf``):
-format_version, unit, crs, origin_lon_lat_height, up, line_axis, span_min, span_max, test, truth; and per
-frame wire_mask_path and depth_path.
+format_version, unit, crs, origin_lon_lat_height, up, test, truth; and per frame wire_mask_path and
+depth_path.  Keys that are not known are passed over.
 """
 
 import json
@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from plnerf.errors import SceneError
 from plnerf.scene.decode import stored_size_px
@@ -64,8 +63,6 @@ def read_transforms(path: Path) -> Listing:
         train=_names(data, "train_filenames", path, files, root),
         test=_held_out(data, ours, path, files, root),
         up=vector_of(ours, "up", path),
-        line_axis=vector_of(ours, "line_axis", path),
-        span=_span(ours, path),
         unit=_unit(ours, path),
         crs=None if ours.get("crs") is None else str(ours["crs"]),
         origin=vector_of(ours, "origin_lon_lat_height", path),
@@ -249,18 +246,6 @@ def _names(
             "Use the file_path of the frames."
         )
     return tuple(_shown(root, file) for name in wanted if (file := files[name]) is not None)
-
-
-def _span(values: Json, path: Path) -> Float[np.ndarray, "2 3"] | None:
-    low, high = vector_of(values, "span_min", path), vector_of(values, "span_max", path)
-    if low is None and high is None:
-        return None
-    if low is None or high is None or (high <= low).any():
-        raise SceneError(
-            f"{path}: plnerf.span_min and plnerf.span_max must be the lower and the upper corner of one box, "
-            f"but are {values.get('span_min')!r} and {values.get('span_max')!r}. Correct or remove both."
-        )
-    return np.stack([low, high])
 
 
 def _unit(values: Json, path: Path) -> Literal["m", "unscaled"]:

@@ -47,7 +47,7 @@ def file_of(root: Path, values: Json, key: str, where: str) -> Path | None:
 
 
 def vector_of(values: Json, key: str, path: Path) -> Float[np.ndarray, "3"] | None:
-    """Three finite numbers, or None when absent; the directions "up" and "line_axis" must not be zero."""
+    """Three finite numbers, or None when absent; the direction "up" must not be zero."""
     value = values.get(key)
     if value is None:
         return None
@@ -55,7 +55,7 @@ def vector_of(values: Json, key: str, path: Path) -> Float[np.ndarray, "3"] | No
         vector = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         vector = np.zeros(0)
-    zero_direction = key in {"up", "line_axis"} and not vector.any()
+    zero_direction = key == "up" and not vector.any()
     if vector.shape != (3,) or not np.isfinite(vector).all() or zero_direction:
         raise SceneError(
             f"{path}: plnerf.{key} must be three finite numbers{', not all zero' if zero_direction else ''}, "

@@ -58,9 +58,6 @@ class Listing:
     test: tuple[str, ...] | None = None
     """Names the file wants held out; None: all not in ``train``, or without ``train`` every eighth."""
     up: Float[np.ndarray, "3"] | None = None
-    line_axis: Float[np.ndarray, "3"] | None = None
-    span: Float[np.ndarray, "2 3"] | None = None
-    """World box of interest: its lower and upper corner."""
     unit: Literal["m", "unscaled"] = "unscaled"
     crs: str | None = None
     origin: Float[np.ndarray, "3"] | None = None

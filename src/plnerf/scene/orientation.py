@@ -3,6 +3,7 @@
 Letters: n cameras.  World frame, float64, camera axes OpenCV's (x right, y down, z forward).
 """
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -32,61 +33,65 @@ def frames_for(
     T_world_camera: Float[np.ndarray, "n 4 4"],
     *,
     up: Float[np.ndarray, "3"] | None,
-    line_axis: Float[np.ndarray, "3"] | None,
-    span: Float[np.ndarray, "2 3"] | None,
     unit: Literal["m", "unscaled"],
     crs: str | None,
     origin: Float[np.ndarray, "3"] | None = None,
 ) -> Frames:
     """The scene frame for these cameras (OpenCV axes).
 
-    up: the file's, else ``estimate_up``.  x: the file's line axis made horizontal, else ``estimate_line``.
-    Shift and scale: the world box ``span`` (its centre to 0, its longest side after rotation to [-1, 1]),
-    else as in nerfacto: mean camera centre to 0, largest absolute camera coordinate to 1.
+    up: the file's, else ``estimate_up``.  x: ``estimate_line``, which is where a line may run and no more.
+    Shift and scale as in nerfacto: mean camera centre to 0, largest absolute camera coordinate to 1.  Raises
+    SceneError where all cameras stand at one point.
     """
     rotations, centres = T_world_camera[:, :3, :3], T_world_camera[:, :3, 3]
     z, up_source = (up, FROM_FILE) if up is not None else estimate_up(rotations, centres)
     z = _unit(z)
-    along = line_axis if line_axis is not None else estimate_line(rotations, centres, z)
-    flat = along - z * (along @ z)
-    if np.linalg.norm(flat) < 1e-6 * np.linalg.norm(along):
-        raise SceneError(
-            f"The scene's line_axis {along.tolist()} points along its up direction {z.round(6).tolist()}, so "
-            "it gives no horizontal direction. Correct plnerf.line_axis or plnerf.up in transforms.json."
-        )
-    x = _unit(flat)
+    along = estimate_line(rotations, centres, z)
+    x = _unit(along - z * (along @ z))
     R_scene_world = np.stack([x, np.cross(z, x), z])
-    if span is not None:
-        shift = span.mean(0)
-        scale = 2.0 / float((np.abs(R_scene_world) @ (span[1] - span[0])).max())
-    else:
-        shift = centres.mean(0)
-        reach = float(np.abs((centres - shift) @ R_scene_world.T).max())
-        if reach <= 1e-9 * max(1.0, float(np.abs(shift).max())):
-            raise SceneError(
-                f"All {len(centres)} cameras stand at the same point {shift.tolist()}, so nothing can be "
-                "triangulated. Photograph from several places, or correct the positions in the file."
-            )
-        scale = 1.0 / reach
-    return Frames(R_scene_world, scale, shift, unit, crs, up_source, origin)
+    shift = centres.mean(0)
+    reach = float(np.abs((centres - shift) @ R_scene_world.T).max())
+    if reach <= 1e-9 * max(1.0, float(np.abs(shift).max())):
+        raise SceneError(
+            f"All {len(centres)} cameras stand at the same point {shift.tolist()}, so nothing can be "
+            "triangulated. Photograph from several places, or correct the positions in the file."
+        )
+    return Frames(R_scene_world, 1.0 / reach, shift, unit, crs, up_source, origin)
 
 
-def search_box(
-    frames: Frames, span: Float[np.ndarray, "2 3"] | None, centres: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "2 3"]:
-    """Lowest and highest x, y, z (scene frame) of what the capture is about.
+def cameras_box(centres: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 3"]:
+    """Lowest and highest x, y, z of what a capture is about, from its cameras' centres (scene frame).
 
-    The world box ``span``, turned; else the cameras' own box, as far as they flew along the line, and a
-    quarter of that further to all other sides.
+    As far as they flew along x, and a quarter of that further than they flew to all other sides.
     """
-    if span is not None:
-        half = 0.5 * frames.scale * (np.abs(frames.R_scene_world) @ (span[1] - span[0]))
-        middle = frames.to_scene(span.mean(0))
-        box: Float[np.ndarray, "2 3"] = np.stack([middle - half, middle + half])
-        return box
     low, high = centres.min(0), centres.max(0)
     around = 0.25 * (high[0] - low[0]) * np.array([0.0, 1.0, 1.0])
     return np.stack([low - around, high + around])
+
+
+def heading(frames: Frames, azimuth_deg: float) -> Float[np.ndarray, "3"]:
+    """The horizontal unit vector (scene frame) of an azimuth: clockwise from north, as surveyors count it.
+
+    North is the world's +y, which it is where the world is east-north-up or a projected CRS.  Raises
+    SceneError where that axis is vertical.
+    """
+    up = frames.R_scene_world[2]
+    north = np.array([0.0, 1.0, 0.0]) - up * up[1]
+    if np.linalg.norm(north) < LOOKS_DOWN:
+        raise SceneError(
+            f"An azimuth of {azimuth_deg:g} degrees was given, but the y axis of the scene's world, which "
+            "stands for north, is vertical. Leave the azimuth out, or georeference the scene."
+        )
+    north = _unit(north)
+    angle = np.deg2rad(azimuth_deg)
+    return frames.direction_to_scene(np.cos(angle) * north + np.sin(angle) * np.cross(north, up))
+
+
+def turned(frames: Frames, along: Float[np.ndarray, "3"]) -> Frames:
+    """The frames with their x axis along a horizontal direction (scene frame); origin and scale stay."""
+    x = _unit(np.array([along[0], along[1], 0.0]))
+    z = np.array([0.0, 0.0, 1.0])
+    return replace(frames, R_scene_world=np.stack([x, np.cross(z, x), z]) @ frames.R_scene_world)
 
 
 def estimate_up(

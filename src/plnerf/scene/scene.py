@@ -18,7 +18,7 @@ from plnerf.scene.cameras import Cameras
 from plnerf.scene.formats import read_listing
 from plnerf.scene.images import ImageStore
 from plnerf.scene.listing import Listing, some
-from plnerf.scene.orientation import frames_for, search_box
+from plnerf.scene.orientation import cameras_box, frames_for
 from plnerf.scene.transforms import Frames
 
 HOLD_OUT_EVERY = 8
@@ -35,7 +35,7 @@ class Scene:
     """Scene frame, intrinsics at the training resolution."""
     frames: Frames
     box: Float[np.ndarray, "2 3"]
-    """Lowest and highest corner of the span of interest, scene frame."""
+    """Lowest and highest corner of what the capture is about, scene frame."""
     images: ImageStore
     train: tuple[int, ...]
     test: tuple[int, ...]
@@ -80,8 +80,6 @@ def load_scene(
     frames = frames_for(
         T_world_camera,
         up=listing.up,
-        line_axis=listing.line_axis,
-        span=listing.span,
         unit=listing.unit,
         crs=listing.crs,
         origin=listing.origin,
@@ -91,7 +89,7 @@ def load_scene(
         names=tuple(shot.name for shot in listing.shots),
         cameras=scene_cameras(listing, frames, downscale),
         frames=frames,
-        box=search_box(frames, listing.span, frames.to_scene(T_world_camera[:, :3, 3])),
+        box=cameras_box(frames.to_scene(T_world_camera[:, :3, 3])),
         images=open_store(listing.shots, listing.root, store, downscale=downscale, progress=progress),
         train=train,
         test=test,

@@ -28,12 +28,10 @@ def write_transforms(listing: Listing, path: Path, ours: Mapping[str, object] | 
             frame["mask_path"] = shot.mask.relative_to(listing.root).as_posix()
         frames.append(frame if shared else {**frame, **_lens(shot.intrinsics)})
     section: dict[str, object] = {"format_version": FORMAT_VERSION, "unit": listing.unit, "crs": listing.crs}
-    vectors = {"up": listing.up, "line_axis": listing.line_axis, "origin_lon_lat_height": listing.origin}
+    vectors = {"up": listing.up, "origin_lon_lat_height": listing.origin}
     for key, vector in vectors.items():
         if vector is not None:
             section[key] = vector.tolist()
-    if listing.span is not None:
-        section["span_min"], section["span_max"] = listing.span.tolist()
     content = {
         "camera_model": "OPENCV",
         **(_lens(shared) if shared else {}),
