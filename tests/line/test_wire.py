@@ -80,6 +80,7 @@ def test_sag_and_lowest_point_agree_with_brute_force(drawn: Numbers) -> None:
     z = wire.at(s)[:, 1]
     assert low_z == pytest.approx(z.min(), abs=1e-5 * wire.base.length_m)
     assert 0 <= low_s <= wire.base.length_m
+    assert low_z <= z.min() + 1e-9
     assert wire.at(np.array([low_s]))[0, 1] == pytest.approx(low_z, abs=1e-9)
 
 
@@ -155,6 +156,68 @@ def test_another_base_and_back_changes_nothing(drawn: Numbers, low: float, high:
     sag = replace(wire.between(low * L, high * L), ends=ENDS).sag
     assert sag is not None
     assert wire.drop_between(low * L, high * L) == pytest.approx(sag.value, rel=1e-9)
+
+
+@given(numbers(), st.floats(-30, 30), st.floats(-0.2, 0.5), st.floats(0.6, 1.3))
+@settings(max_examples=100, deadline=None)
+def test_a_base_beside_the_old_one_changes_nothing(
+    drawn: Numbers, aside: float, low: float, high: float
+) -> None:
+    wire = made(drawn)
+    cut = wire.base.cut(low * wire.base.length_m, high * wire.base.length_m)
+    there = wire.on(Base(cut.a + aside * cut.n, cut.b + aside * cut.n))
+    s = np.linspace(0, cut.length_m, 30)
+    from_old = wire.base.local(there.points(s))[:, 0]
+    np.testing.assert_allclose(there.points(s), wire.points(from_old), atol=1e-7)
+    np.testing.assert_allclose(there.sigma_at(s), wire.sigma_at(from_old), rtol=1e-4, atol=1e-9)
+    assert there.swing_rad == pytest.approx(wire.swing_rad, abs=1e-12)
+
+
+@pytest.mark.parametrize("turn_deg", [-3.0, 1.0, 3.0])
+def test_a_turned_base_keeps_the_curve_but_for_millimetres(turn_deg: float) -> None:
+    """Ends that lie on the new base's ends; the load's part along it moves what is between them."""
+    base = Base(np.array([3.0, 4.0]), np.array([83.0, 64.0]))
+    wire = Wire(1, base, np.array([1, 4, 20, 26, 2.0, 0.35]), np.eye(6), ENDS, Evidence("given", 1))
+    c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    u = np.array([[c, -s], [s, c]]) @ base.u
+    there = wire.on(Base.along(base.a + 2 * base.n, u, 5.0, 95.0))
+    local = base.local(there.points(np.linspace(0, there.base.length_m, 30)))
+    off = np.linalg.norm(local[:, 1:] - wire.at(local[:, 0]), axis=1)
+    assert max(off[0], off[-1]) < 1e-6 and off.max() < 4e-3
+
+
+def test_deviations_of_a_swung_wire_on_another_base_agree_with_sampling() -> None:
+    """Places, sag, lowest point and swing of half a wire that 20 degrees of swing blow aside."""
+    random, base = np.random.default_rng(10), Base(np.zeros(2), np.array([0.0, 120.0]))
+    theta = np.array([0.5, -1.0, 30.0, 33.0, 4.0, math.radians(20)])
+    spread = np.array([0.03, 0.05, 0.04, 0.02, 0.05, math.radians(0.5)])
+    mixed = np.eye(6) + 0.3 * np.triu(np.ones((6, 6)), 1)
+    covariance = (mixed @ mixed.T) * np.outer(spread, spread)
+    wire = Wire(1, base, theta, covariance, ENDS, Evidence("given", 1))
+    cut = replace(wire.between(20.0, 80.0), ends=ENDS)
+    draws = [replace(wire, theta=one) for one in random.multivariate_normal(theta, covariance, 4000)]
+    s = np.array([0.0, 25.0, 60.0])
+    places = np.std([one.at(s + 20.0) for one in draws], axis=0)
+    np.testing.assert_allclose(cut.sigma_at(s), places, rtol=0.05)
+    sags = [one.drop_between(20.0, 80.0) for one in draws]
+    assert cut.sag is not None and cut.swing_deg is not None
+    assert cut.sag.sigma == pytest.approx(np.std(sags), rel=0.05)
+    assert cut.sag.value == pytest.approx(np.mean(sags), abs=0.005)
+    assert cut.swing_deg.value == pytest.approx(20.0)
+    assert cut.swing_deg.sigma == pytest.approx(math.degrees(math.sqrt(covariance[5, 5])))
+    lowest = [one.lowest for one in draws]
+    assert wire.lowest == pytest.approx(np.median(lowest, axis=0), abs=0.1)
+
+
+def test_a_swing_that_was_held_is_not_stated() -> None:
+    base = Base(np.zeros(2), np.array([60.0, 0.0]))
+    held = np.pad(np.eye(5), (0, 1))
+    wire = Wire(1, base, np.array([0, 0, 9, 9, 1.0, 0]), held, ENDS, Evidence("given", 1))
+    assert wire.swing_deg is None
+    measured = replace(wire, covariance=np.diag([1, 1, 1, 1, 1, 0.01])).swing_deg
+    assert measured is not None and (measured.value, measured.sigma) == (0.0, math.degrees(0.1))
+    given_one = replace(wire, theta=np.array([0, 0, 9, 9, 1.0, 0.1])).swing_deg
+    assert given_one is not None and given_one.value == pytest.approx(math.degrees(0.1))
 
 
 def test_what_was_seen_moves_with_the_base() -> None:

@@ -14,6 +14,8 @@ from plnerf.line.base import Base, jacobian
 
 LEAST_BEND_M = 1e-6
 """b of a wire without sag, whose p would be infinite."""
+TURNS = 8
+"""Steps towards where a curve passes the ends of a turned base; each gains a digit or more."""
 
 
 def curve_at(theta: Float[np.ndarray, "6"], L: float, s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
@@ -45,12 +47,23 @@ def plane_of(theta: Float[np.ndarray, "6"], L: float) -> tuple[float, float, flo
 
 
 def transport(theta: Float[np.ndarray, "6"], old: Base, new: Base) -> Float[np.ndarray, "6"]:
-    """theta of the same curve on another base along the same straight line, in the same direction."""
-    low = float((new.a - old.a) @ old.u)
-    high = low + new.length_m
-    (y_A, z_A), (y_B, z_B) = curve_at(theta, old.length_m, np.array([low, high]))
-    b = max(float(theta[4]), LEAST_BEND_M) * (new.length_m / old.length_m) ** 2
-    return np.array([y_A, y_B, z_A, z_B, b, theta[5]])
+    """theta of the same curve on another base, which runs in about the same direction.
+
+    Exact where the bases are parallel, however far apart.  On a base turned by a, the load has a part along
+    it that theta cannot say: with L = 100 m, b = 2 m, 20 degrees of swing and a = 3 degrees the curve
+    moves by 4 mm.
+    """
+    L, shift = old.length_m, old.a - new.a
+    along, aside = np.array([old.u, old.n]) @ new.u, np.array([old.u, old.n]) @ new.n
+    t = np.array([0.0, new.length_m])
+    s = (t - shift @ new.u) / along[0]
+    for _ in range(TURNS if along[1] else 0):
+        s = (t - shift @ new.u - along[1] * curve_at(theta, L, s)[:, 0]) / along[0]
+    y, z = curve_at(theta, L, s).T
+    y = shift @ new.n + s * aside[0] + y * aside[1]
+    b = max(float(theta[4]), LEAST_BEND_M) * (new.length_m / L) ** 2
+    swing = math.atan2(math.sin(theta[5]) * aside[1], math.cos(theta[5]))
+    return np.array([y[0], y[1], z[0], z[1], b, swing])
 
 
 def bend_of_sag(theta: Float[np.ndarray, "6"], L: float, sag_m: float) -> float:
@@ -64,3 +77,15 @@ def bend_of_sag(theta: Float[np.ndarray, "6"], L: float, sag_m: float) -> float:
 def vertical_sag(theta: Float[np.ndarray, "6"], L: float) -> float:
     """The greatest vertical drop below the chord: the plane's own sag, times the cosine of the swing."""
     return math.cos(float(theta[5])) * catenary.sag(*plane_of(theta, L))
+
+
+def lowest_at(theta: Float[np.ndarray, "6"], L: float) -> float:
+    """s of the lowest point of the curve, which may lie beyond its ends.
+
+    z grows along the chord's part across the load, by z_B - z_A - h cos(phi) over all, and by cos(phi) times
+    the height against the load: where these two slopes cancel.
+    """
+    D, h, p = plane_of(theta, L)
+    upright = math.cos(theta[5])
+    slope = float(theta[3] - theta[2] - h * upright) / (D * upright)
+    return (catenary.lowest(D, h, p)[0] - p * math.asinh(slope)) * L / D

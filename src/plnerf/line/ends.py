@@ -1,4 +1,4 @@
-"""What holds a wire at its ends, what it was seen by, and a length with its uncertainty."""
+"""What holds a wire at its ends, what it was seen by, and a figure with its uncertainty."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ TWO_SIDED_95 = 1.959964
 
 @dataclass(frozen=True)
 class Quantity:
-    """A length and its standard deviation, in metres (or units of an unscaled survey)."""
+    """A figure and its standard deviation: metres (or units of an unscaled survey), an angle in degrees."""
 
     value: float
     sigma: float

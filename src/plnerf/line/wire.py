@@ -18,7 +18,15 @@ from jaxtyping import Float
 
 from plnerf.line import catenary
 from plnerf.line.base import Base, jacobian
-from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta, plane_of, transport, vertical_sag
+from plnerf.line.curve import (
+    LEAST_BEND_M,
+    curve_at,
+    curve_by_theta,
+    lowest_at,
+    plane_of,
+    transport,
+    vertical_sag,
+)
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 
 Kind = Literal["phase", "shield", "neutral", "communication", "unknown"]
@@ -36,7 +44,7 @@ class Wire:
     """From below its first end to below its last."""
     theta: Float[np.ndarray, "6"]
     covariance: Float[np.ndarray, "6 6"]
-    """Covariance of theta; zero for a swing that was held and not measured."""
+    """Covariance of theta; zero for a swing that was held at 0 and not measured."""
     ends: tuple[End, End]
     evidence: Evidence
     kind: Kind = "unknown"
@@ -78,6 +86,13 @@ class Wire:
     def swing_rad(self) -> float:
         """phi."""
         return float(self.theta[5])
+
+    @property
+    def swing_deg(self) -> Quantity | None:
+        """phi in degrees, positive to the left of the base; None where it was held at 0, not measured."""
+        if not self.theta[5] and not self.covariance[5, 5]:
+            return None
+        return Quantity(math.degrees(self.theta[5]), math.degrees(math.sqrt(self.covariance[5, 5])))
 
     @property
     def plane(self) -> tuple[float, float, float]:
@@ -154,12 +169,8 @@ class Wire:
     def lowest(self) -> tuple[float, float]:
         """s and z of the lowest point between its ends."""
         L = self.base.length_m
-        s = np.linspace(0.0, L, 2001)
-        if not self.swing_rad:
-            D, h, p = self.plane
-            s = np.clip(np.array([catenary.lowest(D, h, p)[0] * L / D]), 0.0, L)
-        z = self.at(s)[:, 1]
-        return float(s[z.argmin()]), float(z.min())
+        s = min(max(lowest_at(self.theta, L), 0.0), L)
+        return s, float(self.at(np.array([s]))[0, 1])
 
     def drop_between(self, low: float, high: float) -> float:
         """The curve's greatest vertical drop below the chord between two places s."""
@@ -167,7 +178,7 @@ class Wire:
         return vertical_sag(theta, high - low)
 
     def on(self, base: Base) -> "Wire":
-        """The same curve counted from another base along the same line, with its covariance."""
+        """The same curve counted from another base of about the same direction, with its covariance."""
         theta = transport(self.theta, self.base, base)
         J = jacobian(lambda old: transport(old, self.base, base), self.theta)
         seen = self.evidence.moved(float((self.base.a - base.a) @ base.u), base.length_m)
