@@ -7,10 +7,12 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from tests.support.drawn import FRAME, FRAMES, HALF, hanging, resized
 from torch import Tensor
 
 from plnerf.field.guides import MOST_OBLIQUE, Guides, closest_approach, guides_of, scene_points, windows
+from plnerf.line.base import Base
 from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
 from plnerf.line.wire import Wire
@@ -199,10 +201,15 @@ def test_each_ray_is_on_its_own() -> None:
 # -- from wires to guides
 
 
-def polynomials(found: Guides, x: np.ndarray) -> np.ndarray:
-    """Points at x of the first guide, in float64."""
-    y, z = found.y[0].double().numpy(), found.z[0].double().numpy()
-    return np.stack([x, y[0] + y[1] * x, z[0] + x * (z[1] + z[2] * x)], 1)
+def polynomials(found: Guides, share: np.ndarray) -> np.ndarray:
+    """Points of the first guide at shares of its length, scene frame, in float64."""
+    origin, u, y, z, ends = (
+        value[0].double().numpy() for value in (found.origin, found.along, found.y, found.z, found.ends)
+    )
+    s = ends[0] + share * (ends[1] - ends[0])
+    sideways, up = (row[0] + s * (row[1] + row[2] * s) for row in (y, z))
+    level = origin + s[:, None] * u + sideways[:, None] * np.array([-u[1], u[0]])
+    return np.concatenate([level, up[:, None]], 1)
 
 
 @given(
@@ -216,8 +223,8 @@ def test_guides_are_the_parabola_of_a_wire_in_scene_units(
     wire = hanging(y, z, sag, askew=0.05, climb=climb)
     frame = LineFrame.of_scene(replace(FRAMES, scale=scale))
     found = guides_of([resized(wire, 1 / scale)], frame)
-    x = np.linspace(-HALF, HALF, 30)
-    np.testing.assert_allclose(polynomials(found, x), on_parabola(wire, x), atol=1e-6)
+    x, share = np.linspace(-HALF, HALF, 30), np.linspace(0, 1, 30)
+    np.testing.assert_allclose(polynomials(found, share), on_parabola(wire, x), atol=1e-6)
     np.testing.assert_allclose(
         scene_points(resized(wire, 1 / scale), frame, 30), on_parabola(wire, x), atol=1e-12
     )
@@ -225,20 +232,64 @@ def test_guides_are_the_parabola_of_a_wire_in_scene_units(
     assert found.reach[0].item() == pytest.approx(0.02)
 
 
-def test_a_wire_on_an_oblique_or_reversed_base_has_the_same_guide() -> None:
+def test_a_wire_on_a_reversed_base_has_the_same_guide() -> None:
     """A base below the wire's ends, as `hang` makes it, and one that runs the other way."""
     a, b = (-0.7, 0.1, 0.2), (0.8, 0.25, 0.3)
     forward, backward = (
         replace(wire, evidence=hanging(0.0, 0.0).evidence) for wire in (hang(a, b, 0.05), hang(b, a, 0.05))
     )
-    x = np.linspace(-0.7, 0.8, 20)
-    on = polynomials(guides(forward), x)
-    np.testing.assert_allclose(polynomials(guides(backward), x), on, atol=1e-6)
+    share = np.linspace(0, 1, 20)
+    on = polynomials(guides(forward), share)
+    np.testing.assert_allclose(polynomials(guides(backward), 1 - share), on, atol=1e-6)
     np.testing.assert_allclose(on[[0, -1]], [a, b], atol=1e-6)
-    for one in (forward, backward):
-        assert guides(one).ends[0].tolist() == pytest.approx([-0.7, 0.8])
-    wire = forward.points(np.linspace(0.0, forward.base.length_m, 200))
-    assert np.abs(polynomials(guides(forward), wire[:, 0]) - wire).max() < 0.01 * 0.05
+    wire = forward.points(share * forward.base.length_m)
+    assert np.abs(on - wire).max() < 0.01 * 0.05
+
+
+def turned(angle: float, points: np.ndarray) -> np.ndarray:
+    """Points turned about the z axis and moved."""
+    return Rotation.from_euler("z", angle).apply(points) + MOVED
+
+
+MOVED = np.array([0.2, -0.3, 0.1])
+
+
+def turned_wire(wire: Wire, angle: float) -> Wire:
+    """The wire turned about the z axis and moved."""
+    flat = [turned(angle, np.append(end, 0.0)[None])[0, :2] for end in (wire.base.a, wire.base.b)]
+    up = MOVED[2] * np.array([0, 0, 1, 1, 0, 0])
+    return replace(wire, base=Base(*flat), theta=wire.theta + up)
+
+
+@given(st.floats(-3.2, 3.2), st.integers(0, 2), st.floats(-0.6, 0.6))
+@settings(deadline=None, max_examples=30)
+def test_wires_of_any_azimuth_are_met_as_those_along_x(angle: float, which: int, swing: float) -> None:
+    """Wire and rays turned together: the same distances, misses and angles."""
+    wire = replace(WIRES[which], theta=np.append(WIRES[which].theta[:5], swing))
+    rays = rays_near(wire, 200, seed=which)
+    both = Rays(
+        torch.from_numpy(turned(angle, rays.origins.double().numpy())).float(),
+        torch.from_numpy(turned(angle, rays.directions.double().numpy()) - MOVED).float(),
+        rays.radius,
+        rays.camera,
+    )
+    found = closest_approach(both, guides(turned_wire(wire, angle)))
+    t, miss, sine = closest_approach(rays, guides(wire))
+    across = sine > MOST_OBLIQUE
+    for ours, theirs in zip(found, (t, miss, sine), strict=True):
+        torch.testing.assert_close(ours[across], theirs[across], atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("swing_deg", [-25.0, 3.0, 60.0])
+def test_guides_of_swung_wires_lie_in_the_swung_plane(swing_deg: float) -> None:
+    """Within a hundredth of the sag of the wire, at an azimuth of its own; upright ones have a linear y."""
+    wire = hanging(0.05, 0.1, 0.08, askew=0.03, climb=0.1)
+    wire = turned_wire(replace(wire, theta=np.append(wire.theta[:5], np.radians(swing_deg))), 0.7)
+    found, share = guides(wire), np.linspace(0, 1, 101)
+    on = wire.points(share * wire.base.length_m)
+    assert np.abs(polynomials(found, share) - on).max() < 0.01 * 0.08
+    np.testing.assert_allclose(scene_points(wire, FRAME, 101), polynomials(found, share), atol=1e-6)
+    assert abs(found.y[0, 2].item()) > 1e-3 and guides(WIRES[0]).y[0, 2] == 0
 
 
 def test_guides_are_within_millimetres_of_a_span_of_usual_size() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tests.field.test_guides import NEAR, guides, on_parabola, rays_near
+from tests.field.test_guides import NEAR, guides, on_parabola, rays_near, turned_wire
 from tests.support.drawn import FRAME, HALF, hanging
 from tests.support.tiny_run import assert_same_bits, tiny_config
 from torch import Tensor
@@ -225,6 +225,21 @@ def test_rays_that_meet_no_curve_are_rendered_as_without_tubes() -> None:
         for some, same in ((away, True), (rays, False)):
             a, b = (model(some, appearance=appearance) for model in (with_tubes, without))
             assert torch.equal(a.colour, b.colour) == same and torch.equal(a.depth, b.depth) == same
+
+
+@pytest.mark.parametrize("swing_deg", [0.0, 3.0, -40.0])
+def test_a_tube_holds_its_wire_at_any_azimuth_and_swing(swing_deg: float) -> None:
+    """The catenary itself lies near the middle of the tube; samples lie where they lay before the turn."""
+    wire = replace(WIRES[0], theta=np.append(WIRES[0].theta[:5], np.radians(swing_deg)))
+    none = torch.zeros(1, 48, dtype=torch.int64)
+    places = []
+    for one in (wire, turned_wire(wire, 2.2)):
+        on = one.points(np.linspace(0, one.base.length_m, 50)[1:-1])
+        inside, unit = a_field((one,))._in_tube(torch.from_numpy(on).float()[None], none)
+        assert inside.all()
+        assert ((unit[..., 1:] * SLOTS - 0.5).abs() < 0.02).all()  # of the tube's width
+        places.append(unit)
+    torch.testing.assert_close(places[0], places[1], atol=1e-5, rtol=0)
 
 
 def test_the_tubes_run_on_the_line_that_the_pictures_draw() -> None:

@@ -251,7 +251,7 @@ def trained_with_tubes(scene_folder: Path, folder: Path) -> tuple[PLNeRF, Scene]
     """Sixty steps on the tiny scene, with one curve right through the ball."""
     scene = load_scene(scene_folder, store=folder / "pixels")
     x, y, z = scene.frames.to_scene(np.array([[0.0, 0.0, 0.5]]))[0]
-    rows = ([[y, 0.0]], [[z, 0.0, 0.0]], [[x - 0.4, x + 0.4]], [0.1])
+    rows = ([[x, y]], [[1.0, 0.0]], [[0.0] * 3], [[z, 0.0, 0.0]], [[-0.4, 0.4]], [0.1])
     guides = Guides(*(torch.tensor(row, dtype=torch.float32) for row in rows))
     config = replace(
         BASE, tubes=TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=2, log2_table=10)),

@@ -1,6 +1,5 @@
 """The proposal field: density only, coarse and cheap.  Mip-NeRF 360, section 3; nerfacto."""
 
-
 from jaxtyping import Float
 from torch import Generator, Tensor, nn
 

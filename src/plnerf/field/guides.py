@@ -1,14 +1,18 @@
 """Where rays pass near known wires, so that samples can be laid there.
 
-Letters: r rays o + t d, c curves (x, y(x), z(x)) of the scene frame: y is linear and z quadratic in x, a
-parabola in an upright plane, within millimetres of the catenary of the same sag.
+Letters: r rays o + t d, c curves (s, y(s), z(s)), each on a base of its own in the scene frame: s along it
+from its middle, y to its left, z up.  y and z are quadratic in s: a parabola in the plane of the chord and
+the load, within millimetres of the catenary of the same sag.  The load of an upright wire is downwards, and
+its y linear.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
@@ -28,12 +32,16 @@ WINDOWS = 2
 class Guides:
     """c curves as tensors, scene frame."""
 
-    y: Float[Tensor, "c 2"]
-    """y = y[0] + y[1] x"""
+    origin: Float[Tensor, "c 2"]
+    """x and y of the point s = 0 of each base."""
+    along: Float[Tensor, "c 2"]
+    """Horizontal unit vectors of s."""
+    y: Float[Tensor, "c 3"]
+    """y = y[0] + y[1] s + y[2] s^2"""
     z: Float[Tensor, "c 3"]
-    """z = z[0] + z[1] x + z[2] x^2"""
+    """z = z[0] + z[1] s + z[2] s^2"""
     ends: Float[Tensor, "c 2"]
-    """Least and greatest x."""
+    """Least and greatest s."""
     reach: Float[Tensor, " c"]
     """Distance from the curve within which the wire lies."""
 
@@ -42,7 +50,7 @@ class Guides:
 
     def to(self, device: torch.device | str) -> "Guides":
         """The same curves on another device."""
-        return Guides(self.y.to(device), self.z.to(device), self.ends.to(device), self.reach.to(device))
+        return Guides(*(getattr(self, one.name).to(device) for one in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -57,38 +65,54 @@ class Windows:
 
 
 def guides_of(wires: Sequence[Wire], frame: LineFrame) -> Guides:
-    """One or more upright wires that run along x, as tensors on the CPU.
+    """One or more wires as tensors on the CPU, each on its own base.
 
     frame: the wires', with a scene.  Every wire must have a reach.
     """
-    y, z, ends, reach = [], [], [], []
-    for wire in wires:
-        (x0, y0, z0), (x1, y1, z1), b = parabola(wire, frame)
-        # t = (x - x0) / (x1 - x0) in y0 + (y1 - y0) t and z0 + (z1 - z0) t - 4 b t (1 - t)
-        length = x1 - x0
-        slope_y, slope_z, bend = (y1 - y0) / length, (z1 - z0 - 4 * b) / length, 4 * b / length**2
-        y.append((y0 - slope_y * x0, slope_y))
-        z.append((z0 - slope_z * x0 + bend * x0**2, slope_z - 2 * bend * x0, bend))
-        ends.append((min(x0, x1), max(x0, x1)))
-        reach.append(reach_in_scene(wire, frame))
-    return Guides(*(torch.tensor(values, dtype=torch.float32) for values in (y, z, ends, reach)))
+    rows = [_row(wire, frame) for wire in wires]
+    return Guides(
+        *(torch.tensor(np.stack(values), dtype=torch.float32) for values in zip(*rows, strict=True))
+    )
 
 
-def parabola(wire: Wire, frame: LineFrame) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], float]:
-    """Ends of a wire and its sag b below the chord, scene frame.
+def _row(wire: Wire, frame: LineFrame) -> tuple[Float[np.ndarray, "*n"], ...]:
+    """The values of `Guides` for one wire, float64."""
+    base, (first, last, load) = wire.base, parabola(wire, frame)
+    length = frame.to_scene(np.array([base.length_m]))[0]
+    axes = np.stack([np.append(base.n, 0.0), [0.0, 0.0, 1.0]])  # of y and z
+    middle = frame.to_scene((base.a + base.b) / 2)
+    origin = np.append(middle, 0.0)
+    # With t = s / length + 1/2:  (first + last) / 2 + (last - first) s / length + load (1 - 4 s^2 / length^2)
+    y, z = (
+        np.array([
+            axis @ ((first + last) / 2 - origin + load),
+            axis @ (last - first) / length,
+            -4 * (axis @ load) / length**2,
+        ])
+        for axis in axes
+    )
+    ends = np.array([-0.5, 0.5]) * length
+    return middle, base.u, y, z, ends, np.array(reach_in_scene(wire, frame))
 
-    Its points are those of the chord, 4 b t (1 - t) lower, with t in [0, 1] along the chord.
+
+def parabola(
+    wire: Wire, frame: LineFrame
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Ends of a wire, and how far it hangs from the middle of its chord, scene frame.
+
+    Its points are those of the chord and 4 t (1 - t) of that, with t in [0, 1] along the chord.
     """
     ends = frame.to_scene(wire.points(np.array([0.0, wire.base.length_m])))
-    sag = wire.drop_between(0.0, wire.base.length_m)
-    return ends[0], ends[1], float(frame.to_scene(np.array([sag]))[0])
+    aside = math.tan(wire.swing_rad) * wire.base.n
+    load = wire.drop_between(0.0, wire.base.length_m) * np.array([*aside, -1.0])
+    return ends[0], ends[1], frame.to_scene(load)
 
 
 def scene_points(wire: Wire, frame: LineFrame, count: int) -> Float[np.ndarray, "m 3"]:
     """Points of a wire from end to end, as its guide has them, in the scene frame."""
-    first, last, sag = parabola(wire, frame)
+    first, last, load = parabola(wire, frame)
     t = np.linspace(0.0, 1.0, count)[:, None]
-    return first + t * (last - first) - 4 * sag * t * (1 - t) * np.array([0.0, 0.0, 1.0])
+    return first + t * (last - first) + 4 * t * (1 - t) * load
 
 
 def reach_in_scene(wire: Wire, frame: LineFrame) -> float:
@@ -117,11 +141,12 @@ def closest_approach(
     rays: Rays, guides: Guides
 ) -> tuple[Float[Tensor, "r c"], Float[Tensor, "r c"], Float[Tensor, "r c"]]:
     """Distance t along each ray where it comes closest to each curve, how close, and their angle's sine."""
-    o, d = rays.origins[:, None], rays.directions[:, None]
+    o = to_bases(rays.origins[:, None] - F.pad(guides.origin, (0, 1)), guides.along)
+    d = to_bases(rays.directions[:, None].expand_as(o), guides.along)
     low, high = guides.ends.unbind(1)
-    x = ((low + high) / 2).expand(len(rays), -1)
+    s = ((low + high) / 2).expand(len(rays), -1)
     for step in range(ITERATIONS + 1):
-        point, tangent = _on_curves(guides, x)
+        point, tangent = _on_curves(guides, s)
         if step == 0:  # from the middle of the chord, along the chord
             first, last = (_on_curves(guides, end[None])[0] for end in (low, high))
             tangent = ((last - first) / (high - low)[:, None]).expand_as(point)
@@ -131,16 +156,23 @@ def closest_approach(
         across = (ee - b * b).clamp_min(1e-6 * ee)
         if step == ITERATIONS:
             break
-        x = (x + ((tangent * apart).sum(-1) - b * dw) / across).clamp(low, high)
+        s = (s + ((tangent * apart).sum(-1) - b * dw) / across).clamp(low, high)
     miss = (apart - dw[..., None] * d).norm(dim=-1)
     return -dw, miss, (across / ee).sqrt()
 
 
+def to_bases(vectors: Float[Tensor, "*b 3"], along: Float[Tensor, "*#b 2"]) -> Float[Tensor, "*b 3"]:
+    """Vectors of the scene frame by their parts along bases, to the left of them, and up."""
+    x, y, z = vectors.unbind(-1)
+    ux, uy = along.unbind(-1)
+    return torch.stack([ux * x + uy * y, ux * y - uy * x, z], -1)
+
+
 def _on_curves(
-    guides: Guides, x: Float[Tensor, "r c"]
+    guides: Guides, s: Float[Tensor, "r c"]
 ) -> tuple[Float[Tensor, "r c 3"], Float[Tensor, "r c 3"]]:
-    """Points and tangents (1, y', z') at x."""
+    """Points and tangents (1, y', z') at s, each on its own base."""
+    y0, y1, y2 = guides.y.unbind(1)
     z0, z1, z2 = guides.z.unbind(1)
-    y0, y1 = guides.y.unbind(1)
-    point = torch.stack([x, y0 + y1 * x, z0 + x * (z1 + z2 * x)], -1)
-    return point, torch.stack([torch.ones_like(x), y1.expand_as(x), z1 + 2 * z2 * x], -1)
+    point = torch.stack([s, y0 + s * (y1 + y2 * s), z0 + s * (z1 + z2 * s)], -1)
+    return point, torch.stack([torch.ones_like(s), y1 + 2 * y2 * s, z1 + 2 * z2 * s], -1)

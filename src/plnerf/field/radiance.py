@@ -10,7 +10,6 @@ A bare direction has no frustum to integrate over, so the `direction_encoding`
     both  is the IPE of the frustum beside the spherical harmonics
 """
 
-
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor, nn

@@ -6,19 +6,20 @@ that was found in the images lies a tube; points inside of it are encoded along 
 table of their own.  It holds density and feature vector like the field around it, free of any shape: whether
 anything is there, and where, stays the colours' decision.
 
-Letters: c curves of `reach` R; a point's offsets u (along y) and v (along z) from the curve at the same x; n
-points.
+Letters: c curves of `reach` R; a point's offsets u (sideways) and v (up) from the curve at the same place s
+of its base; n points.
 """
 
 from dataclasses import dataclass
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError
 from plnerf.field.config import TubeConfig
-from plnerf.field.guides import Guides, Windows
+from plnerf.field.guides import Guides, Windows, to_bases
 from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_activation, mlp
 from plnerf.ops.backends import Backend
@@ -91,14 +92,15 @@ class TubeField(nn.Module):
     ) -> tuple[Bool[Tensor, "h S"], Float[Tensor, "h S 3"]]:
         """Whether points lie in the tubes of these curves, and where in the unit cube."""
         guides = self.guides
-        x, y, z = points.unbind(-1)
-        y0, y1 = guides.y[curve].unbind(-1)
+        apart = points - F.pad(guides.origin, (0, 1))[curve]
+        s, y, z = to_bases(apart, guides.along[curve]).unbind(-1)
+        y0, y1, y2 = guides.y[curve].unbind(-1)
         z0, z1, z2 = guides.z[curve].unbind(-1)
         low, high = guides.ends[curve].unbind(-1)
         reach = guides.reach[curve]
-        u, v = (y - y0 - y1 * x) / reach, (z - z0 - x * (z1 + z2 * x)) / reach
-        inside = (u * u + v * v < 1) & (x > low) & (x < high)
-        along = self._along * (x - low) / (high - low)
+        u, v = (y - y0 - s * (y1 + y2 * s)) / reach, (z - z0 - s * (z1 + z2 * s)) / reach
+        inside = (u * u + v * v < 1) & (s > low) & (s < high)
+        along = self._along * (s - low) / (high - low)
         across = (curve % SLOTS + 0.5 * (u + 1)) / SLOTS
         upwards = (curve // SLOTS + 0.5 * (v + 1)) / SLOTS
         return inside, torch.stack([along, across, upwards], -1).clamp(0, 1)

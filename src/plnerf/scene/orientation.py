@@ -3,6 +3,7 @@
 Letters: n cameras.  World frame, float64, camera axes OpenCV's (x right, y down, z forward).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -22,6 +23,14 @@ degrees)."""
 LOOKS_DOWN = 0.2
 """Cameras whose mean up has less than this component along the vertical are taken to look down (78
 degrees)."""
+
+AROUND = 0.025
+"""Room to the sides of wires and above them for what holds them, as a share of the longest wire's length: 1 m
+of a span of 40 m."""
+
+BELOW = 0.25
+"""How far below the lowest wire the ground is taken to lie at most, as a share of the longest wire's length.
+Conductors hang lower than that: 8 to 10 m above the ground in spans of 40 m, 10 to 20 m in those of 300 m."""
 
 FROM_FILE = "file"
 FROM_X_AXES = "estimated from the cameras' x axes"
@@ -67,6 +76,31 @@ def cameras_box(centres: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 3"]:
     low, high = centres.min(0), centres.max(0)
     around = 0.25 * (high[0] - low[0]) * np.array([0.0, 1.0, 1.0])
     return np.stack([low - around, high + around])
+
+
+def fitted_frames(
+    frames: Frames, wires: Sequence[Float[np.ndarray, "_ 3"]]
+) -> tuple[Frames, Float[np.ndarray, "2 3"]]:
+    """The scene frame fitted to wires, and in it the box of what stands and lies around them.
+
+    wires: points along each, one wire or more, in the scene frame `frames`.  x runs along the mean direction
+    of their chords, each with the weight of its length; what they span, with the ground below, is centred,
+    and its longest side, which is that along x for any usual line, is [-1, 1].  The box is that with room at
+    all sides.
+    """
+    chords = np.stack([wire[-1, :2] - wire[0, :2] for wire in wires])
+    lengths = np.linalg.norm(chords, axis=1)
+    along = np.linalg.eigh((chords / lengths[:, None]).T @ chords)[1][:, -1]
+    along = along if (along[0] or along[1]) > 0 else -along
+    level = turned(frames, np.array([*along, 0.0]))
+    points = np.concatenate(wires) @ level.from_frames(frames)[1].T
+    low, high = points.min(0), points.max(0)
+    low[2] -= BELOW * lengths.max()
+    middle, half = (low + high) / 2, float((high - low).max()) / 2
+    fitted = replace(level, scale=frames.scale / half, shift_world=level.to_world(middle))
+    room = AROUND * lengths.max()
+    box = np.stack([low - room - middle, high + room - middle]) / half
+    return fitted, box
 
 
 def heading(frames: Frames, azimuth_deg: float) -> Float[np.ndarray, "3"]:

@@ -5,7 +5,7 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +50,22 @@ class Scene:
     """"nerfstudio", "instant-ngp" or "colmap"."""
     left_out: tuple[str, ...]
     """Images that the source lists and that are not used (no file, or no pose)."""
+
+    def in_frames(self, frames: Frames, box: Float[np.ndarray, "2 3"]) -> "Scene":
+        """The same capture in other frames of the same world, with this box; pixels and masks stay.
+
+        Frames and box that are its own already change nothing, to the last bit.
+        """
+        if frames.to_json() == self.frames.to_json():
+            return replace(self, box=box)
+        scale, R, shift = (np.asarray(value) for value in frames.from_frames(self.frames))
+        cameras = self.cameras
+        axes = R @ cameras.R_scene_camera.double().numpy()
+        centre = scale * cameras.centre.double().numpy() @ R.T + shift
+        moved = replace(
+            cameras, R_scene_camera=torch.from_numpy(axes).float(), centre=torch.from_numpy(centre).float()
+        )
+        return replace(self, frames=frames, box=box, cameras=moved)
 
 
 def load_scene(

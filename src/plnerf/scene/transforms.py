@@ -1,8 +1,9 @@
 """The only place where frames change: file to world, world to scene, OpenGL to OpenCV.
 
 Frames.  ``world``: the file's own frame, metric east-north-up when the file says unit "m", else the unscaled
-frame of structure from motion.  ``scene``: world rotated (x along the line, z up), shifted and scaled
-isotropically, so that the region of interest fills [-1, 1]^3.  Camera axes: OpenCV's (x right, y down, z
+frame of structure from motion.  ``scene``: world rotated (z up), shifted and scaled isotropically:
+as a scene is read, x along the cameras' track and the cameras in [-1, 1]^3; once wires are known, x along
+them and their extent in [-1, 1].  Camera axes: OpenCV's (x right, y down, z
 forward) inside, OpenGL's (x right, y up, z backward) in transforms.json.  Everything here is float64;
 letters: n cameras, R rotations, T rigid 4x4.
 """
@@ -53,6 +54,13 @@ class Frames:
         turned: Float[np.ndarray, "*b 3"] = x_scene.astype(np.float64) @ self.R_scene_world
         shifted: Float[np.ndarray, "*b 3"] = turned / self.scale + self.shift_world
         return shifted
+
+    def from_frames(self, old: "Frames") -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+        """Scale, rotation and shift from another scene frame of the same world to this one:
+        x = scale R x_old + shift."""
+        R = self.R_scene_world @ old.R_scene_world.T
+        shift: Float[np.ndarray, 3] = self.scale * self.R_scene_world @ (old.shift_world - self.shift_world)
+        return self.scale / old.scale, R, shift
 
     def direction_to_scene(self, d_world: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
         """Directions of the world turned into the scene frame; their lengths stay."""
