@@ -17,7 +17,7 @@ from tests.conftest import SNAPSHOTS
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.base import Base
-from plnerf.line.clearances import Clearances, Group, Place, Profile, Requirement, WireClearance
+from plnerf.line.clearances import Clearances, Crossing, Group, Place, Profile, Requirement, WireClearance
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Attached, Evidence, Open
 from plnerf.line.files import (
@@ -95,6 +95,7 @@ def survey() -> Survey:
             WireClearance(4, 3, "shield", dict.fromkeys(places, ()), None, profile), wire=4)),
         Requirement(2.5, ("vegetation",), "a rule", "a page", "2026-01-01", ("Indoors it is not valid.",)),
         "at 20 degrees",
+        (Crossing(2, 4, 6.125, 0.05, 17.5, 31.25, *RANDOM.normal(0, 50, (2, 3)), 6.5),),
     )  # fmt: skip
     return Survey(
         frame=FRAME,

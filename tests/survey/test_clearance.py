@@ -413,7 +413,7 @@ def test_only_points_that_cannot_be_nearest_are_left_out_of_the_comparison() -> 
         length, at = wire.base.length_m, stations(wire, 5.0)
         middles = wire.points(random.uniform(-10, length + 10, 500))
         points = middles + random.normal(size=(500, 3)) * random.uniform(0.3, 12, (500, 1))
-        found = room.nearest_along(wire, at, points, np.arange(500), 50.0, 20.0)
+        found = room.nearest_along(wire, at, points, np.arange(500), 50.0, (20.0, 20.0))
         distance, s = brute(wire, points), wire.base.local(points)[:, 0]
         station = np.rint(np.clip(s, 0, length) / length * (len(at) - 1)).astype(int)
         inside = (s >= -20) & (s <= length + 20)
@@ -426,7 +426,7 @@ def test_below_a_steep_wire_a_point_is_nearer_than_it_is_high() -> None:
     wire, at = SHAPES["steep"], np.array([0.0, 50.0])
     offsets = np.array([[0, 0, -5], [-0.6 * 4.5, 0.8 * 4.5, 0]])
     below, aside = wire.points(np.array([40.0, 41.0])) + offsets
-    found = room.nearest_along(wire, at, np.array([below, aside]), np.arange(2), 50.0, 0.0)
+    found = room.nearest_along(wire, at, np.array([below, aside]), np.arange(2), 50.0, (0.0, 0.0))
     assert found.index.tolist() == [-1, 0]
     assert found.distance_m[1] == pytest.approx(brute(wire, below[None])[0], abs=1e-3)
 

@@ -17,6 +17,7 @@ from plnerf.bench.config import SPAN_PRESETS, BenchConfig
 from plnerf.bench.tables import Table, figure
 from plnerf.bench.train_suite import settings_of
 from plnerf.console import RunConsole, bar
+from plnerf.detect.detect import detect_wires
 from plnerf.errors import ConfigError
 from plnerf.line.frame import LineFrame
 from plnerf.pipeline import bundled_span, train_scene
@@ -119,8 +120,9 @@ def score_run(folder: Path, *, views: int, console: Console) -> dict[str, Any]:
     """A run on a scene of known wires: its points on them scored, and some held-out views measured."""
     run = open_run(folder)
     scene, frame = Path(run.config.scene), LineFrame.of_scene(run.scene.frames)
+    wires = detect_wires(run.scene) if run.wires is None else run.wires
     with bar(console, "survey") as progress:
-        found = wire_points(run, frame, WirePointsConfig(), progress)
+        found = wire_points(run, frame, wires, WirePointsConfig(), progress)
     score = score_points(frame.to_world(found.xyz), read_truth(scene / "truth.json"))
     test, appearance, lpips, pictures = run.scene.test, mean_appearance(run), Lpips(), []
     count = min(views, len(test))

@@ -101,12 +101,35 @@ class WireClearance:
 
 
 @dataclass(frozen=True, eq=False)
+class Crossing:
+    """Where a wire of one line passes over a wire of another."""
+
+    upper: int
+    """Id of the wire above."""
+    lower: int
+    """Id of the wire below."""
+    distance_m: float
+    """Least distance in space between the two."""
+    sigma_m: float
+    s_upper_m: float
+    """Where it is reached, along the base of the wire above."""
+    s_lower_m: float
+    on_upper: Float[np.ndarray, "3"]
+    on_lower: Float[np.ndarray, "3"]
+    vertical_m: float
+    """How much higher the one is where they cross as seen from above."""
+
+
+@dataclass(frozen=True, eq=False)
 class Clearances:
     """Of all wires, as surveyed: neither at their greatest temperature, nor loaded, nor swung further."""
 
     wires: tuple[WireClearance, ...]
     requirement: Requirement | None = None
     state: str = "as surveyed"
+    crossings: tuple[Crossing, ...] = ()
+    """Of wires of different lines, the nearest to each other first.  A requirement applies to none of them:
+    what lines must keep from each other is another rule."""
 
     def verdict(self, place: Place) -> Verdict | None:
         """None where nothing is required: of shield wires, and of what the requirement does not apply to."""

@@ -15,7 +15,7 @@ import numpy as np
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding
 from plnerf.line.base import Base
-from plnerf.line.clearances import GROUPS, Clearances, Place, Profile, Requirement, WireClearance
+from plnerf.line.clearances import GROUPS, Clearances, Crossing, Place, Profile, Requirement, WireClearance
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 from plnerf.line.frame import LineFrame
@@ -26,8 +26,9 @@ from plnerf.scene.files import write_text
 
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
-SURVEY_VERSION = 3
-"""2 had conductors in place of lines, and no frame; 1 was written before conductors were fitted."""
+SURVEY_VERSION = 4
+"""3 had no crossings; 2 had conductors in place of lines, and no frame; 1 was written before conductors were
+fitted."""
 WIRES_VERSION = 1
 
 
@@ -257,6 +258,7 @@ def _clearances_row(found: Clearances) -> dict[str, Any]:
             }
             for one in found.wires
         ],
+        "crossings": [asdict(one) for one in found.crossings],
     }
 
 
@@ -270,7 +272,13 @@ def _clearances(row: Mapping[str, Any]) -> Clearances:
         required = Requirement(
             **(required | {key: tuple(required[key]) for key in ("applies_to", "caveats")})
         )
-    return Clearances(tuple(_wire_clearance(one) for one in row["wires"]), required, row["state"])
+    return Clearances(
+        tuple(_wire_clearance(one) for one in row["wires"]), required, row["state"],
+        tuple(
+            Crossing(**(one | {key: _array(one[key], 3) for key in ("on_upper", "on_lower")}))
+            for one in row["crossings"]
+        ),
+    )  # fmt: skip
 
 
 def _wire_clearance(row: Mapping[str, Any]) -> WireClearance:

@@ -7,24 +7,35 @@ curve, plus that of the obstacle's point where the cloud states one.  A shift al
 the distance to first order, since the line to the obstacle is square to the wire.
 """
 
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter1d
 
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
-from plnerf.line.clearances import GROUPS, Clearances, Group, Place, Profile, Requirement, WireClearance
+from plnerf.line.clearances import (
+    GROUPS,
+    Clearances,
+    Crossing,
+    Group,
+    Place,
+    Profile,
+    Requirement,
+    WireClearance,
+)
 from plnerf.line.cloud import GROUND, NO_WIRE, Cloud
+from plnerf.line.ends import Attached
 from plnerf.line.line import Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ClearanceConfig, ObstacleConfig
+from plnerf.survey.crossings import find_crossings, variance_towards
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import CLASSES, NO_THING, Nearest, beside, nearest_along, obstacles, stations
 from plnerf.survey.thresholds import requirement
 
-STATE, KIND, REQUIRED = "state of the line", "clearances", "required clearance"
+STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
+REQUIRED = "required clearance"
 """Kinds of findings.  The first says at what load and temperature sag and clearances hold."""
 _Indices = dict[Group, Int[np.ndarray, " _"]]
 
@@ -43,16 +54,32 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
         )
     required = requirement(survey, config.voltage_kv, config.thresholds, config.clearance_m)
     found = obstacles(survey, config.obstacles)
-    wires = tuple(_measure(span, wire, survey.cloud, found, config) for span, wire in survey.wires_by_span())
-    clearances = Clearances(wires, required)
+    shared = _shared(survey)
+    wires = tuple(
+        _measure(span, wire, survey.cloud, found, shared, config) for span, wire in survey.wires_by_span()
+    )
+    clearances = Clearances(wires, required, crossings=find_crossings(survey))
     return clearances, tuple(_findings(survey, found, clearances, config.obstacles))
 
 
-def _measure(span: Span, wire: Wire, cloud: Cloud, found: _Indices, config: ClearanceConfig) -> WireClearance:
+def _shared(survey: Survey) -> set[int]:
+    """Ids of the structures at which a line goes on in another span."""
+    ids = [id_ for line in survey.lines for span in line.spans for id_ in span.structures if id_ is not None]
+    return {id_ for id_ in ids if ids.count(id_) > 1}
+
+
+def _measure(
+    span: Span, wire: Wire, cloud: Cloud, found: _Indices, shared: set[int], config: ClearanceConfig
+) -> WireClearance:
+    """shared: structures outside of whose bends things may be beside no wire, but beyond the ends of two."""
     at = stations(wire, config.station_m)
     points, sigma = wire.points(at), wire.sigma_at(at)
     reach_m = config.obstacles.reach_m
-    beyond_m = reach_m if cloud.sigma_m is None else 0.0
+    first, last = (
+        reach_m if cloud.sigma_m is None or (isinstance(end, Attached) and end.structure in shared) else 0.0
+        for end in wire.ends
+    )
+    beyond_m = (first, last)
     near = {group: nearest_along(wire, at, cloud.xyz, found[group], reach_m, beyond_m) for group in GROUPS}
     ground_z, ground_sigma = ground_under(wire, at, cloud.xyz, found["ground"], cloud.sigma_m, config.ground)
     profile = Profile(
@@ -88,8 +115,7 @@ def _places(
         s, i = near.s_m[station : station + 1], near.index[station]
         on_wire, obstacle = wire.points(s)[0], cloud.xyz[i]
         towards = (on_wire - obstacle) / max(float(near.distance_m[station]), 1e-9)
-        by_theta = np.array([towards[:2] @ wire.base.n, towards[2]]) @ wire.by_theta(s)[0]
-        of_wire = float(np.sqrt(max(by_theta @ wire.covariance @ by_theta, 0.0)))
+        of_wire = float(np.sqrt(variance_towards(wire, float(s[0]), towards)))
         of_point = 0.0 if cloud.sigma_m is None else float(cloud.sigma_m[i])
         place = Place(
             wire.id, span.id, wire.kind, group, int(cloud.label[i]), "distance",
@@ -119,7 +145,7 @@ def _highest(
 ) -> Float[np.ndarray, " k"]:
     """Height of the highest vegetation within the corridor at each station; NaN where there is none."""
     length, top = wire.base.length_m, np.full(len(at), -np.inf)
-    for _, local in beside(wire, cloud.xyz, index, corridor_m, 0.0):
+    for _, local in beside(wire, cloud.xyz, index, corridor_m, (0.0, 0.0)):
         inside: Bool[np.ndarray, " c"] = (local[:, 0] >= 0) & (local[:, 0] <= length)
         station = np.rint(local[inside, 0] / length * (len(at) - 1)).astype(np.int64)
         np.maximum.at(top, station, local[inside, 2])
@@ -159,9 +185,29 @@ def _findings(
     noise = [f"{counts[code]:,} of class {code}" for code in NO_THING if counts[code]]
     if noise:
         findings.append(note(KIND, f"Points that are no obstacles by their class: {', '.join(noise)}."))
+    if clearances.crossings:
+        findings.append(note(CROSSES, _of_crossings(survey, clearances)))
     if clearances.requirement is not None:
         findings += _of_requirement(clearances.requirement)
+        if len(survey.lines) > 1:
+            several = f"It is applied to the phase conductors of all {len(survey.lines)} lines alike."
+            findings.append(harms(REQUIRED, several, "Of lines of other voltages, judge the distances."))
     return findings
+
+
+def _of_crossings(survey: Survey, clearances: Clearances) -> str:
+    """Which lines cross, and how near their wires come to each other."""
+    line_of = {wire.id: line.id for line in survey.lines for wire in line.wires}
+    least: dict[tuple[int, int], Crossing] = {}
+    for one in clearances.crossings:
+        least.setdefault((line_of[one.upper], line_of[one.lower]), one)
+    parts = [
+        f"line {above} crosses over line {below}, {one.distance_m:.2f} m from wire {one.upper} to wire "
+        f"{one.lower} at the nearest"
+        for (above, below), one in least.items()
+    ]
+    said = "; ".join(parts)
+    return f"{said[:1].upper()}{said[1:]}. No requirement is applied between lines."
 
 
 def _left_out(cloud: Cloud, found: _Indices, config: ObstacleConfig) -> list[Finding]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from plnerf.detect.config import EvidenceConfig
 from plnerf.errors import ConfigError
+from plnerf.survey.config_spans import KinkConfig
 
 UPRIGHT = 5
 """Numbers of theta that are fitted: all but the swing."""
@@ -59,6 +60,13 @@ class KindsConfig:
     """Share of the others' median hang, 8 sag / span^2, below which a wire sags less."""
     thinner: float = 0.6
     """Share of the others' median number of points per metre below which a wire is thinner."""
+    same_m: float = 1.0
+    """Wires of two spans that a structure holds so near to each other, seen along the line, are one (metres):
+    nearer than two phases ever are, and as far as strain insulators of a bend pull one aside."""
+    min_share: float = 0.5
+    """Share of a wire's length, over all spans that it goes through, in which it must look like a shield to
+    be one.  Where nothing tells it from the phases it may still be one: of equal shares the one with a reason
+    counts."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,8 @@ class WirePointsConfig:
     """Half the range of depths within which that light must come, in widths of a pixel at that depth."""
     radius_px: float = 40.0
     """Radius of a neighbourhood across the span, in widths of a pixel at the typical distance."""
+    same_deg: float = 4.0
+    """Wires whose directions differ by less are looked for together, along that of the longest."""
     margin: float = 0.1
     """Points further outside of the scene's box are dropped; scene units, about half of the box's length."""
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
@@ -189,12 +199,16 @@ class BodyConfig:
     """What a structure may lack of the height of its highest wire; what ends further below holds up none."""
     half_depth_m: float = 2.5
     """Of a structure's body along the line, from its axis."""
+    confirmed: float = 0.3
+    """Share of those heights that stereo must fill as well at a body that the field shows: a field of a few
+    hundred steps shows bodies where nothing is.  Stereo sees the near side of a lattice only."""
 
 
 @dataclass(frozen=True)
 class SupportConfig:
     """How the structures that hold wires are found.  The deviations are those measured on rendered ones."""
 
+    kink: KinkConfig = field(default_factory=KinkConfig)
     body: BodyConfig = field(default_factory=BodyConfig)
     attachment: AttachmentConfig = field(default_factory=AttachmentConfig)
     by_stereo_m: float = 0.05
@@ -203,10 +217,22 @@ class SupportConfig:
     """The same of one that the field shows."""
     by_body_m: float = 0.3
     """The same where only the structure's body is seen."""
+    by_tee_m: float = 1.5
+    """The same where a line ends at another line's structure and nothing else shows where on it."""
+    least_wires: int = 2
+    """Wires above which something must be seen that holds them, of spans that have so many; a single one
+    suffices beside a body."""
+    agree_sigmas: float = 3.0
+    """Kinks and what is seen agree if their places differ by at most so many standard deviations."""
     around_m: float = 2.5
-    """What holds the wires is looked for so far from a structure's body."""
+    """What holds the wires is looked for so far from a structure's body, or from the wires' kinks."""
     about_end_m: float = 6.0
-    """And without a body so far from where the images stop showing the wires: they may show the next span's,
+    """And without either so far from where the images stop showing the wires: they may show the next span's,
     or the structure but not the wires before it."""
+    surroundings_m: float = 30.0
+    """Points so far around the end of a span, along the line and beside its wires, are considered."""
     polyline_places: int = 120
     """Places at which wires are compared with points."""
+    tee_m: float = 4.0
+    """A line that ends so near to a structure of another line, beyond the wires that this one holds, ends
+    there."""

@@ -93,7 +93,7 @@ def _cells(
     side, cell = config.side_m, config.cell_m
     rows, columns = (math.ceil((length + 2 * side) / cell) + 1 for length in (wire.base.length_m, 0.0))
     sums = np.zeros((5, rows * columns))
-    for near, local in beside(wire, xyz, index, side, side):
+    for near, local in beside(wire, xyz, index, side, (side, side)):
         s, y, z = local.T
         v = y - wire.at(s)[:, 0]  # beyond the ends too, so that planes stay planes there
         inside = np.abs(v) <= side

@@ -62,7 +62,8 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
         f"standard deviations also points of more than {config.max_sigma_m:g} m, vegetation within "
         f"{config.plant_support_m:g} m of a structure's foot or a wire's end, and what lies beyond the ends "
-        "of a wire rather than beside it, which may be a structure that is not seen",
+        "of a wire rather than beside it, which may be a structure that is not seen, but not where the line "
+        "goes on in another span",
     }
 
 
@@ -113,10 +114,10 @@ def beside(
     xyz: Float[np.ndarray, "n 3"],
     index: Int[np.ndarray, " m"],
     reach_m: float,
-    beyond_m: float,
+    beyond_m: tuple[float, float],
 ) -> Iterator[tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 3"]]]:
     """By chunks, indices and s, y, z of the points within `reach_m` across the wire and `beyond_m` beyond its
-    ends, horizontally."""
+    first and its last end, horizontally."""
     length, line = wire.base.length_m, wire.polyline(1.0)[:, :2]
     low, high = line.min(0) - math.sqrt(2) * reach_m - 1.0, line.max(0) + math.sqrt(2) * reach_m + 1.0
     for first in range(0, len(index), CHUNK):
@@ -124,7 +125,7 @@ def beside(
         flat = xyz[some, :2]
         some = some[((flat >= low) & (flat <= high)).all(1)]  # of a long line's points, few are
         local = wire.base.local(xyz[some])
-        near = (local[:, 0] >= -beyond_m) & (local[:, 0] <= length + beyond_m)
+        near = (local[:, 0] >= -beyond_m[0]) & (local[:, 0] <= length + beyond_m[1])
         some, local = some[near], local[near]
         across = local[:, 1] - wire.at(np.clip(local[:, 0], 0.0, length))[:, 0]
         near = np.abs(across) <= reach_m
@@ -137,10 +138,10 @@ def nearest_along(
     xyz: Float[np.ndarray, "n 3"],
     index: Int[np.ndarray, " m"],
     reach_m: float,
-    beyond_m: float,
+    beyond_m: tuple[float, float],
 ) -> Nearest:
     """The obstacle nearest to the wire among the points beside each station, within `reach_m` horizontally;
-    points beyond an end, up to `beyond_m`, are beside the end's station.
+    points beyond an end, up to its `beyond_m`, are beside the end's station.
 
     Let d be a point's distance from the wire's point at the same s, e how far it is beyond an end, and g the
     greatest length of wire per length of base.  Since the wire moves across the base by sqrt(g^2 - 1) per

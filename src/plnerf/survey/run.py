@@ -48,9 +48,9 @@ def survey_run(
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
     photos = photos_of(run.scene)
-    points = wire_points(run, photos.frame, config.points, parts[0])
-    field = field_surface(run, photos.frame, config.surface, parts[1])
     found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
+    points = wire_points(run, photos.frame, found, config.points, parts[0])
+    field = field_surface(run, photos.frame, config.surface, parts[1])
     made = {"input": _images_in(run.scene), "preset": f"{run.config.preset}, step {run.step:,}"}
     return _of_images(photos, found, (field, points), config, parts[2:], str(run.folder), made)
 

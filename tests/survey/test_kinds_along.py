@@ -1,0 +1,74 @@
+"""A wire is of one kind in all spans of its line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.many_spans import FEET, PHASES, line_along
+
+from plnerf.line.line import Line
+from plnerf.line.wire import Wire
+from plnerf.survey.config_wires import KindsConfig
+from plnerf.survey.kinds import kinds, with_kinds
+
+UNKNOWN = line_along(FEET, [(y, z, "unknown") for y, z, _ in PHASES], sag_share=0.03)
+COUNTS = {wire.id: 300 for wire in UNKNOWN.wires}
+
+
+def flatter(line: Line, spans: tuple[int, ...]) -> Line:
+    """The line whose highest wire sags less in some of its spans."""
+
+    def hung(wire: Wire) -> Wire:
+        return replace(wire, theta=wire.theta * [1, 1, 1, 1, 0.8, 1])
+
+    return replace(line, spans=tuple(
+        replace(span, wires=(*span.wires[:3], hung(span.wires[3]))) if k in spans else span
+        for k, span in enumerate(line.spans)
+    ))  # fmt: skip
+
+
+def kinds_of(line: Line, **settings: float) -> list[list[str]]:
+    (named,) = with_kinds([line], COUNTS, replace(KindsConfig(), **settings))
+    return [[wire.kind for wire in span.wires] for span in named.spans]
+
+
+@pytest.mark.parametrize(
+    ("spans", "kind"),
+    [((), "phase"), ((0,), "phase"), ((0, 2), "shield"), ((1, 2), "shield"), ((0, 1, 2), "shield")],
+)
+def test_a_wire_has_the_kind_of_most_of_its_length(spans: tuple[int, ...], kind: str) -> None:
+    assert kinds_of(flatter(UNKNOWN, spans)) == [["phase"] * 3 + [kind]] * 3
+    alone = [kinds(span.wires, [300] * 4)[3] for span in flatter(UNKNOWN, spans).spans]
+    assert [one == "shield" for one in alone] == [k in spans for k in range(3)]
+
+
+def test_settings_decide_what_is_one_wire_and_when_it_is_a_shield() -> None:
+    line = flatter(UNKNOWN, (0,))
+    assert kinds_of(line, min_share=0.1) == [["phase"] * 3 + ["shield"]] * 3
+    separate = kinds_of(line, same_m=-1.0)
+    assert [span[3] for span in separate] == ["shield", "phase", "phase"]
+
+
+def test_spans_that_share_no_structure_are_judged_alone() -> None:
+    line = flatter(UNKNOWN, (0, 1))
+    loose = replace(line, structures=(), spans=tuple(
+        replace(span, structures=(None, None)) for span in line.spans
+    ))  # fmt: skip
+    assert [span[3] for span in kinds_of(loose)] == ["shield", "shield", "phase"]
+
+
+def test_wires_that_run_against_each_other_and_shorter_ones_are_compared_at_one_place() -> None:
+    """On a slope of 20 degrees the end of a low wire is higher than the middle of the highest."""
+    slope = np.tan(np.radians(20.0))
+    (span,) = flatter(line_along(FEET[:2], [(y, z, "unknown") for y, z, _ in PHASES]), (0,)).spans
+    L = span.wires[0].base.length_m
+    steep = [replace(wire, theta=wire.theta + np.array([0, 0, 0, slope * L, 0, 0])) for wire in span.wires]
+    assert kinds(steep, [300] * 4) == ["phase"] * 3 + ["shield"]
+    part = [steep[0].between(0.6 * L, L), *steep[1:]]
+    assert kinds(part, [120, 300, 300, 300]) == ["phase"] * 3 + ["shield"]
+
+
+def test_no_lines_have_no_kinds() -> None:
+    assert with_kinds([], {}) == ()
+    bare = Line(1, (), ())
+    assert with_kinds([bare], {}) == (bare,) or with_kinds([bare], {})[0].spans == ()
