@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from tests.support.many_spans import FEET, PHASES, line_along
 
+from plnerf.line.ends import Open
 from plnerf.line.line import Line
 from plnerf.line.wire import Wire
 from plnerf.survey.config_wires import KindsConfig
-from plnerf.survey.kinds import kinds, with_kinds
+from plnerf.survey.kinds import kinds, same_along
 
 UNKNOWN = line_along(FEET, [(y, z, "unknown") for y, z, _ in PHASES], sag_share=0.03)
-COUNTS = {wire.id: 300 for wire in UNKNOWN.wires}
 
 
 def flatter(line: Line, spans: tuple[int, ...]) -> Line:
@@ -28,8 +28,15 @@ def flatter(line: Line, spans: tuple[int, ...]) -> Line:
 
 
 def kinds_of(line: Line, **settings: float) -> list[list[str]]:
-    (named,) = with_kinds([line], COUNTS, replace(KindsConfig(), **settings))
-    return [[wire.kind for wire in span.wires] for span in named.spans]
+    config = replace(KindsConfig(), **settings)
+    alone = [
+        [
+            replace(wire, kind=kind)
+            for wire, kind in zip(span.wires, kinds(span.wires, [300] * 4), strict=True)
+        ]
+        for span in line.spans
+    ]
+    return [[wire.kind for wire in span] for span in same_along(alone, config)]
 
 
 @pytest.mark.parametrize(
@@ -51,10 +58,27 @@ def test_settings_decide_what_is_one_wire_and_when_it_is_a_shield() -> None:
 
 def test_spans_that_share_no_structure_are_judged_alone() -> None:
     line = flatter(UNKNOWN, (0, 1))
-    loose = replace(line, structures=(), spans=tuple(
-        replace(span, structures=(None, None)) for span in line.spans
-    ))  # fmt: skip
-    assert [span[3] for span in kinds_of(loose)] == ["shield", "shield", "phase"]
+    last = line.spans[2]
+    loose = replace(
+        last, wires=tuple(replace(wire, ends=(Open("hidden"), wire.ends[1])) for wire in last.wires)
+    )
+    apart = kinds_of(replace(line, spans=(*line.spans[:2], loose)))
+    assert [span[3] for span in apart] == ["shield", "shield", "phase"]
+    assert [span[3] for span in kinds_of(line)] == ["shield"] * 3
+
+
+def test_strain_insulators_hold_a_wire_apart_along_the_line_and_it_is_one_still() -> None:
+    """Each span's wires end 2 m before their structure."""
+    line = flatter(UNKNOWN, (0, 1))
+
+    def ended(wire: Wire) -> Wire:
+        cut = wire.between(2.0, wire.base.length_m - 2.0)
+        at = cut.points(np.array([0.0, cut.base.length_m]))
+        ends = tuple(replace(end, point=point) for end, point in zip(wire.ends, at, strict=True))
+        return replace(cut, ends=ends)
+
+    spans = tuple(replace(span, wires=tuple(map(ended, span.wires))) for span in line.spans)
+    assert kinds_of(replace(line, spans=spans)) == [["phase"] * 3 + ["shield"]] * 3
 
 
 def test_wires_that_run_against_each_other_and_shorter_ones_are_compared_at_one_place() -> None:
@@ -68,7 +92,5 @@ def test_wires_that_run_against_each_other_and_shorter_ones_are_compared_at_one_
     assert kinds(part, [120, 300, 300, 300]) == ["phase"] * 3 + ["shield"]
 
 
-def test_no_lines_have_no_kinds() -> None:
-    assert with_kinds([], {}) == ()
-    bare = Line(1, (), ())
-    assert with_kinds([bare], {}) == (bare,) or with_kinds([bare], {})[0].spans == ()
+def test_no_spans_have_no_kinds() -> None:
+    assert same_along([]) == []

@@ -228,6 +228,22 @@ def test_a_field_that_shows_nothing_leaves_the_distances_to_the_images(tmp_path:
     assert not findings and (found.xyz == alone.xyz).all() and len(found.xyz)
 
 
+def test_of_many_images_each_gives_as_many_pixels_as_of_some(tmp_path: Path) -> None:
+    photos = photos_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3, -0.35, 0.45)))
+    few, _ = stereo_surface(photos, [], None, replace(CONFIG, points=6_000))
+    more, _ = stereo_surface(photos, [], None, replace(CONFIG, points=6_000, most_sharing=2))
+    assert 2.5 * len(few.xyz) < len(more.xyz) <= 18_000
+
+
+def test_wires_far_below_the_cameras_are_no_background(tmp_path: Path) -> None:
+    """Cameras that fly high along a short way: what the box around them holds is not what they show."""
+    photos = photos_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3, -0.35, 0.45)))
+    photos = replace(photos, box=np.array([[-0.1, -1.1, 0.1], [0.1, -0.9, 0.3]]))
+    config, floor = replace(CONFIG, points=30_000), hang((-0.5, 0.5, -0.2), (0.5, 0.5, -0.2), 0.1)
+    assert not len(stereo_surface(photos, [], None, config)[0].xyz)
+    check_things(stereo_surface(photos, [floor], None, config)[0].xyz)
+
+
 def test_without_a_field_and_pairs_there_is_nothing(tmp_path: Path) -> None:
     for count, offsets in ((2, (0.0, 1.5)), (1, (0.0,))):
         photos = photos_with(tmp_path / str(count), row_of_cameras(offsets))
@@ -285,7 +301,8 @@ def test_settings_that_cannot_work_are_refused() -> None:
         lambda: MatchConfig(block_px=4), lambda: MatchConfig(sigma_px=0.0),
         lambda: StereoPairConfig(min_baseline=0.2), lambda: StereoPairConfig(partners=1),
         lambda: ConsistencyConfig(min_support=30), lambda: CoarseConfig(distance_step=1.0),
-        lambda: StereoConfig(points=0), lambda: StereoConfig(quantiles=(0.1, 0.5)),
+        lambda: StereoConfig(points=0), lambda: StereoConfig(most_sharing=0),
+        lambda: StereoConfig(quantiles=(0.1, 0.5)),
         lambda: StereoConfig(quantiles=()), lambda: CoarseConfig(quantiles=(0.5, 0.0)),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match="need"):

@@ -186,6 +186,9 @@ class FieldConfig:
 
     rays: int = 400_000
     """Pixels that are rendered, evenly from the training images."""
+    most_sharing: int = 200
+    """Of more images than these each gives as many pixels as if there were so many: the images of a long line
+    each show other things.  Half of stereo's pixels do, since rendering costs more than matching."""
     min_accumulation: float = 0.5
     """Share of a ray's light that must be absorbed on its way."""
     farthest: float = 1.6
@@ -199,10 +202,10 @@ class FieldConfig:
     """Standard deviation along the ray, as a share of the distance, beyond which a depth is dropped."""
 
     def __post_init__(self) -> None:
-        if self.rays < 1 or self.neighbours < 1:
+        if min(self.rays, self.most_sharing, self.neighbours) < 1:
             raise ConfigError(
-                "Points of a field need rays and neighbours of 1 or more, but got "
-                f"{self.rays} and {self.neighbours}."
+                "Points of a field need rays, most_sharing and neighbours of 1 or more, but got "
+                f"{self.rays}, {self.most_sharing} and {self.neighbours}."
             )
 
 

@@ -6,7 +6,7 @@ absorbed.  Rays that meet no surface, and points that stand alone or that one im
 Letters: n points, r rays, E edges of intervals along a ray.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -15,11 +15,12 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from plnerf.line.frame import LineFrame
+from plnerf.line.wire import Wire
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.proposals import s_to_t
 from plnerf.render.views import default_chunk
 from plnerf.survey.config_ground import FieldConfig
-from plnerf.survey.posed_photos import within
+from plnerf.survey.posed_photos import box_around, within
 from plnerf.survey.surface import Surface
 from plnerf.train.run import TrainedRun
 
@@ -27,17 +28,19 @@ from plnerf.train.run import TrainedRun
 def field_surface(
     run: TrainedRun,
     frame: LineFrame,
+    wires: Sequence[Wire],
     config: FieldConfig,
     progress: Callable[[int, int], None] | None = None,
 ) -> Surface:
     """Points on the surfaces of a run's field, about as many as rays; the same for the same run.
 
+    wires: those that were detected, around which nothing is background, however far from the cameras.
     Their standard deviations are how widely the field spreads a surface along the ray, and how much the views
     differ there.
     """
     scene, model = run.scene, run.model
     random = np.random.default_rng(0)
-    each = max(1, config.rays // len(scene.train))
+    each = max(1, config.rays // min(len(scene.train), config.most_sharing))
     places, colours, spreads, footprints, views, sights = [], [], [], [], [], []
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
@@ -62,7 +65,8 @@ def field_surface(
                 progress(done + 1, len(scene.train))
     xyz, view = torch.cat(places).double().numpy(), np.concatenate(views)
     along, footprint = torch.cat(spreads).double().numpy(), torch.cat(footprints).double().numpy()
-    use = within(xyz, scene.box, config.farthest)
+    box = box_around(frame.from_scene(scene.box.astype(np.float64)), wires)
+    use = within(frame.from_scene(xyz), box, config.farthest)
     use[use], scatter = _seen_together(xyz[use], view[use], footprint[use], config)
     sigma = np.sqrt(along[use] ** 2 + scatter**2 + footprint[use] ** 2 / 12)
     rgb, sight = torch.cat(colours).numpy()[use], torch.cat(sights).double().numpy()[use]

@@ -8,8 +8,9 @@ Along a line a wire stays what it is: those that go on in the next span, held by
 same place across the line, have one kind.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations, pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -17,19 +18,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from plnerf.line.ends import Attached
-from plnerf.line.line import Line
 from plnerf.line.wire import Kind, Wire
 from plnerf.survey.config_wires import KindsConfig
-
-
-def with_kinds(
-    lines: Sequence[Line], counts: Mapping[int, int], config: KindsConfig = KindsConfig()
-) -> tuple[Line, ...]:
-    """The lines with the kinds of their wires, the same in all spans of a line through which a wire goes.
-
-    counts: the points of each wire, by its id, or whatever tells how well each is seen.
-    """
-    return tuple(_with_kinds(line, counts, config) for line in lines)
 
 
 def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = KindsConfig()) -> list[Kind]:
@@ -73,56 +63,51 @@ def _section(wires: Sequence[Wire]) -> Float[np.ndarray, "w 3"]:
     return np.concatenate([wire.points(np.array([(middle - wire.base.a) @ wire.base.u])) for wire in wires])
 
 
-def _with_kinds(line: Line, counts: Mapping[int, int], config: KindsConfig) -> Line:
-    wires = list(line.wires)
-    number = {wire.id: k for k, wire in enumerate(wires)}
-    shield = np.zeros(len(wires))
-    for span in line.spans:
-        of_span = kinds(span.wires, [counts[wire.id] for wire in span.wires], config)
-        for wire, kind in zip(span.wires, of_span, strict=True):
-            shield[number[wire.id]] = kind == "shield"
-    pairs = [(number[a], number[b]) for a, b in _going_on(line, config)]
-    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
+def same_along(spans: Sequence[Sequence[Wire]], config: KindsConfig = KindsConfig()) -> list[list[Wire]]:
+    """The wires of a line, each with one kind in all spans that it goes through.
+
+    spans: the wires of every span, with the kinds that they have alone and the structures that hold them.
+    """
+    wires = [wire for span in spans for wire in span]
+    first = np.cumsum([0, *map(len, spans)])
+    one, other = np.array(_going_on(spans, config), np.int64).reshape(-1, 2).T
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(wires), len(wires)))
     _, through = connected_components(graph, directed=False)
+    shield = np.array([wire.kind == "shield" for wire in wires], np.float64)
     length = np.array([wire.base.length_m for wire in wires])
-    share = np.bincount(through, length * shield) / np.bincount(through, length) if wires else np.zeros(0)
-
-    def named(wire: Wire) -> Wire:
-        return replace(
-            wire, kind="shield" if share[through[number[wire.id]]] >= config.min_share else "phase"
-        )
-
-    spans = tuple(replace(span, wires=tuple(map(named, span.wires))) for span in line.spans)
-    return replace(line, spans=spans)
+    share = np.bincount(through, length * shield) / np.bincount(through, length)
+    kinds: list[Kind] = ["shield" if part >= config.min_share else "phase" for part in share[through]]
+    same = [replace(wire, kind=kind) for wire, kind in zip(wires, kinds, strict=True)]
+    return [same[a:b] for a, b in pairwise(first)]
 
 
-def _going_on(line: Line, config: KindsConfig) -> list[tuple[int, int]]:
-    """Ids of wires of two spans that are one wire: of all that a structure holds, either is the nearest to
-    the other across the line there.  Insulators of strain structures hold them apart along it."""
+def _going_on(spans: Sequence[Sequence[Wire]], config: KindsConfig) -> list[tuple[int, int]]:
+    """Pairs of wires of two spans that are one wire, by their numbers from 0: of all that a structure holds,
+    either is the nearest to the other across the line there.  Insulators of strain structures hold them apart
+    along it."""
+    held: dict[int, dict[int, list[tuple[int, Wire, Attached]]]] = {}
+    number = 0
+    for k, span in enumerate(spans):
+        for wire in span:
+            for end in wire.ends:
+                if isinstance(end, Attached):
+                    held.setdefault(end.structure, {}).setdefault(k, []).append((number, wire, end))
+            number += 1
     found = []
-    for structure in line.structures:
-        ends = [
-            (k, wire.id, end.point, wire.base.u)
-            for k, span in enumerate(line.spans)
-            for wire in span.wires
-            for end in wire.ends
-            if isinstance(end, Attached) and end.structure == structure.id
-        ]
-        for k in sorted({end[0] for end in ends}):
-            for j in sorted({end[0] for end in ends if end[0] > k}):
-                mine, theirs = ([end for end in ends if end[0] == span] for span in (k, j))
-                u, v = mine[0][3], theirs[0][3]
-                along = u + v if u @ v >= 0 else u - v
-                across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-                a, b = (
-                    np.array([[end[2][:2] @ across, end[2][2]] for end in some]) for some in (mine, theirs)
-                )
-                apart = np.linalg.norm(a[:, None] - b, axis=2)
-                to, back = apart.argmin(1), apart.argmin(0)
-                found += [
-                    (mine[i][1], theirs[to[i]][1])
-                    for i in range(len(mine))
-                    if back[to[i]] == i and apart[i, to[i]] <= config.same_m
-                ]
+    for of_spans in held.values():
+        for mine, theirs in combinations(of_spans.values(), 2):
+            u, v = mine[0][1].base.u, theirs[0][1].base.u
+            along = u + v if u @ v >= 0 else u - v
+            across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+            a, b = (
+                np.array([[end.point[:2] @ across, end.point[2]] for _, _, end in some])
+                for some in (mine, theirs)
+            )
+            apart = np.linalg.norm(a[:, None] - b, axis=2)
+            to, back = apart.argmin(1), apart.argmin(0)
+            found += [
+                (mine[i][0], theirs[j][0])
+                for i, j in enumerate(to.tolist())
+                if back[j] == i and apart[i, j] <= config.same_m
+            ]
     return found

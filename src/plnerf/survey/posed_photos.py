@@ -1,12 +1,15 @@
 """The photos of a scene as a survey uses them: cameras in the LineFrame, float64."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
 
 from plnerf.line.frame import LineFrame
-from plnerf.scene.cameras import Cameras
+from plnerf.line.wire import Wire
+from plnerf.scene.cameras import Cameras, project
 from plnerf.scene.images import ImageStore
 from plnerf.scene.scene import Scene
 
@@ -29,6 +32,20 @@ class Photos:
         """Which points are no background: within `farthest` half sides of the box from its middle."""
         return within(points, self.box, farthest)
 
+    def of(self, points: Float[np.ndarray, "n 3"]) -> "Photos":
+        """With those training images only that have one of the points inside of them."""
+        shown = np.isfinite(self.distances(points)).any(1).tolist()
+        return replace(self, train=tuple(i for i, here in zip(self.train, shown, strict=True) if here))
+
+    def distances(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "t n"]:
+        """From the camera of each training image to each point inside of it; infinite to all others."""
+        cameras = self.cameras[list(self.train)]
+        pixels, depths = project(cameras, torch.from_numpy(points))
+        inside = ((pixels >= 0) & (pixels < cameras.size_px[:, None])).all(-1) & (depths > 0)
+        apart = np.linalg.norm(points - cameras.centre.numpy()[:, None], axis=-1)
+        found: Float[np.ndarray, "t n"] = np.where(inside.numpy(), apart, np.inf)
+        return found
+
 
 def within(
     points: Float[np.ndarray, "n 3"], box: Float[np.ndarray, "2 3"], farthest: float
@@ -38,6 +55,13 @@ def within(
     middle, half = (low + high) / 2, (high - low) / 2
     inside: Bool[np.ndarray, " n"] = (np.abs(points - middle) <= farthest * half.max()).all(1)
     return inside
+
+
+def box_around(box: Float[np.ndarray, "2 3"], wires: Sequence[Wire]) -> Float[np.ndarray, "2 3"]:
+    """The box that holds another one, such as that of the cameras, and the wires whose place is certain."""
+    ends = [wire.points(np.array([0.0, wire.base.length_m])) for wire in wires if wire.evidence.certain]
+    every = np.concatenate([box, *ends])
+    return np.stack([every.min(0), every.max(0)])
 
 
 def photos_of(scene: Scene) -> Photos:

@@ -137,6 +137,9 @@ class StereoConfig:
 
     points: int = 400_000
     """Pixels that are drawn, evenly from the training images; those with a depth become points."""
+    most_sharing: int = 100
+    """Of more images than these each gives as many pixels as if there were so many: the images of a long line
+    each show other ground."""
     longest_px: int = 1024
     """Larger images are reduced by a whole number: what matching costs grows with the third power of the
     size."""
@@ -164,10 +167,10 @@ class StereoConfig:
     coarse: CoarseConfig = field(default_factory=CoarseConfig)
 
     def __post_init__(self) -> None:
-        if self.points < 1 or self.longest_px < 32 or self.wire_samples < 2:
+        if min(self.points, self.most_sharing) < 1 or self.longest_px < 32 or self.wire_samples < 2:
             raise ConfigError(
-                "Stereo needs points >= 1, longest_px >= 32 and wire_samples >= 2, but got "
-                f"{self.points}, {self.longest_px} and {self.wire_samples}."
+                "Stereo needs points and most_sharing of 1 or more, longest_px >= 32 and wire_samples >= 2, "
+                f"but got {self.points}, {self.most_sharing}, {self.longest_px} and {self.wire_samples}."
             )
         check_quantiles(self.quantiles)
         if not 0 < self.min_share < 1 or self.wire_px < 0:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from plnerf.findings import Finding, harms
 from plnerf.line.wire import Wire
-from plnerf.survey.posed_photos import Photos
+from plnerf.survey.posed_photos import Photos, box_around
 from plnerf.survey.stereo.config import StereoConfig
 from plnerf.survey.stereo.consistency import consistent
 from plnerf.survey.stereo.depth import DepthMap, depth_map
@@ -39,6 +39,7 @@ def stereo_surface(
     where a field, trained too little, shows it in too few views.  Where the images make no stereo, all of the
     field, or nothing, with a finding.
     """
+    photos = replace(photos, box=box_around(photos.box, wires))  # cameras may fly high above what they show
     views = [view_of(photos, i, config.longest_px) for i in photos.train]
     by_field = None if field is None else distances_of_points(views, field.xyz, config)
     if by_field is not None and np.isfinite(by_field).all(1).mean() < config.min_views_share:
@@ -57,7 +58,7 @@ def stereo_surface(
     # Near things need images that are near to one another, far things others.
     chosen = joined_partners(*(partners(views, distance, config.pairs) for distance in distances.T))
     random = np.random.default_rng(0)
-    each = max(1, config.points // max(1, len(views)))
+    each = max(1, config.points // min(max(1, len(views)), config.most_sharing))
     parts, images, radii = [], [], []
     for k, (view, others) in enumerate(zip(views, chosen, strict=True)):
         if len(others) >= 2:
@@ -76,7 +77,7 @@ def stereo_surface(
             radii.append(sigma + apart * pixel)
         report(len(views) * (rounds - 1) + k + 1, len(views) * rounds)
     met = joined(parts)
-    if len(met.xyz) < config.min_share * config.points:
+    if len(met.xyz) < config.min_share * each * len(views):
         pairs = f"{sum(len(others) > 1 for others in chosen)} of {len(views)}"
         return (Surface.empty() if field is None else field), (_no_stereo(pairs, field is not None),)
     kept = photos.within(met.xyz, config.farthest)
