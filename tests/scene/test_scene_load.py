@@ -3,18 +3,21 @@
 import json
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from plnerf.errors import SceneError
 from plnerf.scene.cameras import project
 from plnerf.scene.formats import read_listing
 from plnerf.scene.formats_colmap import write_colmap
 from plnerf.scene.scene import Scene, load_scene, split
+from plnerf.scene.transforms import Frames
 
 
 def edit(scene: Path, **keys: object) -> None:
@@ -125,3 +128,27 @@ def test_fox_loads_quickly(shared_data: Path, tmp_path: Path, as_colmap: bool) -
     assert seconds < 1.0  # 0.01 s alone on an idle core; the bound only catches a rebuild
     # The photos are portraits of a fox taken upright: camera up is within 60 degrees of scene up.
     assert (-scene.cameras.R_scene_camera[:, 2, 1] > 0.5).all()
+
+
+def test_a_scene_in_other_frames_shows_the_same(tiny_scene: Path, tmp_path: Path) -> None:
+    """Places of the world have the same pixels; in its own frames it is itself to the bit; pixels stay."""
+    scene = load_scene(tiny_scene, store=tmp_path / "s")
+    turn = Rotation.from_euler("z", 0.8).as_matrix()
+    other = replace(
+        scene.frames, R_scene_world=turn @ scene.frames.R_scene_world, scale=3 * scene.frames.scale,
+        shift_world=scene.frames.shift_world + np.array([0.3, -0.2, 0.1]),
+    )  # fmt: skip
+    box = np.array([[-1.0, -1, -1], [1, 1, 1]])
+    moved = scene.in_frames(other, box)
+    assert moved.frames is other and moved.box is box and moved.images is scene.images
+    world = scene.frames.to_world(0.3 * np.random.default_rng(0).normal(size=(50, 3)))
+    (before, depth), (after, deeper) = (
+        project(one.cameras, torch.from_numpy(one.frames.to_scene(world)).float()) for one in (scene, moved)
+    )
+    front = depth > 0.1
+    assert (before - after)[front].abs().max() < 1e-2 and front.any()
+    torch.testing.assert_close(deeper[front], 3 * depth[front], rtol=1e-4, atol=1e-5)
+    back = moved.in_frames(scene.frames, scene.box)
+    torch.testing.assert_close(back.cameras.centre, scene.cameras.centre, atol=1e-6, rtol=0)
+    same = scene.in_frames(Frames.from_json(scene.frames.to_json()), box)
+    assert same.cameras is scene.cameras and same.frames is scene.frames and same.box is box

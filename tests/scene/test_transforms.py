@@ -14,7 +14,16 @@ from tests.conftest import look_at
 from plnerf.errors import SceneError
 from plnerf.scene import orientation
 from plnerf.scene.cameras import Cameras, project
-from plnerf.scene.orientation import estimate_line, estimate_up, frames_for, heading, turned
+from plnerf.scene.orientation import (
+    AROUND,
+    BELOW,
+    estimate_line,
+    estimate_up,
+    fitted_frames,
+    frames_for,
+    heading,
+    turned,
+)
 from plnerf.scene.transforms import MAX_DRIFT, Frames, flip_camera_axes, rigid_pose
 
 UTM = np.array([566_123.25, 5_932_456.5, 312.75])
@@ -236,3 +245,49 @@ def test_cameras_in_one_place_are_refused() -> None:
     poses[:, :3, 3] = UTM
     with pytest.raises(SceneError, match="same point"):
         plain(poses)
+
+
+@given(st.floats(0, 180), st.booleans())
+@settings(deadline=None, max_examples=30)
+def test_frames_are_fitted_to_wires_of_any_azimuth(azimuth_deg: float, metric: bool) -> None:
+    """Two wires of 40 m, 5 m apart, and one of 10 m across them: x along the two, their extent in [-1, 1]."""
+    frames = frames_for(UTM_POSES, up=np.array([0.0, 0, 1]), unit="m" if metric else "unscaled", crs=None)
+    angle = np.deg2rad(90 - azimuth_deg)
+    u, n = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
+    s, up = np.linspace(-20, 20, 50)[:, None], np.array([0.0, 0.0, 1.0])
+    hanging = [UTM + s * u + y * n + (10 + 0.004 * s**2) * up for y in (0.0, 5.0)]
+    across = UTM + s / 8 * n + 12 * up
+    found, box = fitted_frames(frames, [frames.to_scene(line) for line in (*hanging, across)])
+    np.testing.assert_allclose(np.abs(found.R_scene_world[0] @ u), 1, atol=1e-9)
+    np.testing.assert_allclose(found.R_scene_world[2], up, atol=1e-12)
+    assert found.R_scene_world[0] @ frames.R_scene_world[0] >= -1e-9  # not turned round
+    inside = found.to_scene(np.concatenate([*hanging, across]))
+    np.testing.assert_allclose([inside[:, 0].min(), inside[:, 0].max()], [-1, 1], atol=1e-6)
+    assert found.scale == pytest.approx(1 / 20) and found.unit == frames.unit
+    room = 40 * AROUND / 20
+    np.testing.assert_allclose(box[1] - inside.max(0), room, atol=1e-6)
+    np.testing.assert_allclose(inside.min(0) - box[0], room + np.array([0, 0, 40 * BELOW / 20]), atol=1e-6)
+    np.testing.assert_allclose((box[0] + box[1])[:2], 0, atol=1e-6)
+
+
+UTM_POSES = random_poses(6, 8)
+UTM_POSES[:, :3, 3] = UTM + 30 * UTM_POSES[:, :3, 3]
+
+
+def test_a_wire_longer_upwards_and_sideways_than_along_still_fits() -> None:
+    frames = plain(random_poses(6, 8))
+    lines = [np.array([[0.0, y, 0.2], [0.4, y, 0.3]]) for y in (-0.7, 0.9)]
+    found, _ = fitted_frames(frames, lines)
+    inside = found.to_scene(frames.to_world(np.concatenate(lines)))
+    np.testing.assert_allclose([inside[:, 1].min(), inside[:, 1].max()], [-1, 1], atol=1e-9)
+
+
+@given(st.integers(0, 50))
+@settings(deadline=None, max_examples=20)
+def test_one_frame_from_another_is_the_way_over_the_world(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one, two = (plain(random_poses(6, int(k))) for k in rng.integers(0, 1000, 2))
+    scale, R, shift = two.from_frames(one)
+    points = rng.normal(size=(20, 3))
+    there = two.to_scene(one.to_world(points))
+    np.testing.assert_allclose(scale * points @ R.T + shift, there, atol=1e-9)

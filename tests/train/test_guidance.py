@@ -14,7 +14,7 @@ from plnerf.detect.config import DetectConfig, SweepConfig
 from plnerf.errors import ConfigError
 from plnerf.line.base import Base
 from plnerf.line.ends import Evidence, Open
-from plnerf.line.files import write_wires
+from plnerf.line.files import read_wires, write_wires
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import project
@@ -28,7 +28,9 @@ from plnerf.train.guidance import (
     run_wires,
     wire_pixels,
 )
-from plnerf.train.loop import billable_seconds
+from plnerf.train.loop import billable_seconds, train
+from plnerf.train.report import SilentReport
+from plnerf.train.run import open_run
 from plnerf.train.settings import to_json
 
 REACH, HALF = 0.04, 0.4
@@ -99,19 +101,23 @@ def test_a_wire_behind_all_cameras_has_no_pixels(scene: Scene) -> None:
 def test_only_certain_wires_guide_and_stored_ones_cost_nothing(
     scene: Scene, config: RunConfig, tmp_path: Path
 ) -> None:
+    """Wires that lie in the folder without a scene are those of the scene as it was read: frames are fitted
+    to them."""
     sure, frame = wire_of(scene), LineFrame.of_scene(scene.frames)
     write_wires(tmp_path / WIRES, [uncertain(sure), sure], frame, {})
-    wires, seconds = run_wires(config, scene, tmp_path)
+    fitted, wires, seconds = run_wires(config, scene, tmp_path)
     assert seconds == 0.0
     (only,) = wires
-    assert only.evidence.certain and (only.theta == sure.theta).all()
-    guides = guides_for(wires, scene, config)
+    assert only.evidence.certain and only.theta[5] == 0
+    guides = guides_for(wires, fitted, config)
     assert guides is not None and len(guides) == 1
-    assert guides.ends[0].tolist() == pytest.approx([-HALF, HALF])
-    assert guides.reach[0].item() == pytest.approx(REACH)
+    half = np.hypot(HALF, 0.04)  # of the wire, which leaves its base sideways
+    assert guides.ends[0].tolist() == pytest.approx([-HALF / half, HALF / half])
+    assert guides.reach[0].item() == pytest.approx(REACH / half)
     assert guides_for((), scene, config) is None
     off = dataclasses.replace(config, train=dataclasses.replace(config.train, find_wires=False))
-    assert run_wires(off, scene, tmp_path) == ((), 0.0)
+    same, none, seconds = run_wires(off, scene, tmp_path)
+    assert same is scene and (none, seconds) == ((), 0.0)
 
 
 def test_the_file_of_wires_holds_all_of_them_and_the_settings(
@@ -126,14 +132,86 @@ def test_the_file_of_wires_holds_all_of_them_and_the_settings(
 
     monkeypatch.setattr("plnerf.train.guidance.detect_wires", detect)
     coarse = dataclasses.replace(config, detect=DetectConfig(sweep=SweepConfig(cell=0.01)))
-    wires, seconds = run_wires(coarse, scene, tmp_path / "run")
+    _, wires, seconds = run_wires(coarse, scene, tmp_path / "run")
     assert asked == [coarse.detect] and len(wires) == 1 and seconds > 0
     data = json.loads((tmp_path / "run" / WIRES).read_text())
     assert data["settings"] == to_json(coarse.detect) and data["settings"]["sweep"]["cell"] == 0.01
     assert [row["evidence"]["certain"] for row in data["wires"]] == [False, True]
-    assert [path.name for path in (tmp_path / "run").iterdir()] == [WIRES]
-    again, seconds = run_wires(coarse, scene, tmp_path / "run")
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {WIRES, "scene.json"}
+    _, again, seconds = run_wires(coarse, scene, tmp_path / "run")
     assert len(asked) == 1 and seconds == 0.0 and (again[0].theta == wires[0].theta).all()
+
+
+def detecting(monkeypatch: pytest.MonkeyPatch, *wires: Wire) -> None:
+    """Wires as if they had been detected."""
+    monkeypatch.setattr("plnerf.train.guidance.detect_wires", lambda *_: wires)
+
+
+def test_frames_are_fitted_to_the_wires_and_come_back_to_the_last_bit(
+    scene: Scene, config: RunConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The wire runs along x from -1 to 1, at the same places of the world, before the same pixels."""
+    sure = wire_of(scene)
+    detecting(monkeypatch, uncertain(wire_of(scene, 3.0)), sure)
+    fitted, (wire,), _ = run_wires(config, scene, tmp_path)
+    old, new = LineFrame.of_scene(scene.frames), LineFrame.of_scene(fitted.frames)
+    s = np.linspace(0, 1, 30)
+    there = new.to_scene(wire.points(s * wire.base.length_m))
+    np.testing.assert_allclose(there[[0, -1], 0], [-1, 1], atol=1e-9)
+    np.testing.assert_allclose(there[[0, -1], 1], 0, atol=1e-9)
+    world = old.to_world(sure.points(s * sure.base.length_m))
+    np.testing.assert_allclose(new.to_world(wire.points(s * wire.base.length_m)), world, atol=1e-9)
+    np.testing.assert_allclose(fitted.frames.to_world(there), world, atol=1e-9)
+    before, after = (
+        project(one.cameras, torch.from_numpy(one.frames.to_scene(world)).float())[0]
+        for one in (scene, fitted)
+    )
+    assert (before - after).abs().max() < 1e-3
+    assert (fitted.box[0] < there.min(0)).all() and (fitted.box[1] > there.max(0)).all()
+    for trained in (False, True):
+        same, (again,), seconds = run_wires(config, scene, tmp_path, trained=trained)
+        assert seconds == 0 and same.frames.to_json() == fitted.frames.to_json()
+        assert np.array_equal(same.box, fitted.box)
+        assert torch.equal(same.cameras.centre, fitted.cameras.centre)
+        assert torch.equal(same.cameras.R_scene_camera, fitted.cameras.R_scene_camera)
+        assert np.array_equal(again.theta, wire.theta) and np.array_equal(again.base.a, wire.base.a)
+        assert np.array_equal(again.covariance, wire.covariance) and again.evidence == wire.evidence
+
+
+def test_a_scene_without_a_certain_wire_keeps_its_frames(
+    scene: Scene, config: RunConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    detecting(monkeypatch, uncertain(wire_of(scene)))
+    fitted, wires, _ = run_wires(config, scene, tmp_path)
+    assert wires == () and fitted.frames.to_json() == scene.frames.to_json()
+    assert np.array_equal(fitted.box, scene.box) and fitted.cameras is scene.cameras
+    ((kept,), _) = read_wires(tmp_path / WIRES)
+    assert np.array_equal(kept.theta, wire_of(scene).theta)
+
+
+def test_a_run_with_wires_is_trained_resumed_and_opened_in_its_own_frames(
+    scene: Scene, config: RunConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Interrupted and resumed, the weights are those of an uninterrupted run to the bit."""
+    detecting(monkeypatch, wire_of(scene))
+    whole = open_run(train(config, tmp_path / "whole", SilentReport()))
+    train(dataclasses.replace(config, steps=2), tmp_path / "cut", SilentReport())
+    cut = open_run(train(config, tmp_path / "cut", SilentReport()))
+    assert cut.step == whole.step == 3 and cut.record.frames.to_json() == whole.record.frames.to_json()
+    assert cut.record.frames.to_json() != scene.frames.to_json()
+    seen, world = cut.scene.cameras, scene.cameras
+    for i in (0, 5):
+        pose, other = (
+            one.frames.pose_to_world(c.R_scene_camera[i].double().numpy(), c.centre[i].double().numpy())
+            for one, c in ((cut.scene, seen), (scene, world))
+        )
+        np.testing.assert_allclose(pose, other, atol=1e-5)
+    assert torch.equal(cut.scene.cameras.centre, cut.record.cameras.centre)
+    assert cut.wires is not None and np.array_equal(cut.wires[0].theta, whole.wires[0].theta)
+    (cut.folder / WIRES).unlink()
+    for use in (lambda: open_run(cut.folder), lambda: train(config, cut.folder, SilentReport())):
+        with pytest.raises(ConfigError, match=r"wires\.json is not there: .* train again"):
+            use()
 
 
 def test_a_run_of_an_earlier_version_is_refused(scene: Scene, config: RunConfig, tmp_path: Path) -> None:
@@ -142,7 +220,7 @@ def test_a_run_of_an_earlier_version_is_refused(scene: Scene, config: RunConfig,
         run_wires(config, scene, tmp_path)
     assert str(tmp_path) in str(caught.value) and "\n" not in str(caught.value)
     off = dataclasses.replace(config, train=dataclasses.replace(config.train, find_wires=False))
-    assert run_wires(off, scene, tmp_path) == ((), 0.0)
+    assert run_wires(off, scene, tmp_path) == (scene, (), 0.0)
 
 
 def test_wire_pixels_have_their_share_of_the_draws(scene: Scene, config: RunConfig) -> None:

@@ -65,6 +65,11 @@ class LineFrame:
         moved: Float[np.ndarray, "*b 3"] = x @ self.R_line_world / self.scale + self.origin_world
         return moved
 
+    def same_as(self, other: "LineFrame") -> bool:
+        """Whether coordinates mean the same places in both, to the last bit."""
+        arrays = ((self.R_line_world, other.R_line_world), (self.origin_world, other.origin_world))
+        return self.scale == other.scale and all(np.array_equal(*pair) for pair in arrays)
+
     @property
     def similarity(self) -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
         """`from_world` as scale, rotation and shift: x_line = scale R x_world + shift."""

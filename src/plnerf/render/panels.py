@@ -55,7 +55,7 @@ def evaluation_panel(
         ),
     ]
     if view.normals is not None:
-        tiles.append(("normals (x along the line, z up) as red, green, blue", _fit(normals_picture(view))))
+        tiles.append(("normals (scene frame, z up) as red, green, blue", _fit(normals_picture(view))))
     return side_by_side(tiles)
 
 

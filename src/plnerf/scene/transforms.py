@@ -95,11 +95,6 @@ class Frames:
         T_world_camera[:3, 3] = self.to_world(centre)
         return T_world_camera
 
-    @property
-    def axes_in_world(self) -> Float[np.ndarray, "3 3"]:
-        """Rows: the scene's x (along the line), y (to its left) and z (up) in the world."""
-        return self.R_scene_world
-
     def to_json(self) -> dict[str, object]:
         """Plain JSON values; ``from_json`` gives back the same bits, also through ``json.dumps``."""
         return {

@@ -14,12 +14,16 @@ from plnerf.errors import ConfigError
 from plnerf.field.guides import Guides, guides_of, reach_in_scene, scene_points
 from plnerf.line.files import read_wires, write_wires
 from plnerf.line.frame import LineFrame
+from plnerf.line.move import move_wire
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import project
+from plnerf.scene.orientation import fitted_frames
 from plnerf.scene.scene import Scene
+from plnerf.scene.transforms import Frames
 from plnerf.train.config import RunConfig
 from plnerf.train.pixels import Pool, detail_pools
-from plnerf.train.scene_record import SceneRecord
+from plnerf.train.scene_record import FILE as RECORD
+from plnerf.train.scene_record import SceneRecord, read_record, write_record
 from plnerf.train.settings import to_json
 
 WIRES = "wires.json"
@@ -27,36 +31,73 @@ OLD_WIRES = "curves.json"
 """What earlier versions wrote in its place."""
 WIDEST_PX = 24
 POINTS = 200
-"""Points of a wire that are joined in the images."""
+"""Points of a wire that are joined in the images, and that frames are fitted to."""
 
 
-def run_wires(config: RunConfig, scene: Scene, folder: Path) -> tuple[tuple[Wire, ...], float]:
-    """The certain wires, and the seconds it took to detect them: 0 where they are there already.
+def run_wires(
+    config: RunConfig, scene: Scene, folder: Path, *, trained: bool = False
+) -> tuple[Scene, tuple[Wire, ...], float]:
+    """The scene in the frames of its run, its certain wires there, and the seconds it took to detect them.
 
-    Raises ConfigError where an earlier version wrote the run, SurveyError where its wires cannot be read.
+    scene: as it was read.  trained: the run has a checkpoint, which is of the frames and wires in the folder.
+    Of a new run the frames are fitted to the certain wires, or are the scene's own where there are none, and
+    scene.json and wires.json are written.  Kept ones come back to the last bit.  Raises ConfigError where
+    they are gone or an earlier version wrote them, SurveyError where the wires cannot be read.
     """
-    if not config.train.find_wires:
-        return (), 0.0
-    if (folder / OLD_WIRES).exists():
+    if config.train.find_wires and (folder / OLD_WIRES).exists():
         raise ConfigError(
             f"{folder} was written by an earlier version of plnerf: it holds {OLD_WIRES}. Train again into "
             f"another folder: plnerf train {config.scene} -o FOLDER."
         )
-    path = folder / WIRES
-    if (kept := kept_wires(config, folder)) is not None:
-        return certain(kept), 0.0
-    compile_kernels()  # like that of the first step, not counted against a budget in seconds
-    start = time.perf_counter()
-    wires = detect_wires(scene, config.detect)
+    wires, seconds = kept_wires(config, folder, scene.frames), 0.0
+    if trained or (wires is not None and (folder / RECORD).exists()):
+        record = read_record(folder)
+        scene = scene.in_frames(record.frames, record.box)
+        return scene, certain(trained_wires(config, folder, record.frames) or ()), 0.0
+    if not config.train.find_wires:
+        return scene, (), 0.0
+    if wires is None:
+        compile_kernels()  # like that of the first step, not counted against a budget in seconds
+        start = time.perf_counter()
+        wires = detect_wires(scene, config.detect)
+        seconds = time.perf_counter() - start
+    fitted = fitted_to(certain(wires), scene)
+    old, new = (LineFrame.of_scene(one.frames) for one in (scene, fitted))
+    wires = tuple(move_wire(wire, old, new) for wire in wires) if fitted is not scene else wires
     folder.mkdir(parents=True, exist_ok=True)
-    write_wires(path, wires, LineFrame.of_scene(scene.frames), to_json(config.detect))
-    return certain(wires), time.perf_counter() - start
+    write_record(folder, SceneRecord.of(fitted))
+    write_wires(folder / WIRES, wires, new, to_json(config.detect))
+    return fitted, certain(wires), seconds
 
 
-def kept_wires(config: RunConfig, folder: Path) -> tuple[Wire, ...] | None:
-    """All wires in the run folder; None where they were not detected, or not yet."""
-    path = folder / WIRES
-    return read_wires(path)[0] if config.train.find_wires and path.exists() else None
+def fitted_to(wires: Sequence[Wire], scene: Scene) -> Scene:
+    """The scene in frames fitted to wires, which are in its LineFrame; itself without wires."""
+    if not wires:
+        return scene
+    frame = LineFrame.of_scene(scene.frames)
+    points = [wire.points(np.linspace(0.0, wire.base.length_m, POINTS)) for wire in wires]
+    return scene.in_frames(*fitted_frames(scene.frames, [frame.to_scene(one) for one in points]))
+
+
+def kept_wires(config: RunConfig, folder: Path, frames: Frames) -> tuple[Wire, ...] | None:
+    """All wires in the run folder, in the LineFrame of these frames; None where they were not detected, or
+    not yet."""
+    path, frame = folder / WIRES, LineFrame.of_scene(frames)
+    if not config.train.find_wires or not path.exists():
+        return None
+    wires, written = read_wires(path)
+    return wires if written.same_as(frame) else tuple(move_wire(wire, written, frame) for wire in wires)
+
+
+def trained_wires(config: RunConfig, folder: Path, frames: Frames) -> tuple[Wire, ...] | None:
+    """The same of a run that has been trained.  Raises ConfigError where its wires are gone."""
+    wires = kept_wires(config, folder, frames)
+    if config.train.find_wires and wires is None:
+        raise ConfigError(
+            f"{folder / WIRES} is not there: the model was trained with the wires in it. Copy the whole run "
+            "folder, or train again."
+        )
+    return wires
 
 
 def certain(wires: Sequence[Wire]) -> tuple[Wire, ...]:

@@ -48,11 +48,12 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     """
     scene = scene or open_scene(config, folder)
     cfg, checkpoints = config.train, folder / "checkpoints"
-    wires, searched = run_wires(config, scene, folder)
+    saved = list_checkpoints(checkpoints)
+    scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved))
     model = build_model(config, scene, guides_for(wires, scene, config))
     optimizer = build_optimizer(model, cfg)
     step, seconds = 0, billable_seconds(searched, config)
-    if saved := list_checkpoints(checkpoints):
+    if saved:
         start = load_checkpoint(saved[-1], model, optimizer)
         step, seconds = start.step, start.seconds
     progress = progress_of(config, step, seconds)

@@ -216,7 +216,7 @@ def _description(
         "rgb": "8-bit sRGB; appearance vector: "
         + ("each image's own" if views == "train" else "mean of the training images' vectors"),
         "poses": "as refined in training" if refined else "the scene's",
-        "normals": "(n + 1)/2 of the scene frame (x along the line, z up), black where there is no surface",
+        "normals": "(n + 1)/2 of the run's scene frame (z up), black where there is no surface",
         "accumulation": "8-bit grey, 255 = every ray ends",
     }
     if shown is not None:

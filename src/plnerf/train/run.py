@@ -23,7 +23,7 @@ from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
 from plnerf.train.field import Field
-from plnerf.train.guidance import WIRES, certain, guides_for, kept_wires
+from plnerf.train.guidance import certain, guides_for, trained_wires
 from plnerf.train.scene_record import SceneRecord, read_record, write_record
 from plnerf.train.settings import from_json, to_json
 
@@ -43,13 +43,17 @@ class TrainedRun:
     step: int
     seconds: float
     wires: tuple[Wire, ...] | None = None
-    """All wires that were detected before training, in the LineFrame of the scene; None: the run detected
+    """All wires that were detected before training, in the LineFrame of `record`; None: the run looked for
     none."""
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene with its photos.  Raises SceneError where it has gone or changed."""
-        scene, record = open_scene(self.config, self.folder), self.record
+        """The scene with its photos, in the frames of the run.
+
+        Raises SceneError where it has gone or changed.
+        """
+        record = self.record
+        scene = open_scene(self.config, self.folder).in_frames(record.frames, record.box)
         same = scene.names == record.names and (scene.train, scene.test) == (record.train, record.test)
         if not same or not torch.allclose(scene.cameras.centre, record.cameras.centre, atol=1e-5):
             raise SceneError(
@@ -77,19 +81,16 @@ def open_run(folder: Path | str) -> TrainedRun:
             f"{folder / 'checkpoints'} holds no complete checkpoint yet. Go on with the run until it writes "
             f"one: plnerf train {config.scene} -o {folder} --resume."
         )
-    record, wires = read_record(folder), kept_wires(config, folder)
-    if config.train.find_wires and wires is None:
-        raise ConfigError(
-            f"{folder / WIRES} is not there: the model was trained with the wires in it. Copy the whole run "
-            "folder, or train again."
-        )
+    record = read_record(folder)
+    wires = trained_wires(config, folder, record.frames)
     model = build_model(config, record, guides_for(certain(wires or ()), record, config))
     checkpoint = load_checkpoint(checkpoints[-1], model)
     return TrainedRun(folder, config, record, model.eval(), checkpoint.step, checkpoint.seconds, wires)
 
 
 def open_scene(config: RunConfig, folder: Path, progress: Progress | None = None) -> Scene:
-    """The scene of a run; its reduced pixels are kept in the run folder."""
+    """The scene of a run as it is read, in the cameras' frame; its reduced pixels are kept in the run
+    folder."""
     store = folder / "pixels"
     return load_scene(Path(config.scene), store=store, downscale=config.downscale, progress=progress)
 
