@@ -10,7 +10,7 @@ from plnerf.line.ends import Open
 from plnerf.line.line import Line
 from plnerf.line.wire import Wire
 from plnerf.survey.config_wires import KindsConfig
-from plnerf.survey.kinds import kinds, same_along
+from plnerf.survey.kinds import kinds, same_along, with_kinds
 
 UNKNOWN = line_along(FEET, [(y, z, "unknown") for y, z, _ in PHASES], sag_share=0.03)
 
@@ -28,15 +28,9 @@ def flatter(line: Line, spans: tuple[int, ...]) -> Line:
 
 
 def kinds_of(line: Line, **settings: float) -> list[list[str]]:
-    config = replace(KindsConfig(), **settings)
-    alone = [
-        [
-            replace(wire, kind=kind)
-            for wire, kind in zip(span.wires, kinds(span.wires, [300] * 4), strict=True)
-        ]
-        for span in line.spans
-    ]
-    return [[wire.kind for wire in span] for span in same_along(alone, config)]
+    counts = {wire.id: 300 for wire in line.wires}
+    (named,) = with_kinds([line], counts, replace(KindsConfig(), **settings))
+    return [[wire.kind for wire in span.wires] for span in named.spans]
 
 
 @pytest.mark.parametrize(
@@ -93,4 +87,4 @@ def test_wires_that_run_against_each_other_and_shorter_ones_are_compared_at_one_
 
 
 def test_no_spans_have_no_kinds() -> None:
-    assert same_along([]) == []
+    assert same_along([]) == [] and with_kinds([], {}) == ()

@@ -8,7 +8,7 @@ Along a line a wire stays what it is: those that go on in the next span, held by
 same place across the line, have one kind.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 
@@ -18,8 +18,28 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from plnerf.line.ends import Attached
+from plnerf.line.line import Line
 from plnerf.line.wire import Kind, Wire
 from plnerf.survey.config_wires import KindsConfig
+
+
+def with_kinds(
+    lines: Sequence[Line], counts: Mapping[int, int], config: KindsConfig = KindsConfig()
+) -> tuple[Line, ...]:
+    """The lines with the kinds of their wires, the same in all spans of a line through which a wire goes.
+
+    counts: the points of each wire, by its id, or whatever tells how well each is seen.
+    """
+    made = []
+    for line in lines:
+        alone = []
+        for span in line.spans:
+            names = kinds(span.wires, [counts[wire.id] for wire in span.wires], config)
+            alone.append([replace(wire, kind=kind) for wire, kind in zip(span.wires, names, strict=True)])
+        same = same_along(alone, config)
+        spans = tuple(replace(span, wires=tuple(wires)) for span, wires in zip(line.spans, same, strict=True))
+        made.append(replace(line, spans=spans))
+    return tuple(made)
 
 
 def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = KindsConfig()) -> list[Kind]:
