@@ -57,11 +57,11 @@ def test_points_that_float_alone_or_far_out_are_dropped(run: TrainedRun) -> None
 
 def test_what_is_near_a_wire_is_no_background_however_far_from_the_cameras(run: TrainedRun) -> None:
     frame = LineFrame.of_scene(run.scene.frames)
-    some = replace(CONFIG, min_accumulation=0.0, max_relative_sigma=9.0, max_isolation=1e3, farthest=0.3)
+    some = replace(CONFIG, min_accumulation=0.0, max_relative_sigma=9.0, max_isolation=1e9, farthest=0.3)
     few = field_surface(run, frame, [], some)
     low, high = frame.from_scene(run.scene.box.astype(np.float64))
-    deep = low - 3 * (high - low)
-    wire = hang(deep, np.array([high[0], *deep[1:]]), 0.01 * float((high - low)[0]))
+    side = high - low
+    wire = hang(low - 3 * side, high + 3 * side, 0.01 * float(side[0]))
     assert len(field_surface(run, frame, [wire], some).xyz) > len(few.xyz)
     unsure = replace(wire, evidence=replace(wire.evidence, certain=False))
     assert len(field_surface(run, frame, [unsure], some).xyz) == len(few.xyz)
