@@ -38,7 +38,7 @@ from plnerf.score.wire_matches import Match, match_wires
 from plnerf.survey.posed_photos import photos_of
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.refine import refine_wires
-from plnerf.synth.config import Pass
+from plnerf.synth.flight_config import Pass
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
 

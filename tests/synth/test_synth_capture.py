@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plnerf.synth.build import build_span
+from plnerf.synth.build import build_site
 from plnerf.synth.capture import look, plan_flight
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.hints import hints_of
@@ -11,7 +11,7 @@ from plnerf.synth.synthesize import HOLD_OUT_EVERY, transforms_of
 
 SCENE = SceneConfig()
 CONFIG = SCENE.capture
-SPAN = build_span(SCENE.span)
+SPAN = build_site(SCENE.span)
 VIEWS = plan_flight(SPAN, CONFIG)
 AXES = [wire.polyline(0.02) for wire in SPAN.wires]
 

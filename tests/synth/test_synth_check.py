@@ -6,25 +6,19 @@ import numpy as np
 import pytest
 
 from plnerf.errors import ConfigError
-from plnerf.synth.build import build_span
+from plnerf.synth.build import build_site
 from plnerf.synth.capture import View, look
 from plnerf.synth.check import check_cameras, edge_points
-from plnerf.synth.config import (
-    CaptureConfig,
-    Pass,
-    PlantsConfig,
-    SceneConfig,
-    SpanConfig,
-    TerrainConfig,
-    WireConfig,
-)
+from plnerf.synth.config import PlantsConfig, SceneConfig, SpanConfig, TerrainConfig
+from plnerf.synth.flight_config import CaptureConfig, Pass
 from plnerf.synth.houses import inside_m, walls
+from plnerf.synth.line_config import WireConfig
 from plnerf.synth.meshes import Mesh
 from plnerf.synth.scenes import SCENES
 
 BARE = PlantsConfig(trees=0, bushes=0, background=0)
-STREET = build_span(SCENES["distribution"].span)
-LATTICE = build_span(SCENES["span"].span)
+STREET = build_site(SCENES["distribution"].span)
+LATTICE = build_site(SCENES["span"].span)
 
 
 def at(*centres) -> list[View]:
@@ -50,15 +44,15 @@ def test_a_wire_that_touches_the_ground_is_refused_by_name_and_place():
     wires = (WireConfig("low one", "phase", 0.0, 4.0, 4.6, 0.03),)
     config = SpanConfig(wires=wires, plants=BARE, terrain=TerrainConfig(waves=0.0))
     with pytest.raises(ConfigError, match=r"low one touches the ground -?0\.\d m from mid-span, by 0\.6\d m"):
-        build_span(config)
+        build_site(config)
     just_above = replace(config, wires=(replace(wires[0], sag_m=3.95),))
-    build_span(just_above)
+    build_site(just_above)
 
 
 def test_a_clamp_inside_the_terrain_is_refused():
     wires = (WireConfig("wide", "phase", -25.0, 0.2, 0.1, 0.03),)
     with pytest.raises(ConfigError, match=r"clamp of wide on support (west|east) lies .* inside the terrain"):
-        build_span(SpanConfig(wires=wires, plants=BARE, terrain=TerrainConfig(waves=-8.0)))
+        build_site(SpanConfig(wires=wires, plants=BARE, terrain=TerrainConfig(waves=-8.0)))
 
 
 def test_a_camera_in_any_tree_or_bush_is_refused():

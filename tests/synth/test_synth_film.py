@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from plnerf.synth.build import build_span
+from plnerf.synth.build import build_site
 from plnerf.synth.capture import plan_flight
-from plnerf.synth.config import CaptureConfig, ImageConfig, Pass, PlantsConfig, SceneConfig, SpanConfig
+from plnerf.synth.config import ImageConfig, PlantsConfig, SceneConfig, SpanConfig
 from plnerf.synth.effects import MID_GREY, luminance
 from plnerf.synth.film import _photos, film
+from plnerf.synth.flight_config import CaptureConfig, Pass
 from plnerf.synth.render import Studio, to_srgb
 
 SCENE = SceneConfig(
@@ -18,7 +19,7 @@ SCENE = SceneConfig(
     SpanConfig(plants=PlantsConfig(1, 0, 0)),
     CaptureConfig(width_px=48, height_px=32, focal_px=44.0, views_per_pass=6),
 )
-SPAN = build_span(SCENE.span)
+SPAN = build_site(SCENE.span)
 VIEWS = plan_flight(SPAN, SCENE.capture)
 
 

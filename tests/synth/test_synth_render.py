@@ -10,11 +10,12 @@ from PIL import Image
 
 from plnerf.errors import ConfigError, SceneError
 from plnerf.synth import parts, render
-from plnerf.synth.build import build_span
+from plnerf.synth.build import build_site
 from plnerf.synth.capture import View, look, plan_flight
-from plnerf.synth.config import CaptureConfig, ImageConfig, PlantsConfig, SceneConfig, SpanConfig
+from plnerf.synth.config import ImageConfig, PlantsConfig, SceneConfig, SpanConfig, TerrainConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.meshes import grid, tube
-from plnerf.synth.parts import Part, Surface, span_parts
+from plnerf.synth.parts import Part, Surface, site_parts
 from plnerf.synth.render import open_studio, to_srgb
 from plnerf.synth.synthesize import synthesize
 
@@ -23,7 +24,7 @@ needs_mitsuba = pytest.mark.skipif(
 )
 TINY = SceneConfig(
     "tiny",
-    SpanConfig(plants=PlantsConfig(1, 0, 0)),
+    SpanConfig(terrain=TerrainConfig(texel_m=0.2), plants=PlantsConfig(1, 0, 0)),
     CaptureConfig(width_px=48, height_px=32, focal_px=44.0, views_per_pass=4),
     ImageConfig(samples_per_pixel=4),
 )
@@ -67,9 +68,9 @@ def test_a_rod_before_a_wall_is_seen_where_and_as_far_away_as_it_is(tmp_path):
 @needs_mitsuba
 def test_strips_of_wires_are_what_the_whole_picture_shows(tmp_path):
     """Both are 36 random samples a pixel: one at 1/2 has a deviation of 1/12 at most, stratified or not."""
-    span = build_span(TINY.span)
+    span = build_site(TINY.span)
     capture = CaptureConfig(width_px=120, height_px=77, focal_px=110.0, views_per_pass=4)
-    wires = [part for part in span_parts(span) if part.wire]
+    wires = [part for part in site_parts(span) if part.wire]
     studio = open_studio(wires, capture, ImageConfig(samples_per_pixel=4), tmp_path)
     integrator = studio.mi.load_dict({"type": "path", "max_depth": 1})
     sampler = {"type": "stratified", "sample_count": 36, "seed": 1}

@@ -10,31 +10,33 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from tests.support.synth_spans import assert_same_span
+from tests.support.synth_spans import assert_same_site
 
 import plnerf
 from plnerf.line.catenary import lowest
-from plnerf.synth.build import build_span, sub_conductors
+from plnerf.synth.build import build_site, sub_conductors
 from plnerf.synth.capture import plan_flight
 from plnerf.synth.check import check_cameras, support_meshes
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.houses import roof, walls, windows
 from plnerf.synth.insulators import insulators, spacers
+from plnerf.synth.line_scenes import LINE_SCENES
 from plnerf.synth.meshes import Mesh
 from plnerf.synth.planting import clearance_m
 from plnerf.synth.scenes import SCENES, WHY
 from plnerf.synth.tower import footings
 from plnerf.synth.truth import truth_of
 
-NAMES = list(SCENES)
+NAMES = [name for name in SCENES if name not in LINE_SCENES]
+"""Of scenes of a single span."""
 OWN_GEOMETRY = ["span", "double-circuit", "distribution", "forest", "hills", "bundle", "far"]
 MAX_IMAGES = {"double-circuit": 96}
 
 
 @cache
 def built(name: str):
-    span = build_span(SCENES[name].span)
+    span = build_site(SCENES[name].span)
     return span, plan_flight(span, SCENES[name].capture)
 
 
@@ -58,8 +60,8 @@ def in_image(capture, view, points):
 
 
 def test_every_scene_has_its_own_name_and_its_reason():
-    assert [scene.name for scene in SCENES.values()] == NAMES
-    assert set(WHY) == set(NAMES)
+    assert [scene.name for scene in SCENES.values()] == list(SCENES)
+    assert set(WHY) == set(SCENES)
     assert SCENES["span"] == SceneConfig()  # the one that comes with the package
 
 
@@ -99,7 +101,7 @@ def test_clamps_are_where_the_configuration_says_and_carried_by_something(name):
         local[:, :2] = local[:, :2] @ axes
         asked = [(y, wire.height_m) for wire in span.config.wires for _, y in sub_conductors(wire)]
         np.testing.assert_allclose(local[:, 1:], asked, atol=1e-9)
-        porcelain, metal = insulators(span, tower)
+        porcelain, metal = insulators(span.lines[0], tower)
         bodies = [metal] if porcelain is None else [metal, porcelain]
         near, _ = cKDTree(np.concatenate([b.vertices for b in bodies])).query(tower.attachments)
         assert near.max() < 0.06
@@ -108,7 +110,7 @@ def test_clamps_are_where_the_configuration_says_and_carried_by_something(name):
 def test_sub_conductors_hang_side_by_side_and_spacers_hold_them_apart():
     for name in ("bundle", "double-circuit"):
         span, _ = built(name)
-        held = spacers(span)
+        held = spacers(span.spans)
         for config, wires in span.grouped:
             lines = [wire.polyline(0.5) for wire in wires]
             for a, b in pairwise(lines):
@@ -158,12 +160,12 @@ def test_the_forest_has_crowns_two_to_four_metres_from_a_conductor():
 def test_a_seed_decides_everything(name):
     span, views = built(name)
     scene = SCENES[name]
-    assert_same_span(build_span(scene.span), span)
+    assert_same_site(build_site(scene.span), span)
     again = plan_flight(span, scene.capture)
     assert all((a.centre == b.centre).all() for a, b in zip(again, views, strict=True))
-    other = build_span(scene.with_seed(scene.seed + 1).span)
+    other = build_site(scene.with_seed(scene.seed + 1).span)
     assert other.plants != span.plants
-    assert_same_span(replace(other, plants=span.plants, houses=span.houses, config=span.config), span)
+    assert_same_site(replace(other, plants=span.plants, houses=span.houses, config=span.config), span)
 
 
 def test_nothing_stands_on_the_road_or_in_a_house():
@@ -234,10 +236,10 @@ def test_the_double_circuit_has_the_measured_figures():
 
 
 def test_the_truth_in_the_package_is_that_of_the_default_scene():
-    """All but the stretches seen, which are read from the rendered masks."""
+    """All but the stretches seen and observable, which are read from the rendered masks."""
     kept = json.loads((Path(plnerf.__file__).parent / "data" / "span" / "truth.json").read_text())
     span, views = built("span")
-    seen = [wire.pop("seen_m") for wire in kept["conductors"]]
+    seen = [(wire.pop("seen_m"), wire.pop("observable_m")) for wire in kept["conductors"]]
     assert len(seen) == len(span.wires)
     assert_close(json.loads(json.dumps(truth_of(span, SCENES["span"], views))), kept)
 
@@ -265,7 +267,7 @@ def test_supports_reach_their_height_and_into_the_ground(name):
     for tower in span.towers:
         bodies = support_meshes(span, tower)
         if span.config.support.kind == "lattice":
-            bodies.append(footings(span, tower))
+            bodies.append(footings(tower))
         points = np.concatenate([body.vertices for body in bodies])
         assert points[:, 2].max() - tower.foot[2] == pytest.approx(tower.height_m, abs=0.1)
         x, y, _ = tower.foot

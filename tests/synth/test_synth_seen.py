@@ -7,12 +7,12 @@ import pytest
 
 from plnerf.line.hang import hang
 from plnerf.synth.capture import View, look
-from plnerf.synth.config import CaptureConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.seen import MIN_IMAGES, STEP_M, seen_stretches, shown, stretches
 from plnerf.synth.tiles import strips, tiles_of
 
 CAPTURE = CaptureConfig(width_px=120, height_px=80, focal_px=100.0)
-WIRE = hang((-20.0, 0.0, 10.0), (20.0, 1.0, 11.0), 1.0)
+WIRE = hang((-20.0, 0.0, 10.0), (20.0, 1.0, 11.0), 1.0, diameter_m=0.03)
 VIEWS = [View(f"{i:04d}", "right", look(np.pi / 2, 0.0, 0.0), np.array([x, -34.0, 10.0]))
          for i, x in enumerate((-0.5, 0.0, 0.5, 1.0))]  # fmt: skip
 
@@ -39,8 +39,8 @@ def test_a_wire_that_all_masks_show_is_seen_whole() -> None:
 
 
 def test_a_wire_that_no_mask_shows_is_not_seen() -> None:
-    below = hang((-20.0, 0.0, 5.0), (20.0, 0.0, 5.0), 1.0)
-    behind = hang((-20.0, -90.0, 10.0), (20.0, -90.0, 10.0), 1.0)
+    below = hang((-20.0, 0.0, 5.0), (20.0, 0.0, 5.0), 1.0, diameter_m=0.03)
+    behind = hang((-20.0, -90.0, 10.0), (20.0, -90.0, 10.0), 1.0, diameter_m=0.03)
     assert seen_stretches([below, behind], VIEWS, WHOLE, CAPTURE) == [[], []]
     assert seen_stretches([WIRE], VIEWS, [NONE] * 4, CAPTURE) == [[]]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plnerf.synth.capture import View, look, turn, written_views
-from plnerf.synth.config import CaptureConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.shutter import flight_directions, image_motion, open_shutter
 
 CAPTURE = CaptureConfig()

@@ -2,21 +2,15 @@
 
 import numpy as np
 import pytest
-from tests.support.synth_spans import assert_same_span
+from tests.support.synth_spans import assert_same_site
 
 from plnerf.errors import ConfigError
-from plnerf.synth.build import build_span
-from plnerf.synth.config import (
-    CaptureConfig,
-    ImageConfig,
-    PlantsConfig,
-    SceneConfig,
-    SpanConfig,
-    SupportConfig,
-    TerrainConfig,
-)
+from plnerf.synth.build import build_site
+from plnerf.synth.config import ImageConfig, PlantsConfig, SceneConfig, SpanConfig, TerrainConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.insulators import insulators
+from plnerf.synth.line_config import SupportConfig
 from plnerf.synth.meshes import beam, grid, lathe, tube, without, write_ply
 from plnerf.synth.terrain import Ground
 from plnerf.synth.texture import ground_texture, noise, strand_texture
@@ -34,12 +28,12 @@ def volume(mesh) -> float:
 
 
 def test_the_same_seed_gives_the_same_span_and_another_another():
-    assert_same_span(build_span(SMALL), build_span(SMALL))
-    assert build_span(SMALL).plants != build_span(SpanConfig(seed=8, plants=SMALL.plants)).plants
+    assert_same_site(build_site(SMALL), build_site(SMALL))
+    assert build_site(SMALL).plants != build_site(SpanConfig(seed=8, plants=SMALL.plants)).plants
 
 
 def test_origin_is_on_the_ground_at_mid_span_and_towers_are_a_span_apart():
-    span = build_span(SMALL)
+    span = build_site(SMALL)
     west, east = (np.array(tower.foot) for tower in span.towers)
     assert span.ground.heights(np.zeros(1), np.zeros(1))[0] == 0.0
     np.testing.assert_allclose((west + east)[:2], 0.0, atol=1e-12)
@@ -47,7 +41,7 @@ def test_origin_is_on_the_ground_at_mid_span_and_towers_are_a_span_apart():
 
 
 def test_wires_keep_their_sags_and_stay_clear_of_each_other_and_of_the_ground():
-    span = build_span(SMALL)
+    span = build_site(SMALL)
     lines = [wire.polyline(0.1) for wire in span.wires]
     for i, wire in enumerate(span.wires):
         assert abs(wire.sag.value - SMALL.wire(wire.name).sag_m) < 1e-9
@@ -57,7 +51,7 @@ def test_wires_keep_their_sags_and_stay_clear_of_each_other_and_of_the_ground():
 
 
 def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their_cylinders():
-    span = build_span(SMALL)
+    span = build_site(SMALL)
     assert len(span.plants) == SMALL.plants.trees + SMALL.plants.bushes + SMALL.plants.background
     for plant in span.plants:
         foot = np.array(plant.foot)
@@ -71,7 +65,7 @@ def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their
 
 
 def test_clearances_agree_with_brute_force():
-    span = build_span(SMALL)
+    span = build_site(SMALL)
     listed = truth_of(span, SceneConfig(span=SMALL), ())["vegetation"]
     near = [i for i, entry in enumerate(listed) if "clearance_m" in entry]
     assert len(near) >= SMALL.plants.trees
@@ -92,11 +86,11 @@ def test_clearances_agree_with_brute_force():
 
 
 def test_towers_are_as_tall_as_stated_and_strings_end_at_the_clamps():
-    span = build_span(SMALL)
+    span = build_site(SMALL)
     for tower in span.towers:
-        top = steel(span, tower).vertices[:, 2].max() - tower.foot[2]
+        top = steel(tower).vertices[:, 2].max() - tower.foot[2]
         assert top == pytest.approx(tower.height_m, abs=0.1)
-        discs, metal = insulators(span, tower)
+        discs, metal = insulators(span.lines[0], tower)
         for clamp, wire in zip(tower.attachments, span.wires, strict=True):
             assert np.linalg.norm(metal.vertices - np.array(clamp), axis=1).min() < 0.05
             ends = wire.points(np.array([0.0, wire.base.length_m]))

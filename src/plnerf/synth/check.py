@@ -6,56 +6,81 @@ World frame, metres.  Every refusal is a ConfigError that names the thing, the p
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from plnerf.errors import ConfigError
 from plnerf.synth.capture import View
 from plnerf.synth.houses import inside_m
-from plnerf.synth.insulators import insulators, spacers
+from plnerf.synth.insulators import insulators, jumpers, spacers
 from plnerf.synth.meshes import Mesh
 from plnerf.synth.pole import irons, wood
-from plnerf.synth.span import Span, Tower, radius_m
+from plnerf.synth.site import Line, Site, Tower, radius_m
 from plnerf.synth.tower import half_width_m, steel
 
 Points = Float[np.ndarray, "_ 3"]
 
 KEEP_OFF_M = 0.3  # a camera is as large as this
 EDGE_STEP_M = 0.15
+APART_M = 1.0  # between the wires of one line and all of another
 
 
-def check_wires(span: Span) -> None:
-    """Refuse wires that touch the ground and supports whose clamps lie in it."""
-    for tower in span.towers:
-        clamps = np.array(tower.attachments)
-        buried = clamps[:, 2] - span.ground.heights(clamps[:, 0], clamps[:, 1])
-        if buried.min() <= 0:
-            name = span.wires[int(buried.argmin())].name
-            raise ConfigError(
-                f"synth: the clamp of {name} on support {tower.name} lies {-buried.min():.2f} m inside the "
-                "terrain. Raise the wire (height_m) or flatten the ground (rise_m, waves)."
-            )
-    for wire in span.wires:
-        points = wire.polyline(0.1)
-        room = points[:, 2] - span.ground.heights(points[:, 0], points[:, 1]) - radius_m(wire)
+def check_wires(site: Site) -> None:
+    """Refuse wires that touch the ground or each other, and supports whose clamps lie in the ground."""
+    for line in site.lines:
+        for tower in line.towers:
+            _check_clamps(site, line, tower)
+    lines = [(wire, wire.polyline(0.1)) for wire in site.wires]
+    for wire, points in lines:
+        room = points[:, 2] - site.ground.heights(points[:, 0], points[:, 1]) - radius_m(wire)
         lowest = int(room.argmin())
         if room[lowest] <= 0:
-            x, y, _ = points[lowest]
-            along = span.along[0] * x + span.along[1] * y
+            along = float(site.route.stations_of(points[lowest][None])[0])
             raise ConfigError(
                 f"synth: {wire.name} touches the ground {along:.1f} m from mid-span, by "
                 f"{-room[lowest]:.2f} m. "
                 "Raise it (height_m), reduce its sag_m or flatten the ground (rise_m, waves)."
             )
+    _check_apart(site)
 
 
-def check_cameras(span: Span, views: Sequence[View]) -> None:
+def _check_clamps(site: Site, line: Line, tower: Tower) -> None:
+    spans = [span for _, span in line.beside(tower)]
+    clamps = np.array((*tower.behind, *tower.ahead))
+    names = [wire.name for span in spans for wire in span.wires]
+    buried = clamps[:, 2] - site.ground.heights(clamps[:, 0], clamps[:, 1])
+    if buried.min() <= 0:
+        raise ConfigError(
+            f"synth: the clamp of {names[int(buried.argmin())]} on support {tower.name} lies "
+            f"{-buried.min():.2f} m inside the "
+            "terrain. Raise the wire (height_m) or flatten the ground (rise_m, waves)."
+        )
+
+
+def _check_apart(site: Site) -> None:
+    """Refuse lines whose wires come near to each other's wires or supports."""
+    around = []
+    for line in site.lines:
+        wires = np.concatenate([wire.polyline(0.2) for span in line.spans for wire in span.wires])
+        bodies = [edge_points(mesh) for tower in line.towers for mesh in support_meshes(site, tower)]
+        around.append((wires, np.concatenate([wires, *bodies])))
+    for i, (wires, _) in enumerate(around):
+        for j, (_, others) in enumerate(around):
+            gap = np.inf if i == j else float(cKDTree(others).query(wires)[0].min())
+            if gap < APART_M:
+                raise ConfigError(
+                    f"synth: a wire of line {i + 1} comes within {gap:.2f} m of line {j + 1}, but at least "
+                    f"{APART_M:g} m are needed. Raise one of them, or move its middle_m."
+                )
+
+
+def check_cameras(site: Site, views: Sequence[View]) -> None:
     """Refuse cameras below the ground, in a tree, a house or a support, or at a wire.
 
     Views carry names, passes and centres; the message names the first view that collides, and with what.
     """
     centres = np.array([view.centre for view in views])
-    for what, hit in _collisions(span, centres):
+    for what, hit in _collisions(site, centres):
         if hit.any():
             i = int(hit.argmax())
             place = ", ".join(f"{value:.1f}" for value in centres[i])
@@ -66,40 +91,48 @@ def check_cameras(span: Span, views: Sequence[View]) -> None:
             )
 
 
-def _collisions(span: Span, centres: Points) -> Iterator[tuple[str, np.ndarray]]:
+def _collisions(site: Site, centres: Points) -> Iterator[tuple[str, np.ndarray]]:
     """Each body, in words, and which camera centres are inside of it or too close."""
     yield (
         "below the ground",
-        centres[:, 2] < span.ground.heights(centres[:, 0], centres[:, 1]) + KEEP_OFF_M,
+        centres[:, 2] < site.ground.heights(centres[:, 0], centres[:, 1]) + KEEP_OFF_M,
     )
-    for i, plant in enumerate(span.plants):
+    for i, plant in enumerate(site.plants):
         away = centres - np.array(plant.foot)
         inside = np.hypot(away[:, 0], away[:, 1]) < plant.radius_m + KEEP_OFF_M
         yield f"inside {plant.kind} {i}", inside & (away[:, 2] < plant.height_m + KEEP_OFF_M)
-    for house in span.houses:
+    for house in site.houses:
         yield f"inside {house.name}", inside_m(house, centres) > -KEEP_OFF_M
-    for tower in span.towers:
-        local = (centres - np.array(tower.foot)) @ _line_axes(span)
-        if span.config.support.kind == "lattice":
-            half = np.array([half_width_m(span.config, max(0.0, z)) for z in local[:, 2]]) + KEEP_OFF_M
-            within = (np.abs(local[:, :2]) < half[:, None]).all(axis=1) & (local[:, 2] < tower.height_m)
-            yield f"inside the {tower.name} tower", within
-        porcelain, metal = insulators(span, tower)
-        carriers = [metal] if porcelain is None else [porcelain, metal]
-        for body in [*support_meshes(span, tower), *carriers]:
-            yield f"inside the {tower.name} support", _near(edge_points(body), centres)
-    for wire in span.wires:
+    for line in site.lines:
+        for tower in line.towers:
+            yield from _of_tower(site, line, tower, centres)
+    for wire in site.wires:
         yield f"at the wire {wire.name}", _near(wire.polyline(0.1), centres)
-    between = spacers(span)
+    between = spacers(site.spans)
     if between is not None:
         yield "at a spacer", _near(edge_points(between), centres)
 
 
-def support_meshes(span: Span, tower: Tower) -> list[Mesh]:
+def _of_tower(
+    site: Site, line: Line, tower: Tower, centres: Points
+) -> Iterator[tuple[str, Bool[np.ndarray, " n"]]]:
+    """A support and what it carries."""
+    local = (centres - np.array(tower.foot)) @ tower.axes
+    if tower.design.support.kind == "lattice":
+        half = np.array([half_width_m(tower.design, max(0.0, z)) for z in local[:, 2]]) + KEEP_OFF_M
+        within = (np.abs(local[:, :2]) < half[:, None]).all(axis=1) & (local[:, 2] < tower.height_m)
+        yield f"inside the {tower.name} tower", within
+    porcelain, metal = insulators(line, tower)
+    carriers = [mesh for mesh in (porcelain, metal, jumpers(line, tower)) if mesh is not None]
+    for body in [*support_meshes(site, tower), *carriers]:
+        yield f"inside the {tower.name} support", _near(edge_points(body), centres)
+
+
+def support_meshes(site: Site, tower: Tower) -> list[Mesh]:
     """The tower or pole itself."""
-    if span.config.support.kind == "lattice":
-        return [steel(span, tower)]
-    return [wood(span, tower), *irons(span, tower)]
+    if tower.design.support.kind == "lattice":
+        return [steel(tower)]
+    return [wood(site, tower), *irons(tower)]
 
 
 def edge_points(mesh: Mesh, step_m: float = EDGE_STEP_M) -> Points:
@@ -121,9 +154,3 @@ def _near(points: Points, centres: Points) -> np.ndarray:
         return np.zeros(len(centres), dtype=bool)
     distance, _ = cKDTree(close).query(centres, distance_upper_bound=2 * KEEP_OFF_M)
     return distance < KEEP_OFF_M
-
-
-def _line_axes(span: Span) -> Float[np.ndarray, "3 3"]:
-    """Columns: along the line, across it, up."""
-    ux, uy = span.along
-    return np.array([[ux, -uy, 0.0], [uy, ux, 0.0], [0.0, 0.0, 1.0]])

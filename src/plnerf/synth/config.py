@@ -1,73 +1,22 @@
 """What a synthetic scene is made of, as plain values.  The defaults are the span that comes with the package.
 
-Lengths in metres (_m), angles in degrees (_deg), image sizes in pixels (_px).  "Along" the line runs from the
-first support to the second, 0 at mid-span; "across" it is positive to the left.
+Lengths in metres (_m), angles in degrees (_deg).  "Along" a line is 0 in the middle of its main span;
+"across" it is positive to the left.
 """
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from plnerf.errors import ConfigError
-
-
-def require_positive(**values: float | int) -> None:
-    """Refuse the first value that is not greater than 0."""
-    for name, value in values.items():
-        if not value > 0:
-            raise ConfigError(f"synth: {name} must be greater than 0, got {value}. Give a positive value.")
-
-
-@dataclass(frozen=True)
-class WireConfig:
-    """One phase, shield wire or neutral; the same on both supports."""
-
-    name: str
-    kind: Literal["phase", "shield", "neutral"]
-    across_m: float
-    height_m: float
-    """of the clamp above the support's foot"""
-    sag_m: float
-    diameter_m: float
-    bundle: int = 1
-    """sub-conductors side by side, each a conductor of its own"""
-    bundle_gap_m: float = 0.4
-    insulator: Literal["string", "vee", "pin", "spool", "none"] = "string"
-    """one string or two in a V hang from the cross-arm, a pin stands on it, a spool sits at a pole's side"""
-
-    def __post_init__(self) -> None:
-        require_positive(**{
-            f"{self.name}: sag_m": self.sag_m,
-            f"{self.name}: diameter_m": self.diameter_m,
-            f"{self.name}: height_m": self.height_m,
-            f"{self.name}: bundle": self.bundle,
-            f"{self.name}: bundle_gap_m": self.bundle_gap_m,
-        })
-
-
-@dataclass(frozen=True)
-class SupportConfig:
-    """The two towers or poles."""
-
-    kind: Literal["lattice", "pole"] = "lattice"
-    height_m: float = 12.7
-    """top above the foot"""
-    foot_m: float = 2.3
-    """width of a lattice tower at its foot, diameter of a pole there"""
-    waist_m: float = 0.72
-    """width of a lattice tower at its lowest arm, diameter of a pole at its top"""
-    shoulder_m: float = 0.6
-    """width of a lattice tower above its highest arm"""
-    string_length_m: float = 0.95
-    """insulator string, from cross-arm down to the clamp"""
-
-    def __post_init__(self) -> None:
-        require_positive(
-            height_m=self.height_m,
-            foot_m=self.foot_m,
-            waist_m=self.waist_m,
-            shoulder_m=self.shoulder_m,
-            string_length_m=self.string_length_m,
-        )
+from plnerf.synth.flight_config import CaptureConfig, Orbit, Pass
+from plnerf.synth.line_config import (
+    LineConfig,
+    StructureConfig,
+    SupportConfig,
+    WireConfig,
+    require_positive,
+    wire_named,
+)
 
 
 @dataclass(frozen=True)
@@ -84,6 +33,16 @@ class TerrainConfig:
     """what runs beside the line"""
     centre_m: float = 0.0
     """where along the line the ground is finest and the plants are strewn"""
+    fine_m: tuple[float, float] = (44.0, 24.0)
+    """half the finest ground's lengths in x and y, whole metres"""
+    texel_m: float = 0.025
+    """of the finest ground's texture"""
+    lush: float = 0.5
+    """share of dry grass among lush on average"""
+    bare: float = -0.75
+    """how much soil shows: the mean of a noise of deviation 0.75 or more, of which what is above 0 shows"""
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """factors on the ground's linear reflectance"""
 
 
 @dataclass(frozen=True)
@@ -104,6 +63,8 @@ class PlantsConfig:
     near_clearance_m: tuple[float, float] = (2.0, 4.0)
     near_across_m: tuple[float, float] = (0.0, 6.0)
     clearance_m: float = 1.5
+    reach_m: float | None = None
+    """how far along the line from the terrain's centre trees stand; None: half the main span, at most 60 m"""
 
     def __post_init__(self) -> None:
         counts = {
@@ -127,14 +88,17 @@ class PlantsConfig:
 
 @dataclass(frozen=True)
 class SpanConfig:
-    """What is built: two supports, the wires between them, ground, plants."""
+    """What is built: the first line with its main span around the origin, other lines, ground, plants.
+
+    By default the first line is that one span.
+    """
 
     seed: int = 7
     """decides plants, flight wobble, textures and noise"""
     span_length_m: float = 40.0
-    """horizontal distance between the supports"""
+    """horizontal distance between the main span's supports"""
     line_azimuth_deg: float = 4.0
-    """direction of the line from +x towards +y"""
+    """direction of the main span from +x towards +y"""
     wires: tuple[WireConfig, ...] = (
         WireConfig("phase A", "phase", -1.9, 9.4, 1.4, 0.032),
         WireConfig("phase B", "phase", 1.9, 9.4, 1.4, 0.032),
@@ -148,100 +112,47 @@ class SpanConfig:
     """houses beside the line, behind the track"""
     spacer_step_m: float = 15.0
     """between the spacers of a bundle, at most"""
+    before_m: tuple[float, ...] = ()
+    """lengths of the first line's spans before the main one, the nearest last"""
+    after_m: tuple[float, ...] = ()
+    """lengths of its spans after the main one, the nearest first"""
+    structures: tuple[StructureConfig, ...] = ()
+    """of the first line, one more than spans; empty: suspension structures in a straight line"""
+    slack: tuple[tuple[float, ...], ...] = ()
+    """of each of its spans, as in LineConfig"""
+    others: tuple[LineConfig, ...] = ()
+    """other lines, which need names"""
 
     def __post_init__(self) -> None:
-        require_positive(span_length_m=self.span_length_m, spacer_step_m=self.spacer_step_m)
         if self.houses < 0:
             raise ConfigError(f"synth: the number of houses must be 0 or more, got {self.houses}.")
-        if not self.wires:
-            raise ConfigError("synth: wires must name at least one wire, got none.")
-        names = [wire.name for wire in self.wires]
-        if len(set(names)) < len(names):
-            raise ConfigError(f"synth: every wire needs a name of its own, got {', '.join(names)}.")
-        for wire in self.wires:
-            top = wire.height_m + (
-                self.support.string_length_m if wire.insulator in ("string", "vee") else 0.0
-            )
-            if top > self.support.height_m:
-                raise ConfigError(
-                    f"synth: {wire.name} needs its support at {top:.2f} m above the foot (clamp height + "
-                    f"insulator) but the support's height_m is {self.support.height_m}. "
-                    "Raise the support or lower the wire."
-                )
+        names = [line.name for line in self.others]
+        if "" in names or len(set(names)) < len(names):
+            raise ConfigError(f"synth: every other line needs a name of its own, got {names}.")
+        _ = self.line  # is checked where it is made
+
+    @property
+    def line(self) -> LineConfig:
+        """The first line."""
+        return LineConfig(
+            self.wires,
+            self.support,
+            self.line_azimuth_deg,
+            (*self.before_m, self.span_length_m, *self.after_m),
+            main=len(self.before_m),
+            structures=self.structures,
+            slack=self.slack,
+            spacer_step_m=self.spacer_step_m,
+        )
+
+    @property
+    def lines(self) -> tuple[LineConfig, ...]:
+        """All lines."""
+        return (self.line, *self.others)
 
     def wire(self, name: str) -> WireConfig:
-        """The wire of this name."""
-        for wire in self.wires:
-            if wire.name == name:
-                return wire
-        raise ConfigError(f"synth: there is no wire {name!r}; name one of {[w.name for w in self.wires]}.")
-
-
-@dataclass(frozen=True)
-class Pass:
-    """One flight along the line, relative to the wire it follows (of a bundle, its first sub-conductor)."""
-
-    name: str
-    follows: str
-    """name of the wire"""
-    across_m: float
-    """camera's offset from that wire across the line"""
-    above_m: float
-    start: float
-    """where it begins: -1 is the beginning of the filmed stretch, 1 its end, more lies beyond"""
-    end: float
-    toward_deg: float
-    """camera turned from the flight direction to the left"""
-    pitch_deg: float
-    """upwards positive"""
-    weave_m: float = 0.30
-    """slow swing across the line, to either side"""
-    heave_m: float = 0.35
-    """slow swing up and down"""
-    zigzag_m: float = 0.0
-    """regular swing across the line, to either side, on top of the slow one"""
-    zigzag_period_m: float = 12.0
-    """length along the line of one regular swing"""
-
-    def __post_init__(self) -> None:
-        require_positive(**{f"pass {self.name}: zigzag_period_m": self.zigzag_period_m})
-        if self.start == self.end:
-            raise ConfigError(
-                f"synth: pass {self.name} starts and ends at {self.start}. Let it go somewhere."
-            )
-
-
-@dataclass(frozen=True)
-class CaptureConfig:
-    """How it is filmed."""
-
-    width_px: int = 480
-    height_px: int = 320
-    focal_px: float = 440.0
-    passes: tuple[Pass, ...] = (
-        Pass("right", "phase A", -2.5, 0.8, -1.2, 0.74, 40.0, -2.0),
-        Pass("left", "phase B", 2.4, 1.0, 1.2, -0.74, 38.0, 4.0),
-        Pass("above", "phase A", -0.5, 2.6, -1.2, 0.74, 27.0, -3.0),
-    )
-    views_per_pass: int = 24
-    filmed_m: tuple[float, float] | None = None
-    """the stretch along the line that the passes cover; None: from support to support"""
-    pose_noise_m: float = 0.0
-    """deviation of each axis of the written camera centres from the true ones"""
-    pose_noise_deg: float = 0.0
-    """deviation of the written directions about each axis"""
-
-    def __post_init__(self) -> None:
-        require_positive(width_px=self.width_px, height_px=self.height_px, focal_px=self.focal_px)
-        if not self.passes:
-            raise ConfigError("synth: passes must name at least one pass, got none: there would be no image.")
-        if self.views_per_pass < 4:
-            raise ConfigError(f"synth: views_per_pass must be at least 4, got {self.views_per_pass}.")
-        if self.filmed_m is not None and not self.filmed_m[0] < self.filmed_m[1]:
-            raise ConfigError(f"synth: filmed_m must run from low to high, got {self.filmed_m}.")
-        for name, value in (("pose_noise_m", self.pose_noise_m), ("pose_noise_deg", self.pose_noise_deg)):
-            if not value >= 0:
-                raise ConfigError(f"synth: {name} must be 0 or more, got {value}.")
+        """The wire of this name of the first line."""
+        return wire_named(self.wires, name)
 
 
 @dataclass(frozen=True)
@@ -265,9 +176,13 @@ class ImageConfig:
     noise: float = 0.0
     """deviation of the sensor's noise at mid grey, as a part of white"""
     jpeg_quality: int = 95
+    turbidity: float = 3.5
+    """of the sky: 2 is clear, 8 hazy"""
 
     def __post_init__(self) -> None:
         require_positive(samples_per_pixel=self.samples_per_pixel, exposure=self.exposure)
+        if not 1 <= self.turbidity <= 10:
+            raise ConfigError(f"synth: turbidity must be in 1 to 10, got {self.turbidity}.")
         if not 5 <= self.sun_elevation_deg <= 85:
             raise ConfigError(f"synth: sun_elevation_deg must be in 5 to 85, got {self.sun_elevation_deg}.")
         if not 1 <= self.jpeg_quality <= 100:
@@ -292,8 +207,15 @@ class SceneConfig:
     image: ImageConfig = field(default_factory=ImageConfig)
 
     def __post_init__(self) -> None:
+        towers = len(self.span.line.lengths_m) + 1
         for leg in self.capture.passes:
-            self.span.wire(leg.follows)
+            if isinstance(leg, Pass):
+                self.span.wire(leg.follows)
+            elif isinstance(leg, Orbit) and not 0 <= leg.about < towers:
+                raise ConfigError(
+                    f"synth: orbit {leg.name} is about structure {leg.about}, but the first line has "
+                    f"structures 0 to {towers - 1}. Name one of these."
+                )
 
     @property
     def seed(self) -> int:

@@ -16,7 +16,7 @@ from plnerf.synth.config import SceneConfig
 from plnerf.synth.effects import exposure_drift, luminance, next_gain, sensor_noise, white_balance_drift
 from plnerf.synth.render import Studio, to_srgb
 from plnerf.synth.shutter import flight_directions, open_shutter
-from plnerf.synth.span import Span
+from plnerf.synth.site import Site
 from plnerf.synth.truth import MASK_COVERAGE
 
 HOLD_OUT_EVERY = 8  # the scene folder's default rule: every 8th by name is held out
@@ -24,7 +24,7 @@ HOLD_OUT_EVERY = 8  # the scene folder's default rule: every 8th by name is held
 
 def film(
     studio: Studio,
-    span: Span,
+    site: Site,
     views: Sequence[View],
     config: SceneConfig,
     folder: Path,
@@ -37,7 +37,7 @@ def film(
     for name in ("images", "wire_masks", "depth"):
         (folder / name).mkdir(parents=True)
     masks = []
-    for i, photo in enumerate(_photos(studio, span, views, config)):
+    for i, photo in enumerate(_photos(studio, site, views, config)):
         view = views[i]
         subsampling = 0 if config.image.jpeg_quality >= 90 else 2
         Image.fromarray(to_srgb(photo)).save(
@@ -59,7 +59,7 @@ def film(
 
 
 def _photos(
-    studio: Studio, span: Span, views: Sequence[View], config: SceneConfig
+    studio: Studio, site: Site, views: Sequence[View], config: SceneConfig
 ) -> Iterator[Float[np.ndarray, "h w 3"]]:
     """What the sensor holds of each view, in time order: linear light, 1 is white."""
     image, n = config.image, len(views)
@@ -67,7 +67,7 @@ def _photos(
     gains = exposure_drift(n, image.exposure_drift, rng)[:, None]
     gains = gains * white_balance_drift(n, image.white_balance_drift, rng)
     instants = min(image.samples_per_pixel, math.ceil(image.motion_blur_px) + 1)
-    wires = np.concatenate([wire.polyline(0.5) for wire in span.wires])
+    wires = np.concatenate([wire.polyline(0.5) for wire in site.wires])
     directions = flight_directions(views)
     automatic: float | None = None
     for i, view in enumerate(views):

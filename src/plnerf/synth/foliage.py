@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.synth.meshes import Mesh, join, tube, up
-from plnerf.synth.span import Plant
+from plnerf.synth.site import Plant
 
 
 def plant_meshes(plant: Plant) -> tuple[Mesh | None, Mesh]:

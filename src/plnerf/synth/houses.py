@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.synth.meshes import Mesh, beam, grid, join, up
-from plnerf.synth.span import House, Span
+from plnerf.synth.site import House, Site
 
 WALLS = ((0.55, 0.50, 0.42), (0.30, 0.13, 0.085), (0.42, 0.40, 0.38), (0.60, 0.57, 0.50))  # plaster, brick
 ROOFS = ((0.20, 0.065, 0.04), (0.075, 0.072, 0.075), (0.16, 0.075, 0.05))
@@ -17,21 +17,21 @@ EAVE_OUT_M = 0.45  # how far the roof reaches beyond the walls
 ACROSS_M = (16.5, 20.0)  # from the line to the house's middle
 
 
-def place_houses(span: Span, rng: np.random.Generator) -> tuple[House, ...]:
+def place_houses(site: Site, rng: np.random.Generator) -> tuple[House, ...]:
     """Houses in a row on each side in turn, the first behind the road, gables or eaves to the line."""
     houses = []
-    half, count = span.config.span_length_m / 2, span.config.houses
+    half, count = site.config.span_length_m / 2, site.config.houses
     for i in range(count):
         side = -1.0 if i % 2 == 0 else 1.0
         per_side = (count + 1 - i % 2) // 2
-        along = span.config.terrain.centre_m + half * (2 * (i // 2 + rng.uniform(0.3, 0.7)) / per_side - 1)
-        x, y = span.at(along, side * rng.uniform(*ACROSS_M))
+        along = site.config.terrain.centre_m + half * (2 * (i // 2 + rng.uniform(0.3, 0.7)) / per_side - 1)
+        x, y = site.at(along, side * rng.uniform(*ACROSS_M))
         width, eaves = rng.uniform(6.4, 7.6), rng.uniform(2.6, 3.1)
         length = rng.uniform(8.5, 10.5)
         ridge = eaves + width / 2 * math.tan(math.radians(rng.uniform(36.0, 43.0)))
-        turned = span.config.line_azimuth_deg + rng.choice([0.0, 90.0]) + rng.uniform(-4.0, 4.0)
+        turned = site.config.line_azimuth_deg + rng.choice([0.0, 90.0]) + rng.uniform(-4.0, 4.0)
         houses.append(
-            House(f"house {i + 1}", span.ground.point(x, y), turned, length, width, eaves, ridge,
+            House(f"house {i + 1}", site.ground.point(x, y), turned, length, width, eaves, ridge,
                   int(rng.integers(2**31)))
         )  # fmt: skip
     return tuple(houses)

@@ -1,50 +1,80 @@
-"""What carries the wires: strings, Vs, pins and spools, with clamps, dampers, yokes and spacers, as meshes.
+"""What carries the wires: insulators, with clamps, dampers, yokes, spacers and jumpers, as meshes.
 
 World frame, metres.  Bodies of glazed porcelain and bodies of metal are kept apart.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
 from plnerf.line.wire import Wire
-from plnerf.synth.config import WireConfig
+from plnerf.synth.line_config import WireConfig
 from plnerf.synth.meshes import Mesh, beam, join, lathe, tube, up
 from plnerf.synth.pole import pin_foot
-from plnerf.synth.span import Span, Tower, radius_m
+from plnerf.synth.site import Line, Span, Tower, radius_m
 from plnerf.synth.tower import arm_tip, vee_reach_m
 
 Points = Float[np.ndarray, "n 3"]
+JUMPER_DROP = 1.3  # of a jumper's loop below its ends, in lengths of a tension string
 
 
-def insulators(span: Span, tower: Tower) -> tuple[Mesh | None, Mesh]:
+def insulators(line: Line, tower: Tower) -> tuple[Mesh | None, Mesh]:
     """The porcelain of a support (None if it has none), and the metal: rods, clamps, dampers, yokes, ties."""
     glazed: list[Mesh] = []
     metal: list[Mesh] = []
-    sign = 1.0 if tower == span.towers[0] else -1.0  # the span lies ahead of the first tower
-    clamps = iter(tower.attachments)
-    for config, wires in span.grouped:
-        discs, fittings = _carrier(span, tower, config, [np.array(next(clamps)) for _ in wires])
+    sides = [(sign, [wires for _, wires in span.grouped]) for sign, span in line.beside(tower)]
+    held = iter(tower.held)
+    for i, wire in enumerate(tower.design.wires):
+        clamps = [np.array(next(held)) for _ in range(wire.bundle)]
+        discs, fittings = _carrier(tower, wire, clamps)
         glazed += discs
         metal += fittings
-        for wire in wires:
-            if config.insulator in ("pin", "spool"):
-                metal.append(_tie(wire, sign))
-            else:
-                metal += _clamp(wire.points, wire.base.length_m, config.diameter_m, sign)
+        for sign, groups in sides:
+            for tip, conductor in zip(clamps, groups[i], strict=True):
+                if wire.insulator == "tension":
+                    discs, rod = _string(_end(conductor, sign), tip)
+                    glazed += discs
+                    metal.append(rod)
+                if wire.insulator in ("pin", "spool"):
+                    metal.append(_tie(conductor, sign))
+                else:
+                    metal += _clamp(conductor.points, conductor.base.length_m, wire.diameter_m, sign)
     return join(glazed) if glazed else None, join(metal)
 
 
-def _carrier(
-    span: Span, tower: Tower, wire: WireConfig, ends: list[np.ndarray]
-) -> tuple[list[Mesh], list[Mesh]]:
+def jumpers(line: Line, tower: Tower) -> Mesh | None:
+    """Loops of conductor below the arms, from the tension strings of one span to those of the next."""
+    sides = line.beside(tower)
+    if len(sides) < 2 or not any(wire.insulator == "tension" for wire in tower.design.wires):
+        return None
+    loops = []
+    groups = zip(tower.design.wires, *(span.grouped for _, span in sides), strict=True)
+    for wire, (_, before), (_, after) in groups:
+        if wire.insulator != "tension":
+            continue
+        for one, other in zip(before, after, strict=True):
+            a, b = _end(one, -1.0), _end(other, 1.0)
+            t = np.linspace(0.0, 1.0, 25)[:, None]
+            drop = 4 * t * (1 - t) * JUMPER_DROP * tower.design.support.string_length_m
+            loops.append(tube((1 - t) * a + t * b - drop * up(1.0), radius_m(one), 10))
+    return join(loops)
+
+
+def _end(wire: Wire, sign: float) -> Float[np.ndarray, "3"]:
+    """Where a wire begins (1) or ends (-1)."""
+    return wire.points(np.array([0.0 if sign > 0 else wire.base.length_m]))[0]
+
+
+def _carrier(tower: Tower, wire: WireConfig, ends: list[np.ndarray]) -> tuple[list[Mesh], list[Mesh]]:
     """Insulators of one wire, from the support to the middle of its clamps, and a bundle's yoke."""
-    length = span.config.support.string_length_m
+    if wire.insulator == "tension":
+        return [], []
+    length = tower.design.support.string_length_m
     bottom = ends[0] if len(ends) == 1 else np.mean(ends, axis=0) + up(0.16)
-    left = np.array([-span.along[1], span.along[0], 0.0])
+    left = tower.axes[:, 1]
     yoke = [] if len(ends) == 1 else _yoke(ends, bottom)
     if wire.insulator == "string":
         top = ends[0] + up(length) if len(ends) == 1 else np.mean(ends, axis=0) + up(length)
@@ -52,14 +82,14 @@ def _carrier(
         return discs, [*yoke, rod]
     if wire.insulator == "vee":
         middle = np.mean(ends, axis=0)
-        reach = vee_reach_m(span.config) * math.copysign(1.0, wire.across_m)
+        reach = vee_reach_m(tower.design) * math.copysign(1.0, wire.across_m)
         # The inner string ends at the body, which may stand closer than the arm's tip reaches out.
-        inner = max(-abs(reach), -abs(wire.across_m) + 0.6 * span.config.support.waist_m / 2)
+        inner = max(-abs(reach), -abs(wire.across_m) + 0.6 * tower.design.support.waist_m / 2)
         meshes = [_string(bottom, middle + up(length) + left * at)
                   for at in (reach, math.copysign(inner, reach) * -1.0)]  # fmt: skip
         return [disc for discs, _ in meshes for disc in discs], [*yoke, *(rod for _, rod in meshes)]
     if wire.insulator == "pin":
-        foot = pin_foot(span, tower, wire.across_m)
+        foot = pin_foot(tower, wire.across_m)
         rod = tube(np.array([foot - up(0.16), foot + up(0.12)]), 0.011, 8)
         return [lathe(_pin_profile(float(bottom[2] - foot[2])), foot)], [rod]
     if wire.insulator == "spool":
@@ -67,21 +97,21 @@ def _carrier(
         bracket = tube(np.array([pole, bottom + 0.04 * (bottom - pole)]), 0.012, 8)
         pin = tube(np.array([bottom - up(0.08), bottom + up(0.08)]), 0.009, 8)
         return [lathe(_spool_profile(), bottom)], [bracket, pin]
-    tip = arm_tip(span.config, wire)
+    tip = arm_tip(tower.design, wire)
     if tip is None:
         return [], yoke
     hung = np.array([bottom, bottom + up(tip[1] - wire.height_m)])
     return [], [*yoke, tube(hung, 0.016, 8)]
 
 
-def spacers(span: Span) -> Mesh | None:
-    """Rigid spacers between neighbours of each bundle, evenly spaced along the span; None without bundles."""
+def spacers(spans: Sequence[Span]) -> Mesh | None:
+    """Rigid spacers between neighbours of a bundle, evenly spaced along each span; None without bundles."""
     meshes: list[Mesh] = []
-    for config, wires in span.grouped:
+    for line, config, wires in ((one.line, *group) for one in spans for group in one.grouped):
         if len(wires) < 2:
             continue
         length = wires[0].base.length_m
-        fields = max(1, math.ceil(length / span.config.spacer_step_m))
+        fields = max(1, math.ceil(length / line.spacer_step_m))
         for s in (np.arange(fields) + 0.5) * length / fields:
             at = [wire.points(np.array([s]))[0] for wire in wires]
             ahead = wires[0].points(np.array([s + 0.05]))[0] - at[0]

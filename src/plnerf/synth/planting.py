@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.synth.span import Plant, Span, radius_m
+from plnerf.synth.site import Plant, Site, radius_m
 from plnerf.synth.terrain import ROAD_HALF_M
 
 Range = tuple[float, float]
@@ -19,12 +19,12 @@ Kind = Literal["tree", "conifer", "bush", "background tree"]
 TRIES = 200
 
 
-def plant(span: Span, rng: np.random.Generator) -> tuple[Plant, ...]:
+def plant(site: Site, rng: np.random.Generator) -> tuple[Plant, ...]:
     """Trees beside the line, one under it, others up to a set clearance, bushes, and a wood further off.
 
     Where the ground is full there are fewer plants than asked, as the truth file will say.
     """
-    return tuple(_Planting(span, rng).everything())
+    return tuple(_Planting(site, rng).everything())
 
 
 def clearance_m(
@@ -37,15 +37,17 @@ def clearance_m(
 
 
 class _Planting:
-    def __init__(self, span: Span, rng: np.random.Generator) -> None:
-        self.span, self.rng = span, rng
-        self.config = span.config.plants
-        thickest = max(radius_m(wire) for wire in span.wires)
+    def __init__(self, site: Site, rng: np.random.Generator) -> None:
+        self.site, self.rng = site, rng
+        self.config = site.config.plants
+        thickest = max(radius_m(wire) for wire in site.wires)
         self.slack = thickest + 0.06  # the points are 25 cm apart: at 1.5 m they miss 5 mm of closeness
-        self.wires = np.concatenate([wire.polyline(0.25) for wire in span.wires])
-        keep_off = max(2.5, 0.75 * span.config.support.foot_m)
-        self.taken = [(tower.foot[0], tower.foot[1], keep_off) for tower in span.towers]  # x, y, radius
-        for house in span.houses:
+        self.wires = np.concatenate([wire.polyline(0.25) for wire in site.wires])
+        self.taken = [  # x, y, radius
+            (tower.foot[0], tower.foot[1], max(2.5, 0.75 * tower.design.support.foot_m))
+            for tower in site.towers
+        ]
+        for house in site.houses:
             self.taken.append((
                 house.foot[0],
                 house.foot[1],
@@ -55,10 +57,10 @@ class _Planting:
     def everything(self) -> Iterator[Plant]:
         config, half, middle = (
             self.config,
-            self.span.config.span_length_m / 2,
-            self.span.config.terrain.centre_m,
+            self.site.config.span_length_m / 2,
+            self.site.config.terrain.centre_m,
         )
-        half = min(half, 60.0)  # of a long span only a stretch is filmed
+        half = min(half, 60.0) if config.reach_m is None else config.reach_m  # only a stretch is filmed
         wanted: list[Plant | None] = []
         if config.trees:
             under = (middle + 0.15 * half, middle + 0.3 * half)
@@ -80,16 +82,16 @@ class _Planting:
 
     def place(self, kind: Kind, along: Range, across: Range, radius: Range, height: Range) -> Plant | None:
         """A plant drawn from these ranges, to either side of the line; None when no free place is found."""
-        rng, centre = self.rng, self.span.at(self.span.config.terrain.centre_m, 0.0)
+        rng, centre = self.rng, self.site.at(self.site.config.terrain.centre_m, 0.0)
         if kind == "tree" and self.config.conifers > 0 and rng.random() < self.config.conifers:
             kind = "conifer"
         for _ in range(TRIES):
-            x, y = self.span.at(rng.uniform(*along), rng.uniform(*across) * rng.choice([-1.0, 1.0]))
+            x, y = self.site.at(rng.uniform(*along), rng.uniform(*across) * rng.choice([-1.0, 1.0]))
             r, h = rng.uniform(*radius), rng.uniform(*height)
             if kind == "background tree" and math.hypot(x - centre[0], y - centre[1]) > 170:
                 continue
             if self.free(x, y, r):
-                foot = self.span.ground.point(x, y)
+                foot = self.site.ground.point(x, y)
                 if self.clearance(foot, r, h) < self.config.clearance_m:
                     continue
                 self.taken.append((x, y, r))
@@ -101,9 +103,9 @@ class _Planting:
         rng = self.rng
         for _ in range(TRIES):
             along = middle + rng.uniform(-0.9, 0.9) * half
-            x, y = self.span.at(along, rng.uniform(*self.config.near_across_m) * rng.choice([-1.0, 1.0]))
+            x, y = self.site.at(along, rng.uniform(*self.config.near_across_m) * rng.choice([-1.0, 1.0]))
             r, wanted = rng.uniform(1.3, 2.2), rng.uniform(*self.config.near_clearance_m)
-            foot = self.span.ground.point(x, y)
+            foot = self.site.ground.point(x, y)
             if not self.free(x, y, r):
                 continue
             low, high = 1.0, 25.0
@@ -124,8 +126,8 @@ class _Planting:
 
     def free(self, x: float, y: float, radius: float) -> bool:
         """Off the track, and no more than brushing what stands there."""
-        offset = float(self.span.ground.track_offset(np.array([x]), np.array([y]))[0])
-        margin = 1.6 if self.span.config.terrain.track == "dirt" else ROAD_HALF_M + 0.6
+        offset = float(self.site.ground.track_offset(np.array([x]), np.array([y]))[0])
+        margin = 1.6 if self.site.config.terrain.track == "dirt" else ROAD_HALF_M + 0.6
         return abs(offset) > radius + margin and all(
             math.hypot(x - a, y - b) > 0.85 * (radius + r) for a, b, r in self.taken
         )

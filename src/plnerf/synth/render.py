@@ -17,7 +17,8 @@ from jaxtyping import Float, UInt8
 
 from plnerf.errors import ConfigError
 from plnerf.synth.capture import View
-from plnerf.synth.config import CaptureConfig, ImageConfig
+from plnerf.synth.config import ImageConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.meshes import write_ply
 from plnerf.synth.parts import Part, Surface
 from plnerf.synth.tiles import TILE_PX, Window, strips, tiles_of
@@ -29,7 +30,7 @@ NEAR_M = 0.05  # where Mitsuba's camera rays begin, on a plane across the camera
 
 @dataclass(frozen=True)
 class Studio:
-    """The loaded scenes of one span; nothing in it changes between pictures."""
+    """The loaded scenes of one site; nothing in it changes between pictures."""
 
     mi: Any
     capture: CaptureConfig
@@ -168,7 +169,7 @@ def _sky(mi: Any, image: ImageConfig) -> dict[str, object]:
         math.sin(azimuth) * math.cos(elevation),
         math.sin(elevation),
     ]
-    return {"type": "sunsky", "sun_direction": direction, "turbidity": 3.5, "albedo": 0.2}
+    return {"type": "sunsky", "sun_direction": direction, "turbidity": image.turbidity, "albedo": 0.2}
 
 
 def _bsdf(mi: Any, surface: Surface) -> dict[str, object]:

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from plnerf.errors import ConfigError
-from plnerf.synth.config import CaptureConfig, ImageConfig, SceneConfig
+from plnerf.synth.config import ImageConfig, SceneConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.scenes import SCENES
 
 T = TypeVar("T")

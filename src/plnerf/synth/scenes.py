@@ -13,17 +13,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from plnerf.synth.config import (
-    CaptureConfig,
-    ImageConfig,
-    Pass,
-    PlantsConfig,
-    SceneConfig,
-    SpanConfig,
-    SupportConfig,
-    TerrainConfig,
-    WireConfig,
-)
+from plnerf.synth import line_scenes
+from plnerf.synth.config import ImageConfig, PlantsConfig, SceneConfig, SpanConfig, TerrainConfig
+from plnerf.synth.flight_config import CaptureConfig, Pass
+from plnerf.synth.line_config import SupportConfig, WireConfig
 
 SPAN = SceneConfig()
 
@@ -232,12 +225,13 @@ WHY: Mapping[str, str] = MappingProxyType({
     "parallel": "one pass along the wires, whose depth it cannot see: what no method can measure",
     "parallel-two-passes": "a second pass at another side and height gives the first the depth it lacks",
     "noisy-poses": "camera poses off by 2 cm and 0.1 degrees, as satellite positioning leaves them",
+    **line_scenes.WHY,
 })
 
 SCENES: Mapping[str, SceneConfig] = MappingProxyType({
     scene.name: scene
     for scene in (
         SPAN, DOUBLE_CIRCUIT, DISTRIBUTION, FOREST, HILLS, BUNDLE, FAR,
-        EXPOSURE, PARALLEL, PARALLEL_TWO_PASSES, NOISY_POSES,
+        EXPOSURE, PARALLEL, PARALLEL_TWO_PASSES, NOISY_POSES, *line_scenes.LINE_SCENES.values(),
     )
 })  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.synth.capture import View, turn
-from plnerf.synth.config import CaptureConfig
+from plnerf.synth.flight_config import CaptureConfig
 
 SHAKE = 0.35  # image motion by turning, about each axis, relative to that by flying on
 PROBE_M = 5.0  # what stands for the wires in a view that shows none lies so far ahead

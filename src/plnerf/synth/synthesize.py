@@ -1,4 +1,4 @@
-"""`plnerf synth`: one span of known geometry, filmed, as a scene folder with its exact truth.
+"""`plnerf synth`: lines of known geometry, filmed, as a scene folder with its exact truth.
 
 Folder: images/NNNN.jpg, wire_masks/NNNN.png, depth/NNNN.png (held-out images only), transforms.json,
 truth.json.
@@ -11,21 +11,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 from plnerf.errors import SceneError
-from plnerf.synth.build import build_span
+from plnerf.synth.build import build_site
 from plnerf.synth.capture import View, plan_flight, written_views
 from plnerf.synth.check import check_cameras
-from plnerf.synth.config import CaptureConfig, SceneConfig
+from plnerf.synth.config import SceneConfig
 from plnerf.synth.film import HOLD_OUT_EVERY, film
-from plnerf.synth.parts import span_parts
+from plnerf.synth.flight_config import CaptureConfig
+from plnerf.synth.parts import site_parts
 from plnerf.synth.render import open_studio, require_mitsuba
-from plnerf.synth.seen import MIN_IMAGES, seen_stretches
-from plnerf.synth.truth import truth_of
+from plnerf.synth.seen import MIN_IMAGES, observable_stretches, seen_stretches
+from plnerf.synth.truth import Shows, truth_of
 
 
 def synthesize(
     out: Path, config: SceneConfig | None = None, *, progress: Callable[[int, int], None] | None = None
 ) -> Path:
-    """Render a span into the new scene folder `out` and return it.
+    """Render a scene into the new scene folder `out` and return it.
 
     `progress(done, total)` is called after each image.  Raises ConfigError when Mitsuba is missing and
     SceneError when `out` is there already and is not an empty folder.
@@ -38,13 +39,14 @@ def synthesize(
     with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as scratch:
         folder, meshes = Path(scratch) / "scene", Path(scratch) / "meshes"
         meshes.mkdir()
-        span = build_span(config.span)
-        views = plan_flight(span, config.capture)
-        check_cameras(span, views)
-        studio = open_studio(list(span_parts(span)), config.capture, config.image, meshes)
-        masks = film(studio, span, views, config, folder, progress)
-        seen = seen_stretches(span.wires, views, masks, config.capture, span.along)
-        _write_json(folder / "truth.json", truth_of(span, config, views, seen))
+        site = build_site(config.span)
+        views = plan_flight(site, config.capture)
+        check_cameras(site, views)
+        studio = open_studio(list(site_parts(site)), config.capture, config.image, meshes)
+        masks = film(studio, site, views, config, folder, progress)
+        seen = seen_stretches(site.wires, views, masks, config.capture, site.route.stations_of)
+        shows = Shows(seen, observable_stretches(site.wires, views, masks, config.capture))
+        _write_json(folder / "truth.json", truth_of(site, config, views, shows))
         written = written_views(views, config.capture, config.seed)
         _write_json(folder / "transforms.json", transforms_of(config.capture, written))
         if out.exists():

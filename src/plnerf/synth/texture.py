@@ -43,8 +43,8 @@ def ground_texture(
                 total += falloff**i * noise(x, y, wavelength, seed + 31 * first_seed + i)
         return total
 
-    meadow = np.clip(0.5 + 0.32 * octaves(37.0, 4, 0.6, 1), 0, 1)[..., None]  # lush to dry
-    soil = np.clip(-0.75 + 0.75 * octaves(6.0, 6, 0.7, 2), 0, 1)[..., None]
+    meadow = np.clip(ground.terrain.lush + 0.32 * octaves(37.0, 4, 0.6, 1), 0, 1)[..., None]  # lush to dry
+    soil = np.clip(ground.terrain.bare + 0.75 * octaves(6.0, 6, 0.7, 2), 0, 1)[..., None]
     blades = octaves(1.3, 6, 0.93, 3)[..., None]  # tufts: 1.3 m down to 4 cm
     lush, dry = np.array([0.085, 0.135, 0.035]), np.array([0.245, 0.215, 0.095])
     earth = np.array([0.235, 0.165, 0.105])
@@ -56,7 +56,7 @@ def ground_texture(
         colour = _with_road(colour, ground, x, y, gravel)
     elif ground.terrain.track == "dirt":
         colour = _with_ruts(colour, ground, x, y, gravel, octaves(0.9, 3, 0.7, 5))
-    return np.clip(colour, 0.01, 0.85).astype(np.float32)
+    return np.clip(colour * np.array(ground.terrain.tint), 0.01, 0.85).astype(np.float32)
 
 
 def _with_ruts(
@@ -87,8 +87,10 @@ def _with_road(
     return (1 - paint) * colour + paint * np.array([0.55, 0.55, 0.53])
 
 
-def strand_texture(length_m: float, seed: int) -> Float[np.ndarray, "h w 3"]:
-    """Twisted strands of weathered aluminium; columns around the wire, rows along its `length_m`."""
+def strand_texture(
+    length_m: float, seed: int, colour: tuple[float, float, float] = (1.0, 1.0, 1.01)
+) -> Float[np.ndarray, "h w 3"]:
+    """Twisted strands, by default of weathered aluminium; columns around the wire, rows along `length_m`."""
     rows, columns, strands, lay_m = max(64, round(length_m / 0.005)), 64, 16, 0.33
     along = (np.arange(rows)[:, None] + 0.5) * length_m / rows
     around = (np.arange(columns)[None] + 0.5) / columns
@@ -99,4 +101,4 @@ def strand_texture(length_m: float, seed: int) -> Float[np.ndarray, "h w 3"]:
         knots = np.arange(0, length_m + 2 * wavelength, wavelength)
         weather += np.interp(along, knots, rng.normal(size=len(knots)))
     value = 0.30 * (0.62 + 0.38 * groove) * np.clip(1 + 0.13 * weather, 0.5, 1.5)
-    return np.clip(value[..., None] * np.array([1.0, 1.0, 1.01]), 0.02, 0.9).astype(np.float32)
+    return np.clip(value[..., None] * np.array(colour), 0.02, 0.9).astype(np.float32)

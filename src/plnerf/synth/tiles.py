@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from plnerf.synth.capture import View
-from plnerf.synth.config import CaptureConfig
+from plnerf.synth.flight_config import CaptureConfig
 
 TILE_PX = 8
 SPARE_PX = 0.5  # the renderer works in float32

@@ -1,19 +1,21 @@
-"""truth.json: what is exactly where in a synthetic span.  World frame, metres, z up, everywhere."""
+"""truth.json: what is exactly where in a synthetic scene.  World frame, metres, z up, everywhere."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from plnerf.line.catenary import lowest, sag
+from plnerf.line.catenary import lowest
+from plnerf.line.curve import vertical_sag
 from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.hints import hints_of
-from plnerf.synth.seen import SEEN_RULE
-from plnerf.synth.span import Plant, Span, radius_m
+from plnerf.synth.seen import OBSERVABLE_RULE, SEEN_RULE
+from plnerf.synth.site import Line, Plant, Site, Tower, radius_m
 
 FORMAT_VERSION = 1
 GENERATOR = "plnerf synth 1"
@@ -25,13 +27,18 @@ CLEARANCE_ACROSS_M = 18.0
 Stretches = Sequence[tuple[float, float]]
 
 
-def truth_of(
-    span: Span, config: SceneConfig, views: Sequence[View], seen: Sequence[Stretches] | None = None
-) -> dict[str, object]:
-    """The content of truth.json.
+@dataclass(frozen=True)
+class Shows:
+    """What the images show of each conductor, in their order."""
 
-    `views` are the true ones.  `seen` lists for each conductor the stretches that the images show.
-    """
+    seen: Sequence[Stretches]
+    observable: Sequence[Stretches]
+
+
+def truth_of(
+    site: Site, config: SceneConfig, views: Sequence[View], shows: Shows | None = None
+) -> dict[str, object]:
+    """The content of truth.json; `views` are the true ones."""
     noisy = config.capture.pose_noise_m > 0 or config.capture.pose_noise_deg > 0
     true_poses = [
         {"name": view.name, "T_world_camera": view.T_world_camera_opengl().tolist()} for view in views
@@ -42,7 +49,7 @@ def truth_of(
         "generator": GENERATOR,
         "world": "local east-north-up, metres, z up, origin on the ground at mid-span",
         "unit": "m",
-        "seed": span.config.seed,
+        "seed": site.config.seed,
         "config": asdict(config),
         "images": len(views),
         "wire_mask_rule": (
@@ -52,37 +59,56 @@ def truth_of(
         "depth_rule": "along the camera's z axis at the pixel's centre, uint16 millimetres; "
         "0: sky, or further than 65.535 m",
         "seen_rule": SEEN_RULE,
+        "observable_rule": OBSERVABLE_RULE,
         "pose_rule": "the images are taken at the poses of transforms.json"
         if not noisy
         else "the images are taken at `poses`, OpenGL camera-to-world as in transforms.json, whose own are "
         "off by config.capture.pose_noise_m and pose_noise_deg (normal, each axis)",
         **({"poses": true_poses} if noisy else {}),
-        "catenary": "z(s) = z0 + p (cosh((s - s0)/p) - 1), s: horizontal distance from a along direction",
-        "conductors": [
-            _conductor(wire, None if seen is None else seen[i]) for i, wire in enumerate(span.wires)
-        ],
-        "towers": [
-            {
-                "name": tower.name,
-                "kind": span.config.support.kind,
-                "foot": tower.foot,
-                "height_m": tower.height_m,
-                "attachments": tower.attachments,
-            }
-            for tower in span.towers
-        ],
-        "houses": [{k: v for k, v in asdict(house).items() if k != "seed"} for house in span.houses],
-        "hints": hints_of(span, config.capture),
-        "ground": _ground(span),
-        "vegetation": _vegetation(span),
+        "catenary": "z(s) = z0 + p (cosh((s - s0)/p) - 1), s: horizontal distance from a along direction; "
+        "where swing_deg is stated the curve is a catenary of p_m in the plane through a and b that is "
+        "turned by so much to the left of upright about the direction",
+        "conductors": _conductors(site, shows),
+        "towers": [_tower(line, tower) for line in site.lines for tower in line.towers],
+        "houses": [{k: v for k, v in asdict(house).items() if k != "seed"} for house in site.houses],
+        "hints": hints_of(site, config.capture),
+        "ground": _ground(site),
+        "vegetation": _vegetation(site),
     }
 
 
-def _conductor(wire: Wire, seen: Stretches | None) -> dict[str, object]:
+def _conductors(site: Site, shows: Shows | None) -> list[dict[str, object]]:
+    owners = [(line, span) for line in site.lines for span in line.spans for _ in span.wires]
+    rows = []
+    for i, ((line, span), wire) in enumerate(zip(owners, site.wires, strict=True)):
+        row = _conductor(wire)
+        row |= {"line": line.number, "span": span.number}
+        row |= (
+            {}
+            if shows is None
+            else {
+                "seen_m": list(shows.seen[i]),
+                "observable_m": list(shows.observable[i]),
+            }
+        )
+        row["polyline"] = np.round(wire.polyline(POLYLINE_STEP_M), 6).tolist()
+        rows.append(row)
+    return rows
+
+
+def _conductor(wire: Wire) -> dict[str, object]:
     D, h, p = wire.plane
     (x, y), (ux, uy), z = wire.base.a.tolist(), wire.base.u.tolist(), wire.theta[2:4].tolist()
-    s0, below = lowest(D, h, p)  # of the whole curve: on a slope outside the span
-    z0 = z[0] + below
+    curve: dict[str, object] = {"p_m": p}
+    if wire.swing_rad:
+        s, height = wire.lowest  # between its ends
+        across = float(wire.at(np.array([s]))[0, 0])
+        curve |= {"swing_deg": math.degrees(wire.swing_rad)}
+        curve |= {"lowest": (x + ux * s - uy * across, y + uy * s + ux * across, height)}
+    else:
+        s0, below = lowest(D, h, p)  # of the whole curve: on a slope outside the span
+        z0 = z[0] + below
+        curve |= {"s0_m": s0, "z0_m": z0, "lowest": (x + ux * s0, y + uy * s0, z0)}
     return {
         "name": wire.name,
         "kind": wire.kind,
@@ -90,39 +116,50 @@ def _conductor(wire: Wire, seen: Stretches | None) -> dict[str, object]:
         "a": (x, y, z[0]),
         "b": (*wire.base.b.tolist(), z[1]),
         "direction": (ux, uy),
-        "span_m": D,
-        "p_m": p,
-        "s0_m": s0,
-        "z0_m": z0,
-        "lowest": (x + ux * s0, y + uy * s0, z0),
-        "sag_m": sag(D, h, p),
+        "span_m": wire.base.length_m,
+        **curve,
+        "sag_m": vertical_sag(wire.theta, wire.base.length_m),
         "length_m": wire.length_m,
-        **({} if seen is None else {"seen_m": list(seen)}),
-        "polyline": np.round(wire.polyline(POLYLINE_STEP_M), 6).tolist(),
     }
 
 
-def _ground(span: Span) -> dict[str, object]:
-    """Heights at 1 m steps along the line, and at the same steps 5 m and 10 m to either side."""
-    half = span.config.span_length_m / 2 + 5
-    along = np.arange(-np.floor(half), np.floor(half) + 1)
+def _tower(line: Line, tower: Tower) -> dict[str, object]:
+    inner = len(line.beside(tower)) == 2
+    return {
+        "name": tower.name,
+        "kind": tower.design.support.kind,
+        "foot": tower.foot,
+        "height_m": tower.height_m,
+        "attachments": tower.attachments,
+        "line": line.number,
+        "number": line.towers.index(tower) + 1,
+        "structure": tower.config.kind,
+        "line_angle_deg": tower.config.turn_deg if inner else None,
+    }
+
+
+def _ground(site: Site) -> dict[str, object]:
+    """Heights at 1 m steps along the first line, and at the same steps 5 m and 10 m to either side."""
+    first, last = site.route.stations_m[0] - 5, site.route.stations_m[-1] + 5
+    along = np.arange(-np.floor(-first), np.floor(last) + 1)
     rows = []
     for across in (-10.0, -5.0, 0.0, 5.0, 10.0):
-        x, y = np.array([span.at(float(distance), across) for distance in along]).T
-        points = np.stack([x, y, span.ground.heights(x, y)], axis=1)
+        x, y = np.array([site.at(float(distance), across) for distance in along]).T
+        points = np.stack([x, y, site.ground.heights(x, y)], axis=1)
         rows.append({"across_m": across, "points": np.round(points, 4).tolist()})
     return {"rule": "1 m steps along the line, 0 at mid-span; across_m to the left positive", "rows": rows}
 
 
-def _beside(span: Span, plant: Plant) -> bool:
-    (ux, uy), (x, y, _) = span.along, plant.foot
-    return abs(ux * x + uy * y) < span.config.span_length_m / 2 and abs(ux * y - uy * x) < CLEARANCE_ACROSS_M
+def _beside(site: Site, plant: Plant) -> bool:
+    foot, route = np.array([plant.foot]), site.route
+    within = route.stations_m[0] < route.stations_of(foot)[0] < route.stations_m[-1]
+    return bool(within and route.away_from(foot)[0] < CLEARANCE_ACROSS_M)
 
 
-def _vegetation(span: Span) -> list[dict[str, object]]:
+def _vegetation(site: Site) -> list[dict[str, object]]:
     """Every plant; near ones with their clearance: the least distance from leaf to conductor surface."""
-    axes = [wire.polyline(0.02) for wire in span.wires]
-    radii = np.repeat([radius_m(wire) for wire in span.wires], [len(axis) for axis in axes])
+    axes = [wire.polyline(0.02) for wire in site.wires]
+    radii = np.repeat([radius_m(wire) for wire in site.wires], [len(axis) for axis in axes])
     tree = cKDTree(np.concatenate(axes))
 
     def entry(plant: Plant) -> dict[str, object]:
@@ -132,13 +169,13 @@ def _vegetation(span: Span) -> list[dict[str, object]]:
             "radius_m": plant.radius_m,
             "height_m": plant.height_m,
         }
-        if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M or _beside(span, plant):
+        if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M or _beside(site, plant):
             distance, nearest = tree.query(plant_meshes(plant)[1].vertices)
             best = int(np.argmin(distance))
             owners = np.cumsum([len(axis) for axis in axes])
             owner = int(np.searchsorted(owners, nearest[best], side="right"))
             found["clearance_m"] = round(float(distance[best] - radii[nearest[best]]), 4)
-            found["nearest_conductor"] = span.wires[owner].name
+            found["nearest_conductor"] = site.wires[owner].name
         return found
 
-    return [entry(plant) for plant in span.plants]
+    return [entry(plant) for plant in site.plants]
