@@ -1,6 +1,6 @@
 """Clouds of lines whose every wire is known: catenaries, lattice towers, relief, trees, bars."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,6 +71,23 @@ def line(
             middle = feet[k] + share * (feet[k + 1] - feet[k]) + 16 * left[k]
             tree(made, middle, random)
     return made
+
+
+def blown(still: Line, degrees: float) -> Line:
+    """The line in a wind that swings its phases so far, and its shields twice as far."""
+    moved = Line(feet=still.feet, classes=still.classes, owners=still.owners)
+    for wire in still.wires:
+        swing = np.radians(degrees * (2 if wire.kind == "shield" else 1))
+        moved.wires.append(replace(wire, theta=np.append(wire.theta[:5], swing)))
+    for points, owner in zip(still.points, still.owners, strict=True):
+        if owner[0] < 0:
+            moved.points.append(points)
+            continue
+        old, new = still.wires[owner[0]], moved.wires[owner[0]]
+        local = old.base.local(points)
+        yz = local[:, 1:] + new.at(local[:, 0]) - old.at(local[:, 0])
+        moved.points.append(old.base.place(local[:, 0], yz))
+    return moved
 
 
 def _hang(

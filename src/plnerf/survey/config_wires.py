@@ -6,8 +6,8 @@ from plnerf.detect.config import EvidenceConfig
 from plnerf.errors import ConfigError
 from plnerf.survey.config_spans import KinkConfig
 
-UPRIGHT = 5
-"""Numbers of theta that are fitted: all but the swing."""
+UNKNOWNS = 6
+"""Numbers of theta."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,11 @@ class FitConfig:
     """Residuals beyond so many standard deviations count less (Cauchy)."""
     outlier_sigmas: float = 5.0
     """Points beyond so many standard deviations are outliers."""
+    swing_deg: float = 10.0
+    """Standard deviation of a wire's swing, before its points are seen: in the 10 m/s up to which one flies,
+    heavy conductors swing by 7 degrees and light ones by 16, and calm air is as common."""
+    max_swing_deg: float = 60.0
+    """No wire swings further."""
     max_rounds: int = 30
     """Most rounds of estimating the scatter and fitting: a deep wire is no parabola, and reaches its points
     by steps."""
@@ -30,14 +35,16 @@ class FitConfig:
     """Relative change of theta at which the rounds end."""
 
     def __post_init__(self) -> None:
-        for name in ("sigma_m", "robust_sigmas", "outlier_sigmas", "max_rounds"):
+        for name in (
+            "sigma_m", "robust_sigmas", "outlier_sigmas", "swing_deg", "max_swing_deg", "max_rounds"
+        ):  # fmt: skip
             if not getattr(self, name) > 0:
                 raise ConfigError(
                     f"fit: {name} must be greater than 0, got {getattr(self, name)}. Give a positive value."
                 )
-        if self.min_points < UPRIGHT:
+        if self.min_points < UNKNOWNS:
             raise ConfigError(
-                f"fit: min_points must be {UPRIGHT} or more, since a wire has {UPRIGHT} unknowns, got "
+                f"fit: min_points must be {UNKNOWNS} or more, since a wire has {UNKNOWNS} unknowns, got "
                 f"{self.min_points}."
             )
 
@@ -202,6 +209,8 @@ class BodyConfig:
     confirmed: float = 0.3
     """Share of those heights that stereo must fill as well at a body that the field shows: a field of a few
     hundred steps shows bodies where nothing is.  Stereo sees the near side of a lattice only."""
+    confirmed_within_m: float = 1.0
+    """Stereo must show that at most so far along the line from where the field does."""
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,9 @@
 """Fits a wire to measured points on it: robustly, in float64, with the covariance of the curve.
 
-Letters: s along the base, y to its left, z up (metres); m points; theta as in `line/wire.py`.  The swing is
-held at 0, so the curve is upright: a steady wind shows as points that bow sideways from it, in
-`evidence.residual_across_m`.
+Letters: s along the base, y to its left, z up (metres); m points; theta as in `line/wire.py`.  A steady wind
+shows as points that bow sideways, and is its last number, the swing.  What wind is likely is a prior: of a
+taut wire, or of points too few to show a bow, the swing stays near 0 and says how uncertain it is.
 """
-
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,7 +14,7 @@ from plnerf.line.base import Base, base_of, jacobian
 from plnerf.line.curve import LEAST_BEND_M, curve_at
 from plnerf.line.ends import Evidence, Open
 from plnerf.line.wire import Wire
-from plnerf.survey.config_wires import UPRIGHT, FitConfig
+from plnerf.survey.config_wires import UNKNOWNS, FitConfig
 
 NOT_KNOWN = Open("not known yet")
 
@@ -43,9 +42,11 @@ def fit_wire(
             f"A wire needs points along a span, but all {len(points)} lie within {np.ptp(s):.2g} m."
         )
 
-    def residual(q: Float[np.ndarray, "5"]) -> Float[np.ndarray, "m 2"]:
-        return curve_at(np.append(q, 0.0), L, s) - local[:, 1:]
+    def residual(q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "m 2"]:
+        return curve_at(q, L, s) - local[:, 1:]
 
+    swing, most = np.radians([config.swing_deg, config.max_swing_deg])
+    bounds = np.array([[-np.inf] * 4 + [LEAST_BEND_M, -most], [np.inf] * 5 + [most]])
     q = _start(L, local)
     scale = np.array([np.inf, np.inf])
     for _ in range(config.max_rounds):
@@ -53,36 +54,34 @@ def fit_wire(
         # 1.4826 times the median is the standard deviation of normal errors, whatever a minority does.
         scale = np.maximum(1.4826 * np.median(np.abs(apart), axis=0), config.sigma_m)
         before, q = q, least_squares(
-            lambda p, scale=scale: (residual(p) / scale).ravel(), q, loss="cauchy",
-            f_scale=config.robust_sigmas, bounds=([-np.inf] * 4 + [LEAST_BEND_M], np.inf),
-            x_scale=np.maximum(np.abs(q), 0.1),
+            lambda p, scale=scale: np.append(residual(p) / scale, p[5] / swing), q, loss="cauchy",
+            f_scale=config.robust_sigmas, bounds=bounds, x_scale=np.maximum(np.abs(q), 0.1),
         ).x  # fmt: skip
         if np.abs(q - before).max() <= config.settled * np.abs(q).max():
             break
     apart = residual(q)
     inlier: Bool[np.ndarray, " m"] = (np.abs(apart) <= config.outlier_sigmas * scale).all(1)
     across, up = np.sqrt((apart[inlier] ** 2).mean(0))
-    J = jacobian(lambda p: residual(p)[inlier].ravel(), q).reshape(-1, 2, UPRIGHT)
-    information = sum(
+    J = jacobian(lambda p: residual(p)[inlier].ravel(), q).reshape(-1, 2, UNKNOWNS)
+    information = np.diag([0.0] * 5 + [swing**-2]) + sum(
         J[:, k].T @ J[:, k] / max(rms, config.sigma_m) ** 2 for k, rms in enumerate((across, up))
     )
-    covariance = np.zeros((6, 6))
-    covariance[:UPRIGHT, :UPRIGHT] = np.linalg.pinv(information, hermitian=True)
+    covariance = np.linalg.pinv(information, hermitian=True)
     evidence = Evidence(
         f"{inlier.sum():,} points", int(inlier.sum()),
         residual_across_m=float(across), residual_up_m=float(up),
     )  # fmt: skip
-    return Wire(0, base, np.append(q, 0.0), covariance, (NOT_KNOWN, NOT_KNOWN), evidence), inlier
+    return Wire(0, base, q, covariance, (NOT_KNOWN, NOT_KNOWN), evidence), inlier
 
 
-def _start(L: float, local: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "5"]:
-    """A straight line in y and a parabola in z, which minimise absolute distances rather than squares."""
+def _start(L: float, local: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "6"]:
+    """Upright: a line in y and a parabola in z, which minimise absolute distances rather than squares."""
     s = local[:, 0] / L
     line = np.stack([1 - s, s], 1)
     hanging = np.stack([1 - s, s, -4 * s * (1 - s)], 1)
     y = _least_absolute(line, local[:, 1])
     z = _least_absolute(hanging, local[:, 2])
-    return np.array([y[0], y[1], z[0], z[1], max(float(z[2]), 1e-3)])
+    return np.array([y[0], y[1], z[0], z[1], max(float(z[2]), 1e-3), 0.0])
 
 
 def _least_absolute(A: Float[np.ndarray, "m k"], b: Float[np.ndarray, " m"]) -> Float[np.ndarray, " k"]:

@@ -99,6 +99,20 @@ def test_every_wire_of_a_line_is_found_once(line: made.Line, found: Found) -> No
     assert found.findings == ()
 
 
+def test_wires_in_the_wind_are_followed(line: made.Line) -> None:
+    """Phases swing by 8 degrees, shields by 16: upright curves would miss them by 15 cm."""
+    windy = made.blown(line, 8.0)
+    pairs = matched(find(windy.xyz), windy.wires)
+    assert len(pairs) == len(windy.wires) == 14
+    for k, (one, off) in pairs.items():
+        wire = windy.wires[k]
+        assert off < 0.06 and one.kind == wire.kind and one.notes == ()
+        assert one.swing_deg is not None and wire.swing_deg is not None and one.swing_deg.sigma < 2
+        turned = np.sign(one.base.u @ wire.base.u)
+        assert abs(turned * one.swing_deg.value - wire.swing_deg.value) < 4 * one.swing_deg.sigma
+        assert sag_of(one) == pytest.approx(sag_of(wire), abs=0.03)
+
+
 def test_the_line_is_numbered_along_itself(line: made.Line, found: Found) -> None:
     (one,) = found.lines
     assert one.id == 1 and [s.id for s in one.structures] == [1, 2, 3] and [s.id for s in one.spans] == [1, 2]

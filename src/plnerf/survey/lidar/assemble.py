@@ -136,7 +136,7 @@ def _bend(one: Float[np.ndarray, "2"], other: Float[np.ndarray, "2"]) -> float:
 def _notes(one: Candidate, config: LidarConfig) -> tuple[str, ...]:
     said = []
     if one.bow_m >= config.wire.reported_bow_m:
-        said.append(f"It bows {one.bow_m:.2f} m sideways, by wind perhaps; its curve is upright.")
+        said.append(f"Its points bow {one.bow_m:.2f} m sideways from its curve.")
     if one.misfit_m >= config.wire.reported_misfit_m:
         said.append(f"It departs {one.misfit_m:.2f} m from one catenary: something may hold it in between.")
     return tuple(said)

@@ -33,7 +33,7 @@ class Candidate:
     points: Int[np.ndarray, " m"]
     """Indices of its points."""
     bow_m: float
-    """How far it bows sideways in the middle, by wind: its curve is upright."""
+    """How far its points bow sideways from its curve."""
     misfit_m: float
     """Root mean square of its stretches' mean heights above or below its curve."""
     seen: tuple[bool, bool]
@@ -139,7 +139,8 @@ def _candidate(
     wire = fit_wire(mine, Base(a, b), config.fit)[0]
     wire = replace(wire, evidence=_evidence(wire, s, (ends[0], ends[1]), own.uncovered_gap_m))
     bow = abs(float(track.y[2] + off[2, 0] / (track.length_m / 2) ** 2)) * length**2 / 4
-    found = Candidate(number, wire, index[good], bow, _misfit(wire, mine, own.stretches), (seen[0], seen[1]))
+    left = _bow(wire, mine) if bow else 0.0  # short ones say nothing of it
+    found = Candidate(number, wire, index[good], left, _misfit(wire, mine, own.stretches), (seen[0], seen[1]))
     swings = max(own.reported_bow_m, config.track.max_bow_share * found.drop_m)
     deep = found.drop_m > config.track.max_sag_share * wire.base.length_m
     if wire.evidence.coverage < own.min_coverage or deep or bow > swings:
@@ -177,6 +178,14 @@ def _drop_sigma(wire: Wire) -> float:
 def _straightest(wire: Wire, config: WireConfig) -> float:
     """Drop below its chord of the tautest wire of this length."""
     return wire.base.length_m**2 / (8 * config.max_p_m)
+
+
+def _bow(wire: Wire, points: Float[np.ndarray, "m 3"]) -> float:
+    """How far the points of a wire bow sideways from it over its whole length, by a parabola."""
+    local = wire.base.local(points)
+    t = local[:, 0] / wire.base.length_m
+    A = np.stack([np.ones_like(t), t, 4 * t * (1 - t)], 1)
+    return abs(float(np.linalg.lstsq(A, local[:, 1] - wire.at(local[:, 0])[:, 0], rcond=None)[0][2]))
 
 
 def _misfit(wire: Wire, points: Float[np.ndarray, "m 3"], stretches: int) -> float:

@@ -320,7 +320,7 @@ class WireConfig:
     reported_misfit_m: float = 0.05
     """Root mean square of these mean heights from which on the misfit is reported."""
     reported_bow_m: float = 0.1
-    """Sideways bow from which on it is reported."""
+    """Sideways bow of a wire's points from its curve from which on it is reported."""
     min_break_m: float = 20.0
     """A wire ends at a gap in its points that is longer than this and than `break_spacings` spacings."""
     break_spacings: float = 12.0
