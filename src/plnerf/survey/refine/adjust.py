@@ -1,7 +1,8 @@
-"""All wires, all images' pose residuals and the lighting, in one least-squares step.
+"""All wires, all images' pose residuals, the lighting and the wind, in one least-squares step.
 
     minimise  sum rho((B + A (g . dy + m . t_n + c_wv) + |g| g . l_w) / sigma)
-              + sum |y_w - y_w0|^2 / trust_w^2 + sum |t_n|^2 / sd^2 + sum c_wv^2 / bias^2 + that of l
+              + sum |y_w - y_w0|^2 / trust_w^2 + sum |t_n|^2 / sd^2 + sum c_wv^2 / bias^2
+              + sum (phi_w - phi)^2 / own^2 + phi^2 / wind^2 + that of l
 
 over the curve theta of every wire w, through its places y across; the pose residual t_n of every image n; the
 shading l_w of every wire; and what else shifts a wire, c_wv, alike for all measurements of one stretch from
@@ -10,10 +11,13 @@ one direction v, so that no number of them outweighs it.
 Of a lit cylinder, the first moment of its profile grows with the radius squared and with the component of the
 light along the profile (Lambert's law, integrated over the side that is seen): so with |g| g . l, two numbers
 for all views, before whatever background.  Wires of one scene stand in the same light and are of like
-material: l_w = l + what is its own.
+material: l_w = l + what is its own.  They hang in the same wind, too: the swing phi_w of each is a common
+phi and what is its own, for thin wires swing further than heavy ones.  Of a wire that sags by h, the swing is
+what it bows aside, h sin phi, where all else in y is linear along the wire; where the views do not show that,
+as of a taut wire, it stays near 0, and as uncertain as wind is.
 
 Letters: w wires, n images, k measurements, v directions times stretches, g and m a measurement's derivatives
-by the wire's place and by the pose residual.  The unknowns come in the order theta, t, c, l_w, l.
+by the wire's place and by the pose residual.  The unknowns come in the order theta, t, c, l_w, l, phi.
 """
 
 from collections.abc import Sequence
@@ -27,8 +31,10 @@ from plnerf.line.curve import curve_at, curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
 
-FREE = 5
-"""Of theta, the numbers that are sought; the swing is held at what it was."""
+FREE = 6
+"""Numbers of theta."""
+SWING = 5
+"""The swing's place in theta."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +47,7 @@ class State:
     bias: Float[np.ndarray, "w v"]
     shading: Float[np.ndarray, "w 2"]
     common_shading: Float[np.ndarray, "2"]
+    common_swing: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +81,14 @@ class Step:
     """By which a wire is usually magnified."""
 
     def of_wire(self, w: int) -> Float[np.ndarray, "6 6"]:
-        """The covariance of a wire's theta: the larger of the two; 0 for the swing."""
+        """The covariance of a wire's theta: in every direction the larger of the two."""
         own = slice(FREE * w, FREE * (w + 1))
-        a, b = self.covariance[own, own], self.spread[own, own]
-        return np.pad(a if np.trace(a) > np.trace(b) else b, (0, 6 - FREE))
+        root = np.linalg.cholesky(self.covariance[own, own])
+        # In coordinates in which the one is a unit sphere, the axes of the other.
+        inverse = np.linalg.inv(root)
+        larger, axes = np.linalg.eigh(inverse @ self.spread[own, own] @ inverse.T)
+        along = root @ axes * np.sqrt(np.maximum(larger, 1.0))
+        return along @ along.T
 
     def pose_residual_px(self) -> float:
         """Standard deviation of the images' pose residuals: what they are, and what is not known of them."""
@@ -94,7 +105,8 @@ class Layout:
         self.bias = self.pose + 3 * N
         self.shading = self.bias + W * views
         self.common = self.shading + 2 * W
-        self.size = self.common + 2
+        self.common_swing = self.common + 2
+        self.size = self.common_swing + 1
         self.views = views
 
     def columns(self, w: int, n: int) -> np.ndarray:
@@ -131,7 +143,7 @@ def adjust(
         strength.append(float(np.median(np.abs(one.A))))
         size.append(float(np.median(magnification)))
         by_theta = np.einsum("ki,kij->kj", one.by_yz, curve_by_theta(state.theta[w], base.length_m, one.s))
-        moving = one.A[:, None] * np.concatenate([by_theta[:, :FREE], one.by_pose, seen_from], 1)
+        moving = one.A[:, None] * np.concatenate([by_theta, one.by_pose, seen_from], 1)
         columns = np.concatenate([moving, shade], 1)
         apart = off / np.sqrt(one.variance_B)
         scale = max(1.4826 * float(np.median(np.abs(apart))), 0.3)
@@ -152,13 +164,13 @@ def adjust(
     change = covariance @ (b + pull)
     # Images as independent draws, in place of measurements as such ("sandwich" by clusters).
     spread = covariance @ (scores.T @ scores * N / max(N - 5, 1) + P) @ covariance
-    moved = np.pad(change[: at.pose].reshape(W, FREE), ((0, 0), (0, 6 - FREE)))
     after = State(
-        state.theta + moved,
+        state.theta + change[: at.pose].reshape(W, FREE),
         state.pose + change[at.pose : at.bias].reshape(N, 3),
         state.bias + change[at.bias : at.shading].reshape(W, at.views),
         state.shading + change[at.shading : at.common].reshape(W, 2),
-        state.common_shading + change[at.common :],
+        state.common_shading + change[at.common : at.common_swing],
+        state.common_swing + float(change[at.common_swing]),
     )
     off_px, s, images = zip(*visible_of, strict=True)
     return Step(after, covariance, spread, off_px, s, images, magnified)
@@ -187,7 +199,7 @@ def _prior(
     for w in range(W):
         own = slice(FREE * w, FREE * (w + 1))
         held = prior.trust_m[w] * np.sqrt(places)
-        J = curve_by_theta(state.theta[w], L, s)[..., :FREE].reshape(-1, FREE) / held
+        J = curve_by_theta(state.theta[w], L, s).reshape(-1, FREE) / held
         P[own, own] = J.T @ J
         pull[own] = J.T @ (curve_at(prior.theta[w], L, s) - curve_at(state.theta[w], L, s)).ravel() / held
     bias = np.arange(at.bias, at.shading)
@@ -203,7 +215,15 @@ def _prior(
         P[own_shading, at.common + k] = P[at.common + k, own_shading] = -tie
         P[at.common + k, at.common + k] = 1 / shading_sd**2 + W * tie
     lighting = np.append(state.shading, state.common_shading)
-    pull[at.shading :] = -P[at.shading :, at.shading :] @ lighting
+    lit = slice(at.shading, at.common_swing)
+    pull[lit] = -P[lit, lit] @ lighting
+    swings = np.append(FREE * np.arange(W) + SWING, at.common_swing)
+    own, wind = np.radians(config.own_swing_deg) ** -2, np.radians(config.swing_deg) ** -2
+    wanted = own * np.eye(W + 1)
+    wanted[-1, :-1] = wanted[:-1, -1] = -own
+    wanted[-1, -1] = wind + W * own
+    P[np.ix_(swings, swings)] += wanted
+    pull[swings] -= wanted @ np.append(state.theta[:, SWING], state.common_swing)
     return P, pull
 
 

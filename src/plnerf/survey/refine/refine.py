@@ -18,8 +18,8 @@ from plnerf.line.base import Base
 from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.refine.adjust import Prior, State, Step, adjust
-from plnerf.survey.refine.config import RefineConfig
+from plnerf.survey.refine.adjust import SWING, Prior, State, Step, adjust
+from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import Projection, project_wire
 
@@ -70,7 +70,7 @@ def refine_wires(
         with ThreadPoolExecutor() as pool:
             found = list(pool.map(measure, range(N)))
         step = adjust(base, state, prior, found, config.adjust)
-        last, state = state, _hanging(step.state)
+        last, state = state, _hanging(step.state, config.adjust)
         prior = replace(prior, pose_sd_px=max(step.pose_residual_px(), config.least_pose_sd_px))
         report(k + 1, config.most_rounds)
         moved = max(_between(base, *both, s) for both in zip(last.theta, state.theta, strict=True))
@@ -90,10 +90,11 @@ def common_base(wires: Sequence[Wire]) -> Base:
     return first.cut(float(s.min()), float(s.max()))
 
 
-def _hanging(state: State) -> State:
-    """With wires that sag, however little."""
-    theta = state.theta.copy()
+def _hanging(state: State, config: AdjustConfig) -> State:
+    """With wires that sag, however little, and swing no further than wires do."""
+    theta, most = state.theta.copy(), np.radians(config.max_swing_deg)
     theta[:, 4] = np.maximum(theta[:, 4], LEAST_BEND_M)
+    theta[:, SWING] = np.clip(theta[:, SWING], -most, most)
     return replace(state, theta=theta)
 
 
@@ -152,8 +153,10 @@ def _judged(
     seen = _seen(step, w, base.length_m, config)
     evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
     if refused is not None:
-        # A detection states its least certain point: that stands for all of them.
-        held = np.pad(np.eye(5) * wire.worst_sigma() ** 2, (0, 1))
+        # A detection states its least certain point: that stands for all of them, and for the bow.
+        sigma = wire.worst_sigma()
+        swing = min(np.radians(config.adjust.swing_deg), sigma / max(float(wire.theta[4]), LEAST_BEND_M))
+        held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
         notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
         return replace(wire, covariance=held, evidence=evidence, notes=notes)
     same = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
