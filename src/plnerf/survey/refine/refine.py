@@ -159,10 +159,32 @@ def _judged(
         held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
         notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
         return replace(wire, covariance=held, evidence=evidence, notes=notes)
-    same = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
-    common = np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()) / step.pixels_per_m
-    covariance = own + np.pad(same * common**2, (0, 2))
+    off_px = float(np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()))
+    common = off_px / step.pixels_per_m
+    by_yz = np.concatenate([row.by_yz for row in rows])
+    covariance = own + _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
     return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
+
+
+def _systematic(
+    theta: Float[np.ndarray, "6"], common_m: float, bow_px: float, by_yz: Float[np.ndarray, "k 2"],
+    config: AdjustConfig,
+) -> Float[np.ndarray, "6 6"]:  # fmt: skip
+    """Covariance of what displaces all of a wire alike, and of what displaces its middle against its ends.
+
+    The latter is so many pixels in every view: in metres it is most in the direction that views show least.
+    """
+    alike = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
+    views = by_yz.T @ by_yz / len(by_yz)
+    of_bow = bow_px**2 / 2 * np.linalg.pinv(views, hermitian=True)
+    bend, swing = float(theta[4]), float(theta[SWING])
+    # A wire too taut to show its swing swings no further for it than wind does.
+    arm = max(bend, float(np.sqrt(of_bow[0, 0])) / np.radians(config.swing_deg))
+    s, c = np.sin(swing), np.cos(swing)
+    by_bow = np.array([[s, c], [c / arm, -s / arm]])  # b and swing, by y and z of the middle
+    systematic = np.zeros((6, 6))
+    systematic[:4, :4], systematic[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
+    return systematic
 
 
 def _seen(step: Step, w: int, length_m: float, config: RefineConfig) -> tuple[tuple[float, float], ...]:
