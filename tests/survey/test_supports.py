@@ -8,11 +8,14 @@ import pytest
 from plnerf.line.base import Base
 from plnerf.line.ends import Attached, Evidence, Open
 from plnerf.line.wire import Wire
-from plnerf.survey.attach import hung_between, line_of
+from plnerf.survey.attach import hung_between, lines_of, trimmed
 from plnerf.survey.attachments import held_at
 from plnerf.survey.bodies import find_bodies
+from plnerf.survey.chains import Chain, find_chains, wires_of
+from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import AttachmentConfig, BodyConfig, SupportConfig
-from plnerf.survey.supports import find_supports, trimmed
+from plnerf.survey.support import Supports
+from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
 
 CONFIG = SupportConfig()
@@ -63,9 +66,9 @@ def test_wires_are_held_where_their_strings_are() -> None:
     random = np.random.default_rng(0)
     points = np.concatenate([ground(random), body(random, 15.3), arm(random, 15.0)])
     at = held_at(points, wire_lines(), 12.5, 17.5, AttachmentConfig())
-    assert at == pytest.approx(15.0, abs=0.05)
+    assert at is not None and at.x_m == pytest.approx(15.0, abs=0.05) and at.wires == 3
     beyond = held_at(points, wire_lines()[:1], 9.0, 21.0, AttachmentConfig())  # by one wire, and from far
-    assert beyond == pytest.approx(15.0, abs=0.05)
+    assert beyond is not None and beyond.x_m == pytest.approx(15.0, abs=0.05) and beyond.wires == 1
 
 
 def test_crowns_specks_and_the_wires_themselves_hold_nothing() -> None:
@@ -93,6 +96,30 @@ def test_a_body_is_found_by_what_fills_the_corridor() -> None:
     assert find_bodies(np.concatenate([ground(random), bush]), ends, BodyConfig())[0] is None
 
 
+def test_a_body_is_where_other_points_show_something_too() -> None:
+    """A young field shows a body 2.7 m before the tower, and as well as the tower."""
+    random = np.random.default_rng(7)
+    ends = [line[(line[:, 0] > -18) & (line[:, 0] < 18)] for line in wire_lines()]
+    floor = ground(random)
+    noise = np.column_stack([np.full(60, 12.3), np.zeros(60), np.linspace(-10, 1, 60)])
+    field = np.concatenate([floor, noise, body(random, 15.0, n=600)])
+    stereo = np.concatenate([floor, body(random, 15.0, n=60)])
+    alone, both = (find_bodies(field, ends, BodyConfig(), also)[1] for also in (None, stereo))
+    assert alone is not None and abs(alone.x_m - 15.0) > 0.5
+    assert both is not None and both.x_m == pytest.approx(15.0, abs=0.1)
+    assert find_bodies(field, ends, BodyConfig(), floor) == (None, None)
+
+
+def found(
+    shown: Surface, field: Surface | None, wires: list[Wire], config: SupportConfig = CONFIG
+) -> tuple[Supports, tuple[Chain, ...], tuple[Chain, ...]]:
+    """The supports of wires, the chain of these and what is left between the supports."""
+    chains = find_chains(wires, ChainConfig())
+    scenery = scenery_of(shown, field, chains, config)
+    supports = find_supports(scenery, chains, config, ChainConfig())
+    return supports, chains, trimmed(chains, supports)
+
+
 def ends_of(wire: Wire) -> list[float]:
     return [float(wire.base.a[0]), float(wire.base.b[0])]
 
@@ -102,14 +129,15 @@ def test_wires_end_at_structures_by_the_best_that_shows_them() -> None:
     floor = ground(random)
     shown = surface(floor, body(random, 15.3), arm(random, 15.0))
     field = surface(floor, body(random, 15.3), arm(random, -14.8))
-    supports = find_supports(shown, field, WIRES, CONFIG)
-    assert [one and one.sigma_m for one in supports.structures] == [CONFIG.by_field_m, CONFIG.by_stereo_m]
-    for wire in WIRES:
-        assert ends_of(trimmed(wire, supports)) == pytest.approx([-14.8, 15.0], abs=0.1)
+    supports, _, extents = found(shown, field, WIRES)
+    assert [one.sigma_m for one in supports.seen] == [CONFIG.by_field_m, CONFIG.by_stereo_m]
+    for wire in wires_of(extents):
+        assert ends_of(wire) == pytest.approx([-14.8, 15.0], abs=0.1)
     shorter = [wire.between(4.0, 36.0) for wire in WIRES]
-    again = find_supports(shown, field, shorter, CONFIG)
-    assert again.x_m == supports.x_m
-    assert all(ends_of(trimmed(wire, again))[0] == pytest.approx(-14.0) for wire in shorter)
+    again, _, extents = found(shown, field, shorter)
+    for one, other in zip(again.seen, supports.seen, strict=True):
+        assert one.foot == pytest.approx(other.foot, abs=0.1)
+    assert all(ends_of(wire)[0] == pytest.approx(-14.0) for wire in wires_of(extents))
     # The second has a body, the first has none: it stands on the ground below what holds the wires.
     first, last = supports.seen
     assert first.foot == pytest.approx([-14.8, 0.0, -10.0], abs=0.4) and first.height_m > 10
@@ -121,28 +149,46 @@ def test_wires_end_at_structures_by_the_best_that_shows_them() -> None:
 def test_a_body_alone_is_less_exact_and_no_structure_leaves_the_wires() -> None:
     random = np.random.default_rng(4)
     floor = ground(random)
-    supports = find_supports(surface(floor), surface(floor, body(random, 15.0)), WIRES, CONFIG)
-    first, last = supports.structures
-    assert first is None and last is not None and last.sigma_m == CONFIG.by_body_m and last.id == 1
-    for wire in WIRES:
-        low, high = ends_of(trimmed(wire, supports))
+    seen_by_both = surface(floor, body(random, 15.0, n=100)), surface(floor, body(random, 15.0))
+    supports, _, extents = found(*seen_by_both, WIRES)
+    (last,) = supports.seen
+    assert last.sigma_m == CONFIG.by_body_m and last.id == 1 and last.foot[0] == pytest.approx(15, abs=0.2)
+    for wire in wires_of(extents):
+        low, high = ends_of(wire)
         assert low == pytest.approx(-18.0) and high == pytest.approx(15, abs=0.2)
-    nothing = find_supports(surface(floor), surface(floor), WIRES, CONFIG)
-    assert [ends_of(trimmed(wire, nothing)) for wire in WIRES] == [ends_of(wire) for wire in WIRES]
-    assert nothing.seen == () and find_supports(surface(floor), None, [], CONFIG).seen == ()
+    # What the field alone shows may be its noise.
+    for shown, field in [(floor, body(random, 15.0)), (floor, floor)]:
+        nothing, _, extents = found(surface(floor, shown), surface(floor, field), WIRES)
+        assert nothing.seen == ()
+        assert [ends_of(wire) for wire in wires_of(extents)] == pytest.approx(np.array([[-18.0, 18.0]] * 3))
+    assert found(surface(floor), None, [])[0].seen == ()
+
+
+def test_what_is_above_one_wire_of_several_holds_it_beside_a_body_only() -> None:
+    random = np.random.default_rng(8)
+    floor, z = ground(random), float(np.interp(15.0, *wire_lines()[0][:, [0, 2]].T))
+    twig = np.column_stack([
+        random.normal(15.0, 0.1, 90), random.normal(0.0, 0.1, 90), random.uniform(z + 0.3, z + 1.2, 90)
+    ])  # fmt: skip
+    assert found(surface(floor, twig), None, WIRES)[0].seen == ()
+    (one,) = found(surface(floor, twig, body(random, 15.2)), None, WIRES)[0].seen
+    assert one.sigma_m == CONFIG.by_stereo_m and "seen by stereo" in one.evidence
+    (alone,) = found(surface(floor, twig), None, WIRES[1:2])[0].seen
+    assert alone.sigma_m == CONFIG.by_stereo_m
 
 
 def test_a_wire_has_a_sag_between_two_structures_only() -> None:
     random = np.random.default_rng(5)
     floor = ground(random)
-    one = find_supports(surface(floor, body(random, 15.3), arm(random, 15.0)), None, WIRES, CONFIG)
-    wire = hung_between(WIRES[1], trimmed(WIRES[1], one), one)
+    one, chains, extents = found(surface(floor, body(random, 15.3), arm(random, 15.0)), None, WIRES)
+    wire = wires_of(hung_between(chains, extents, one))[1]
     assert isinstance(wire.ends[0], Open) and isinstance(wire.ends[1], Attached)
     assert wire.sag is None and wire.p_m is None and wire.span_m is None
     assert wire.open is not None and "first end is open" in wire.open
     arms = surface(floor, body(random, 15.3), arm(random, 15.0), arm(random, -15.0))
-    two = find_supports(arms, None, WIRES, CONFIG)
-    held = hung_between(WIRES[1], trimmed(WIRES[1], two), two)
+    two, chains, extents = found(arms, None, WIRES)
+    hung = hung_between(chains, extents, two)
+    held = wires_of(hung)[1]
     assert held.sag is not None and held.sag.value == pytest.approx(0.001 * 15**2, abs=3e-3)
     # What 5 cm at either end of 30 m add: at a fixed p the sag goes with the square of the span.
     exact = [replace(end, sigma_m=0.0) for end in held.ends if isinstance(end, Attached)]
@@ -150,7 +196,7 @@ def test_a_wire_has_a_sag_between_two_structures_only() -> None:
     by_ends = 2 * held.sag.value / held.base.length_m * np.sqrt(2) * CONFIG.by_stereo_m
     assert own is not None and held.sag.sigma == pytest.approx(np.hypot(own.sigma, by_ends), rel=1e-9)
     assert held.ends[1].point == pytest.approx(held.points(np.array([held.base.length_m]))[0])
-    line = line_of([held], two.structures)
+    (line,) = lines_of(hung, two, two.seen)
     assert line.spans[0].structures == (1, 2) and len(line.structures) == 2
 
 
@@ -158,7 +204,6 @@ def test_a_wire_ends_at_a_structure_beyond_where_images_show_it() -> None:
     random = np.random.default_rng(6)
     shown = surface(ground(random), body(random, 15.3), arm(random, 15.0))
     short = [wire.between(0.0, 31.0) for wire in WIRES]  # to x = 13
-    supports = find_supports(shown, None, short, CONFIG)
-    hung = hung_between(short[0], trimmed(short[0], supports), supports)
-    assert ends_of(trimmed(short[0], supports))[1] == pytest.approx(13.0)
-    assert ends_of(hung)[1] == pytest.approx(15.0, abs=0.1)
+    supports, chains, extents = found(shown, None, short)
+    assert ends_of(wires_of(extents)[0])[1] == pytest.approx(13.0)
+    assert ends_of(wires_of(hung_between(chains, extents, supports))[0])[1] == pytest.approx(15.0, abs=0.1)

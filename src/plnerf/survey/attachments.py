@@ -3,10 +3,11 @@
 A support's body is metres deep and shows one side first; its arms are narrow, and stand before far ground.
 Wires that stand on pins, with nothing above them, are not told so.
 
-Letters: n points, LineFrame (x along the line); k of them above one wire.
+Letters: n points (x along the line, y to its left, z up); k of them above one wire.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -14,15 +15,31 @@ from jaxtyping import Float
 from plnerf.survey.config_wires import AttachmentConfig
 
 
+@dataclass(frozen=True)
+class Hangers:
+    """What holds wires at one place of a line."""
+
+    x_m: float
+    wires: int
+    """Of how many of them it shows."""
+
+
 def held_at(
-    points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]], low: float, high: float,
+    points: Float[np.ndarray, "n 3"],
+    wires: Sequence[Float[np.ndarray, "_ 3"]],
+    low: float,
+    high: float,
     config: AttachmentConfig,
-) -> float | None:
+) -> Hangers | None:
     """Where between two places of the line the wires (polylines along x) are held; None: nothing shows it."""
     points = points[(points[:, 0] >= low - config.around_m) & (points[:, 0] <= high + config.around_m)]
     held = [_at_one_place(_above(points, wire, wires, config), low, high, config) for wire in wires]
     every = np.concatenate(held) if held else np.zeros(0)
-    return float(np.median(every[_window(every, low, high, config)])) if len(every) else None
+    if not len(every):
+        return None
+    at = float(np.median(every[_window(every, low, high, config)]))
+    near = [bool((np.abs(x - at) <= config.depth_m / 2).any()) for x in held]
+    return Hangers(at, sum(near))
 
 
 def _above(
@@ -53,9 +70,7 @@ def _at_one_place(
     return x[here] if here.sum() >= max(config.least_points, config.least_share * around.sum()) else x[:0]
 
 
-def _window(
-    x: Float[np.ndarray, " k"], low: float, high: float, config: AttachmentConfig
-) -> np.ndarray:
+def _window(x: Float[np.ndarray, " k"], low: float, high: float, config: AttachmentConfig) -> np.ndarray:
     """Which lie within the stretch of `depth_m`, its middle between two places, that holds most."""
     places = np.arange(low, high + config.step_m, config.step_m)
     counts = np.array([(np.abs(x - place) <= config.depth_m / 2).sum() for place in places])

@@ -2,7 +2,7 @@
 
 Cameras that fly beside wires see the upper half of a support best: that is what is asked for.
 
-Letters: n points, LineFrame (x along the line).
+Letters: n points (x along the line, y to its left, z up).
 """
 
 from collections.abc import Sequence
@@ -34,9 +34,15 @@ class Body:
 
 
 def find_bodies(
-    points: Float[np.ndarray, "n 3"], wires: Sequence[Float[np.ndarray, "_ 3"]], config: BodyConfig
+    points: Float[np.ndarray, "n 3"],
+    wires: Sequence[Float[np.ndarray, "_ 3"]],
+    config: BodyConfig,
+    also: Float[np.ndarray, "m 3"] | None = None,
 ) -> tuple[Body | None, Body | None]:
-    """The bodies at the first and the last end of wires (polylines along x); None where none is seen."""
+    """The bodies at the first and the last end of wires (polylines along x); None where none is seen.
+
+    also: points of another kind, which must show something at the same place.
+    """
     if not len(points) or not wires:
         return None, None
     every = np.concatenate(wires)
@@ -51,18 +57,16 @@ def find_bodies(
     lowest = np.min([np.interp(x, wire[:, 0], wire[:, 2]) for wire in wires], axis=0)
     filled = np.zeros(count)
     for k in np.flatnonzero(np.isfinite(ground)):
-        z = points[corridor & (piece == k), 2]
-        half = (ground[k] + lowest[k]) / 2
-        bins = max(1, int((lowest[k] - half) / config.step_m))
-        inside = z[(z > half) & (z < half + bins * config.step_m)]
-        filled[k] = len(np.unique(((inside - half) / config.step_m).astype(int))) / bins
+        filled[k] = _filled(points[corridor & (piece == k), 2], ground[k], lowest[k], config)
     found: list[Body | None] = []
     for outer in (x < low + config.outer * (high - low), x > high - config.outer * (high - low)):
         tall = np.flatnonzero(outer & (filled >= config.filled))
-        if not len(tall):
+        for best in tall[np.argsort(-filled[tall], kind="stable")]:
+            if also is None or _seen(also, x[best], ground[best], lowest[best], wires, config):
+                break
+        else:
             found.append(None)
             continue
-        best = tall[np.argmax(filled[tall])]
         # Lattice and poles are symmetric about their axis; plants at the foot are not.
         half = (ground[best] + lowest[best]) / 2
         near = np.abs(points[:, 0] - x[best]) <= config.half_depth_m
@@ -88,6 +92,24 @@ def body_at(
     upper = around[near & (around[:, 2] > (foot_m + lowest_m) / 2)]
     y_m = float(np.median(upper[:, 1])) if len(upper) else float(at[:, 0].mean())
     return Body(x_m, y_m, foot_m, float(upper[:, 2].max(initial=lowest_m)))
+
+
+def _seen(
+    points: Float[np.ndarray, "n 3"], x_m: float, ground: float, lowest: float,
+    wires: Sequence[Float[np.ndarray, "_ 3"]], config: BodyConfig,
+) -> bool:  # fmt: skip
+    """Whether points show something below the wires at a place."""
+    near = points[np.abs(points[:, 0] - x_m) <= config.confirmed_within_m]
+    z = near[_between_wires(near, wires, config), 2]
+    return _filled(z, ground, lowest, config) >= config.confirmed
+
+
+def _filled(z: Float[np.ndarray, " k"], ground: float, lowest: float, config: BodyConfig) -> float:
+    """Share of the upper half of the heights between the ground and the lowest wire that hold points."""
+    half = (ground + lowest) / 2
+    bins = max(1, int((lowest - half) / config.step_m))
+    inside = z[(z > half) & (z < half + bins * config.step_m)]
+    return len(np.unique(((inside - half) / config.step_m).astype(int))) / bins
 
 
 def _between_wires(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, FieldConfig
+from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.refine.config import RefineConfig
@@ -23,8 +24,12 @@ class SurveyConfig:
     """Points on surfaces that a run's field shows."""
     stereo: StereoConfig = field(default_factory=StereoConfig)
     """Points on surfaces that pairs of images show."""
+    spans: ChainConfig = field(default_factory=ChainConfig)
+    """Which wires make a span, and which spans a line, of images."""
     supports: SupportConfig = field(default_factory=SupportConfig)
     """Structures that hold the wires, of images."""
+    structure_kinds: StructureKindConfig = field(default_factory=StructureKindConfig)
+    """Suspension, strain or terminal structures, of images."""
     refine: RefineConfig = field(default_factory=RefineConfig)
     """The refit of wires to the images."""
     evidence: WireEvidenceConfig = field(default_factory=WireEvidenceConfig)

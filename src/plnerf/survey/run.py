@@ -1,6 +1,7 @@
 """Surveys: of a trained run, of a scene without training, of a point cloud.  Values in, a `Survey` out.
 
-    images    wires -> surfaces (field, stereo) -> structures -> refit -> evidence -> ground, classes
+    images    wires -> spans, lines -> surfaces (field, stereo) -> structures -> refit -> structures again,
+              from the refined curves -> evidence -> ground, classes
     cloud     ground -> lines -> structures -> wires -> classes
     both      -> clearances
 
@@ -11,29 +12,30 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
-import numpy as np
-
 from plnerf.detect.detect import detect_wires
 from plnerf.findings import Finding, harms, note
 from plnerf.line.frame import LineFrame
+from plnerf.line.line import Line
 from plnerf.line.survey import Survey, WirePoints
 from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
-from plnerf.survey.attach import hung_between, line_of
+from plnerf.survey.attach import hung_between, lines_of, numbered, trimmed
+from plnerf.survey.chains import find_chains, wires_of, with_wires
 from plnerf.survey.classify import classified, ground_of, standing_on
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.field_surface import field_surface
-from plnerf.survey.kinds import kinds
+from plnerf.survey.kinds import with_kinds
 from plnerf.survey.lidar.find import find_lines
 from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.posed_photos import Photos, photos_of
-from plnerf.survey.refine.refine import refine_wires
+from plnerf.survey.span_refits import refine_spans
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
-from plnerf.survey.supports import find_supports, trimmed
+from plnerf.survey.structure_kinds import with_structure_kinds
+from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
-from plnerf.survey.wire_evidence import by_images, by_points, points_on
+from plnerf.survey.wire_evidence import counts, with_evidence
 from plnerf.survey.wire_points import wire_points
 from plnerf.train.run import TrainedRun
 from plnerf.train.settings import to_json
@@ -50,7 +52,7 @@ def survey_run(
     photos = photos_of(run.scene)
     found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
     points = wire_points(run, photos.frame, found, config.points, parts[0])
-    field = field_surface(run, photos.frame, config.surface, parts[1])
+    field = field_surface(run, photos.frame, found, config.surface, parts[1])
     made = {"input": _images_in(run.scene), "preset": f"{run.config.preset}, step {run.step:,}"}
     return _of_images(photos, found, (field, points), config, parts[2:], str(run.folder), made)
 
@@ -93,28 +95,29 @@ def _of_images(
     """What runs and scenes have in common.  rendered: what the field of a run shows."""
     field, points = rendered or (None, None)
     wires = [wire for wire in found if wire.evidence.certain]
+    chains = find_chains(wires, config.spans)
     surface, findings = stereo_surface(photos, wires, field, config.stereo, parts[0])
-    supports = find_supports(surface, field, wires, config.supports)
-    extents = [trimmed(wire, supports) for wire in wires]
-    refined = refine_wires(photos, extents, config.refine, parts[1])
-    hung = [hung_between(*pair, supports) for pair in zip(refined.wires, extents, strict=True)]
-    if points is None:
-        hung = [by_images(wire) for wire in hung]
-    else:
-        hung = [by_points(wire, points.xyz, config.evidence) for wire in hung]
-    before = [hung_between(*pair, supports) for pair in zip(wires, extents, strict=True)]
-    hung, before = _named(hung, before, points, config)
-    if refined.pose_residual_px > config.refine.loose_poses_px:
-        surface = inflate_sigma(surface, refined.pose_residual_px, config.stereo)
-        findings = (*findings, _loose(refined.pose_residual_px))
-    ground = ground_of(surface, hung, supports.points, config.classify)
-    structures = [None if one is None else standing_on(ground, [one])[0] for one in supports.structures]
-    cloud, more = classified(surface, ground, hung, supports.points, config.classify)
+    scenery = scenery_of(surface, field, chains, config.supports)
+    extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
+    refined, residual_px = refine_spans(photos, extents, config.refine, parts[1])
+    supports = find_supports(scenery, refined, config.supports, config.spans)
+    supports = with_structure_kinds(supports, photos, config.structure_kinds)
+    hung = hung_between(refined, extents, supports)
+    hung = with_wires(hung, with_evidence(wires_of(hung), points, config.evidence))
+    hung, before = numbered(hung, hung_between(chains, extents, supports))
+    if residual_px > config.refine.loose_poses_px:
+        surface = inflate_sigma(surface, residual_px, config.stereo)
+        findings = (*findings, _loose(residual_px))
+    ground = ground_of(surface, wires_of(hung), supports.points, config.classify)
+    lines = lines_of(hung, supports, standing_on(ground, supports.seen))
+    lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
+    every = [wire for line in lines for wire in line.wires]
+    as_detected = [replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)]
+    cloud, more = classified(surface, ground, every, supports.points, config.classify)
     survey = Survey(
-        photos.frame, (line_of(hung, structures),) if hung else (), cloud, source, made,
-        findings=(*_about(found, wires, len(supports.seen)), *findings, *more),
-        detected=tuple(before), wire_points=points, pictures=pictures_of(photos, hung, config.pictures),
-        from_images=True,
+        photos.frame, lines, cloud, source, made, findings=(*_about(found, lines), *findings, *more),
+        detected=tuple(as_detected), wire_points=points,
+        pictures=pictures_of(photos, every, config.pictures), from_images=True,
     )  # fmt: skip
     return _finished(survey, config)
 
@@ -133,39 +136,22 @@ def _finished(survey: Survey, config: SurveyConfig) -> Survey:
     return replace(survey, clearances=clearances, findings=(*survey.findings, *findings))
 
 
-def _named(
-    wires: Sequence[Wire], before: Sequence[Wire], points: WirePoints | None, config: SurveyConfig
-) -> tuple[list[Wire], list[Wire]]:
-    """Numbered from 1, the highest first, each with its kind; and the same of the wires before the refit."""
-    middles = [wire.points(np.array([wire.base.length_m / 2]))[0, 2] for wire in wires]
-    order = np.argsort(middles)[::-1].tolist()
-    counts = [_count(wires[k], points, config) for k in order]
-    names = kinds([wires[k] for k in order], counts, config.kinds)
-    numbered = [replace(wires[k], id=n + 1, kind=names[n]) for n, k in enumerate(order)]
-    return numbered, [replace(before[k], id=n + 1, kind=names[n]) for n, k in enumerate(order)]
-
-
-def _count(wire: Wire, points: WirePoints | None, config: SurveyConfig) -> int:
-    """How well a wire is seen: points on it, or images that show it."""
-    if points is None:
-        return wire.evidence.count
-    return int(points_on(wire, points.xyz, config.evidence.near_m).sum())
-
-
-def _about(found: Sequence[Wire], wires: Sequence[Wire], structures: int) -> list[Finding]:
+def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:
     """What a reader must know of the wires that were detected."""
     findings = []
-    if not wires:
+    spans = [span for line in lines for span in line.spans]
+    if not spans:
         findings.append(harms("wires", "The images show no wire whose place the views fix."))
-    if len(found) > len(wires):
-        left = len(found) - len(wires)
+    left = len(found) - sum(len(span.wires) for span in spans)
+    if left:
         findings.append(note("wires", f"The views do not fix the place of {left} more that may be wires."))
-    if wires and structures < 2:
+    unseen = sum(one is None for span in spans for one in span.structures)
+    if unseen:
         findings.append(
             harms(
                 "structures",
-                f"{structures} of 2 structures are seen: where none is, wires end with what the images show, "
-                "and no sag is stated.",
+                f"At {unseen} of {2 * len(spans)} ends of spans no structure is seen: there wires end with "
+                "what the images show, and no sag is stated.",
             )
         )
     return findings

@@ -1,103 +1,233 @@
-"""The structures at the ends of wires that images show: where they stand along the line, and which points
-are theirs.
+"""The structures of lines that images show: where they hold the wires, and which points are theirs.
 
-LineFrame; x runs along the wires.
+Two kinds of evidence, which must agree where there are both: the kinks in which the curves of adjacent spans
+meet (`kinks.py`), and what stereo and the field show of insulators, arms and bodies (`attachments.py`,
+`bodies.py`).
+
+Letters: t along a junction's axis, y to its left, z up: the coordinates of everything about a junction.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 
+from plnerf.line.base import Base
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.attachments import held_at
 from plnerf.survey.bodies import Body, body_at, find_bodies
+from plnerf.survey.chains import Chain, junctions
+from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import SupportConfig
+from plnerf.survey.kinks import Held, find_kinks, held_by
+from plnerf.survey.span_wires import Junction, SpanWires, crossing
+from plnerf.survey.support import Support, Supports
 from plnerf.survey.surface import Surface
+from plnerf.survey.tees import with_tees
+
+Lines = Sequence[Float[np.ndarray, "_ 3"]]
+Place = Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True, eq=False)
-class Supports:
-    """At either end of the wires; None where no structure is seen."""
+class _Around:
+    """What is around a junction, in its own coordinates."""
 
-    structures: tuple[Structure | None, Structure | None]
-    x_m: tuple[float | None, float | None]
-    """Where the first and the last hold the wires."""
-    points: Bool[np.ndarray, " n"]
-    """Those of the surface that are theirs."""
+    lines: Lines
+    """Its conductors, before and after it."""
+    stereo: Float[np.ndarray, "n 3"]
+    field: Float[np.ndarray, "m 3"] | None
+    of_stereo: Int[np.ndarray, " n"]
+    """Indices of the stereo points."""
 
     @property
-    def seen(self) -> tuple[Structure, ...]:
-        """The structures that are seen."""
-        return tuple(one for one in self.structures if one is not None)
+    def best(self) -> Float[np.ndarray, "_ 3"]:
+        """The points that show a structure from all sides, if any do."""
+        return self.stereo if self.field is None else self.field
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """Where points show what holds the wires."""
+
+    t: float
+    sigma: float
+    words: str
+    strings: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What stands about lines, LineFrame."""
+
+    surface: Surface
+    """By stereo."""
+    field: Surface | None
+    """By a trained field, if there is one."""
+    bodies: tuple[tuple[tuple[Place | None, Place | None], ...], ...]
+    """Of each chain and span, where the bodies at its ends stand; None where none is seen."""
+
+
+def scenery_of(
+    surface: Surface, field: Surface | None, chains: Sequence[Chain], config: SupportConfig
+) -> Scenery:
+    """With the bodies at the ends of wires as they were detected, which end well before or beyond them.
+
+    Bodies are looked for in the field where there is one, which shows a lattice from all sides; stereo sees
+    its near side alone, but must see something of it.
+    """
+    bodies = (tuple(_bodies(surface, field, span, config) for span in chain) for chain in chains)
+    return Scenery(surface, field, tuple(bodies))
 
 
 def find_supports(
-    surface: Surface, field: Surface | None, wires: Sequence[Wire], config: SupportConfig
+    scenery: Scenery, chains: Sequence[Chain], config: SupportConfig, chaining: ChainConfig
 ) -> Supports:
-    """The structures at both ends of wires that run along x side by side.
-
-    Bodies are looked for in the field where there is one, which shows a lattice from all sides: stereo sees
-    its near side alone.
-    """
-    of_stereo, of_field = surface.xyz, (surface if field is None else field).xyz
-    mine = np.zeros(len(of_stereo), np.bool_)
-    if not wires:
-        return Supports((None, None), (None, None), mine)
-    half = config.polyline_places // 2
-    lines = [wire.points(np.linspace(0.0, wire.base.length_m, half)) for wire in wires]
-    bodies = find_bodies(of_field, lines, config.body)
-    first, last = min(float(line[0, 0]) for line in lines), max(float(line[-1, 0]) for line in lines)
-    x = np.linspace(first - config.about_end_m, last + config.about_end_m, config.polyline_places)
-    curves = [wire.points(x - wire.base.a[0]) for wire in wires]
-    shown = [(of_stereo, config.by_stereo_m, "stereo")]
-    shown += [(of_field, config.by_field_m, "the field")] if field is not None else []
-    structures: list[Structure | None] = []
-    for body, end in zip(bodies, (first, last), strict=True):
-        found = _support(body, end, shown, of_field, curves, config)
-        if found is None:
-            structures.append(None)
-            continue
-        at, sigma, evidence = found
-        mine |= at.holds(of_stereo, curves, config.body)
-        number = 1 + sum(one is not None for one in structures)
-        structures.append(
-            Structure(
-                number, np.array([at.x_m, at.y_m, at.foot_m]), at.top_m - at.foot_m, sigma, evidence
-            )
-        )
-    at_x = [None if one is None else float(one.foot[0]) for one in structures]
-    return Supports((structures[0], structures[1]), (at_x[0], at_x[1]), mine)
+    """The structures between the spans of chains and at their ends, numbered from 1 along them."""
+    mine = np.zeros(len(scenery.surface.xyz), np.bool_)
+    found = []
+    for chain, bodies in zip(chains, scenery.bodies, strict=True):
+        placed = []
+        for k, junction in enumerate(junctions(chain, chaining)):
+            near = [bodies[k - 1][1]] if k > 0 else []
+            near += [bodies[k][0]] if k < len(chain) else []
+            around = _around(scenery, junction, config)
+            placed.append(_support(junction, around, [one for one in near if one is not None], config))
+            mine[_points_of(placed[-1], around, config)] = True
+        found.append(placed)
+    return Supports(_numbered(with_tees(found, config)), mine)
 
 
-def trimmed(wire: Wire, supports: Supports) -> Wire:
-    """The wire as far as it lies between the structures, without what was detected beyond them."""
-    low, high = wire.base.a[0], wire.base.b[0]
+def _bodies(
+    surface: Surface, field: Surface | None, span: SpanWires, config: SupportConfig
+) -> tuple[Place | None, Place | None]:
+    """Where the bodies at both ends of a span stand, LineFrame."""
+    lines = span.polylines(config.polyline_places // 2)
+    both = [_near(one.xyz, span.base, lines, config)[1] for one in (surface, field) if one is not None]
+    found = find_bodies(both[-1], lines, config.body, None if field is None else both[0])
     first, last = (
-        bound if at is None else at
-        for bound, at in zip((-np.inf, np.inf), supports.x_m, strict=True)
+        None if one is None else span.base.place(np.array([one.x_m]), np.array([[one.y_m, one.foot_m]]))[0]
+        for one in found
     )
-    return wire.between(max(low, first) - low, min(high, last) - low)
+    return first, last
 
 
-def _support(
-    body: Body | None,
-    end: float,
-    shown: Sequence[tuple[Float[np.ndarray, "_ 3"], float, str]],
-    of_field: Float[np.ndarray, "m 3"],
-    wires: Sequence[Float[np.ndarray, "_ 3"]],
-    config: SupportConfig,
-) -> tuple[Body, float, str] | None:
-    """Where the wires are held about a body, or their end, by the best that shows it, and how exactly."""
-    middle, reach = (end, config.about_end_m) if body is None else (body.x_m, config.around_m)
-    for points, sigma, source in shown:
-        at = held_at(points, wires, middle - reach, middle + reach, config.attachment)
-        if at is not None:
-            found = body or body_at(at, of_field, wires, config.body)
-            # A structure is as high as its highest wire.
-            highest = max(float(np.interp(at, wire[:, 0], wire[:, 2])) for wire in wires)
-            what = f"what holds the wires, seen by {source}"
-            return replace(found, x_m=at, top_m=max(highest, found.top_m)), sigma, what
-    return None if body is None else (body, config.by_body_m, "its body alone")
+def _support(junction: Junction, around: _Around, bodies: Sequence[Place], config: SupportConfig) -> Support:
+    """By its kinks and by what is seen, if they agree; else by what has more evidence.
+
+    bodies: where bodies stand near, LineFrame.
+    """
+    axis, kinks = junction.axis, find_kinks(junction, config.kink)
+    held = held_by(kinks, axis, None, config.kink)
+    middle = 0.0 if held is None else held.t
+    t = axis.local(np.array(bodies).reshape(-1, 3))[:, 0]
+    if held is not None:  # a body elsewhere is none
+        t = t[np.abs(t - middle) <= config.around_m]
+    body = float(t[np.abs(t - middle).argmin()]) if len(t) else None
+    shown = _shown(around, middle, body, held is not None, config)
+    words = []
+    if held is not None and shown is not None:
+        alike = abs(held.t - shown.t) <= config.agree_sigmas * np.hypot(held.sigma, shown.sigma)
+        if alike:
+            held = held_by(kinks, axis, (shown.t, shown.sigma), config.kink)
+            words = [shown.words]
+        elif held.agreeing < config.least_wires and shown.strings:
+            held = None  # a single kink against what is seen to hold the wires
+        else:
+            words = [f"against {shown.words}, {abs(held.t - shown.t):.1f} m from there"]
+    if held is not None:
+        words = [f"the kinks of {held.agreeing} wires" if held.agreeing > 1 else "the kink of a wire", *words]
+        t0, sigma = held.t, held.sigma
+    elif shown is not None:
+        t0, sigma, words = shown.t, shown.sigma, [shown.words]
+    else:
+        return Support(junction, None, (np.zeros((0, 2)), np.zeros((0, 2))), kinks)
+    lines = around.lines
+    stands = body_at(t0 if body is None else body, around.best, lines, config.body)
+    # A structure is as high as its highest wire.
+    top = max(stands.top_m, *(float(np.interp(t0, line[:, 0], line[:, 2])) for line in lines))
+    foot = axis.place(np.array([t0]), np.array([[stands.y_m, stands.foot_m]]))[0]
+    structure = Structure(0, foot, top - stands.foot_m, sigma, ", and ".join(words))
+    strings = shown is not None and shown.strings
+    return Support(junction, structure, _places(junction, t0, sigma, held, config), kinks, strings)
+
+
+def _shown(
+    around: _Around, middle: float, body: float | None, kinked: bool, config: SupportConfig
+) -> _Shown | None:
+    """Where the wires are held about a body, a kink or their end, by the best that shows it.
+
+    What is above one wire of many may be a plant: only a body makes it an attachment.
+    """
+    reach = config.around_m if kinked or body is not None else config.about_end_m
+    middle = middle if kinked or body is None else body
+    sources = [(around.stereo, config.by_stereo_m, "stereo")]
+    sources += [] if around.field is None else [(around.field, config.by_field_m, "the field")]
+    least = 1 if body is not None else min(config.least_wires, len(around.lines))
+    for points, sigma, source in sources:
+        one = held_at(points, around.lines, middle - reach, middle + reach, config.attachment)
+        if one is not None and one.wires >= least:
+            return _Shown(one.x_m, sigma, f"what holds the wires, seen by {source}", True)
+    return None if body is None else _Shown(body, config.by_body_m, "its body alone", False)
+
+
+def _places(
+    junction: Junction, t: float, sigma: float, held: Held | None, config: SupportConfig
+) -> tuple[Float[np.ndarray, "b 2"], Float[np.ndarray, "a 2"]]:
+    """Of each wire on both sides, t of its attachment and its standard deviation."""
+    usual = sigma if held is None else float(np.hypot(sigma, config.kink.arms_m))
+    before, after = (np.tile([t, usual], (len(wires), 1)) for wires in junction.sides)
+    for (i, j), own in ({} if held is None else held.own).items():
+        before[i] = after[j] = own
+    return before, after
+
+
+def _around(scenery: Scenery, junction: Junction, config: SupportConfig) -> _Around:
+    t = np.linspace(-config.surroundings_m, config.surroundings_m, config.polyline_places)
+    curves = [[_curve(wire, junction.axis, t) for wire in wires] for wires in junction.sides]
+    lines = [np.where((t < junction.meet_m)[:, None], curves[0][i], curves[1][j]) for i, j in junction.pairs]
+    for side, wires in enumerate(curves):
+        paired = {pair[side] for pair in junction.pairs}
+        lines += [line for k, line in enumerate(wires) if k not in paired]
+    of_stereo, stereo = _near(scenery.surface.xyz, junction.axis, lines, config)
+    field = scenery.field
+    shown = None if field is None else _near(field.xyz, junction.axis, lines, config)[1]
+    return _Around(lines, stereo, shown, of_stereo)
+
+
+def _curve(wire: Wire, axis: Base, t: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:
+    return axis.local(wire.points(crossing(wire, axis, t)))
+
+
+def _near(
+    points: Float[np.ndarray, "n 3"], base: Base, lines: Lines, config: SupportConfig
+) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, "k 3"]]:
+    """Points around wires that are given in a base's coordinates: their indices, and they in these."""
+    local, every = base.local(points), np.concatenate(lines)[:, :2]
+    low, high = every.min(0) - config.surroundings_m, every.max(0) + config.surroundings_m
+    index = np.flatnonzero(((local[:, :2] >= low) & (local[:, :2] <= high)).all(1))
+    return index, local[index]
+
+
+def _points_of(support: Support, around: _Around, config: SupportConfig) -> Int[np.ndarray, " _"]:
+    """Indices of the surface's points that belong to a structure."""
+    if support.structure is None:
+        return around.of_stereo[:0]
+    ((t, y, foot),) = support.junction.axis.local(support.structure.foot[None])
+    body = Body(float(t), float(y), float(foot), float(foot) + support.structure.height_m)
+    return around.of_stereo[body.holds(around.stereo, around.lines, config.body)]
+
+
+def _numbered(chains: Sequence[Sequence[Support]]) -> tuple[tuple[Support, ...], ...]:
+    """With ids from 1 along the chains."""
+    every = [one.structure for chain in chains for one in chain if one.mine and one.structure is not None]
+    numbered = {id(one): replace(one, id=k + 1) for k, one in enumerate(every)}
+    return tuple(
+        tuple(
+            one if one.structure is None else replace(one, structure=numbered[id(one.structure)])
+            for one in chain
+        )
+        for chain in chains
+    )

@@ -6,8 +6,23 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from plnerf.line.survey import WirePoints
 from plnerf.line.wire import Wire
 from plnerf.survey.config_wires import WireEvidenceConfig
+
+
+def with_evidence(wires: Sequence[Wire], points: WirePoints | None, config: WireEvidenceConfig) -> list[Wire]:
+    """Every wire with what shows it: the field's points on it if there is a field, else the images."""
+    if points is None:
+        return [by_images(wire) for wire in wires]
+    return [by_points(wire, points.xyz, config) for wire in wires]
+
+
+def counts(wires: Sequence[Wire], points: WirePoints | None, config: WireEvidenceConfig) -> dict[int, int]:
+    """How well each wire is seen, by its id: points on it, or images that show it."""
+    if points is None:
+        return {wire.id: wire.evidence.count for wire in wires}
+    return {wire.id: int(points_on(wire, points.xyz, config.near_m).sum()) for wire in wires}
 
 
 def by_images(wire: Wire) -> Wire:

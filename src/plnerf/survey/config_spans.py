@@ -1,0 +1,106 @@
+"""How wires become spans and spans lines, of images.  Without NumPy: the command line shows it at once."""
+
+from dataclasses import dataclass
+
+from plnerf.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class ChainConfig:
+    """Which wires hang side by side in one span, and which spans go on in one another."""
+
+    max_angle_deg: float = 5.0
+    """Greatest angle in plan between wires of one span: their attachments may be further apart at one end."""
+    min_overlap: float = 0.6
+    """Least share of the shorter wire beside which the other must run; more than half, so that a piece that
+    spans a structure belongs to one of the two spans only."""
+    close_m: float = 8.0
+    """Wires so near to each other, in plan, belong to one span."""
+    wide_m: float = 20.0
+    """Wires up to so far apart do if their ends are level: parallel lines have structures of their own."""
+    level_m: float = 15.0
+    """Ends that differ by at most so much along the line are level."""
+    level_share: float = 0.15
+    """The same as a share of the wire's length; the larger of the two counts."""
+    max_bend_deg: float = 60.0
+    """Greatest angle by which a line turns at a structure."""
+    reach_m: float = 12.0
+    """The curves of adjacent spans meet at most so far before or beyond the ends of what the images show."""
+    reach_share: float = 0.3
+    """The same as a share of the shorter span; the smaller of the two counts."""
+    gap_m: float = 0.5
+    """Curves of one conductor in adjacent spans come at least so near to each other.  Both are known to
+    decimetres there: they end a few metres from it, or go on beyond."""
+    step_m: float = 0.25
+    """Between the places at which spans are compared."""
+
+    def __post_init__(self) -> None:
+        if min(self.close_m, self.reach_m, self.gap_m, self.step_m) <= 0:
+            raise ConfigError(
+                "Spans need close_m, reach_m, gap_m and step_m above 0, but got "
+                f"{self.close_m}, {self.reach_m}, {self.gap_m} and {self.step_m}."
+            )
+        if not 0.5 < self.min_overlap <= 1 or not 0 <= self.max_bend_deg < 90:
+            raise ConfigError(
+                "Spans need 0.5 < min_overlap <= 1 and 0 <= max_bend_deg < 90, but got "
+                f"{self.min_overlap} and {self.max_bend_deg}."
+            )
+
+
+@dataclass(frozen=True)
+class KinkConfig:
+    """When two curves show, by the kink in which they meet, where a structure holds them."""
+
+    misfit_m: float = 0.005
+    """Standard deviation of what a wire departs from its catenary near a clamp, and of what the covariances
+    of its curve leave out."""
+    least_turn: float = 0.02
+    """Least change of direction, as a slope: curves of a wire that goes on unheld differ by their errors."""
+    least_turn_sigmas: float = 4.0
+    """The same in its standard deviations."""
+    uplift_sigmas: float = 3.0
+    """A wire that turns upwards by so many standard deviations is not held up there."""
+    gap_sigmas: float = 3.0
+    """Curves that miss each other by more standard deviations than this have larger ones than they state."""
+    around_m: float = 2.5
+    """A conductor's kink lies at most so far from where most of the span's meet."""
+    arms_m: float = 0.1
+    """Standard deviation of a conductor's attachment along the line from that of its structure: strings lean,
+    and crossarms are not at right angles to the line."""
+    outlier_sigmas: float = 4.0
+    """A kink further than this from the others' does not count, and its conductor is held where they are."""
+    most_sigma_m: float = 0.5
+    """Standard deviation along the line beyond which kinks show no place."""
+    least_sigma_m: float = 0.02
+    """Least standard deviation of a structure's place: the errors of a span's wires are not independent."""
+
+    def __post_init__(self) -> None:
+        if min(self.misfit_m, self.arms_m, self.least_sigma_m) <= 0:
+            raise ConfigError(
+                "Kinks need misfit_m, arms_m and least_sigma_m above 0, but got "
+                f"{self.misfit_m}, {self.arms_m} and {self.least_sigma_m}."
+            )
+
+
+@dataclass(frozen=True)
+class StructureKindConfig:
+    """When curves tell what kind of structure holds them."""
+
+    strain_deg: float = 30.0
+    """A line that turns by more is held by strain structures: strings of suspension would lean too far."""
+    strain_ratio: float = 0.05
+    """Least logarithm of the ratio of H/w before and after a structure that only a strain structure holds."""
+    even_ratio: float = 0.02
+    """Greatest such logarithm, and its greatest standard deviation, at a suspension structure."""
+    straight_deg: float = 5.0
+    """Greatest angle of the line at a suspension structure."""
+    sigmas: float = 3.0
+    """Ratios differ from 1 by at least so many of their standard deviations."""
+    beyond_m: tuple[float, float] = (5.0, 10.0)
+    """So far beyond the last structure wires are missed, if they went on."""
+    beyond_deg: float = 45.0
+    """Straight on, and by so much to either side."""
+    beyond_share: float = 0.5
+    """Images that must show each of these places, as a share of those that show the wires as far before."""
+    near: float = 2.0
+    """An image shows a place as well as the nearest shows the wires if it is at most so many times as far."""

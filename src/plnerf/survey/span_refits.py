@@ -1,0 +1,37 @@
+"""The refit of all spans to the images, each for itself, with the images that show it.
+
+So time and memory grow with the number of spans, and images far from a span neither cost nor count there.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from plnerf.line.wire import Wire
+from plnerf.survey.chains import Chain, with_wires
+from plnerf.survey.posed_photos import Photos
+from plnerf.survey.refine.config import RefineConfig
+from plnerf.survey.refine.refine import refine_wires
+
+
+def refine_spans(
+    photos: Photos,
+    chains: Sequence[Chain],
+    config: RefineConfig,
+    progress: Callable[[int, int], None],
+) -> tuple[tuple[Chain, ...], float]:
+    """The chains with refitted curves, and the pose residual of the images in px: the spans' median."""
+    spans = [span for chain in chains for span in chain]
+    wires: list[Wire] = []
+    residuals = []
+    for k, span in enumerate(spans):
+
+        def report(done: int, of: int, k: int = k) -> None:
+            progress(k * of + done, len(spans) * of)
+
+        places = np.linspace(0.0, 1.0, config.samples)
+        points = np.concatenate([wire.points(places * wire.base.length_m) for wire in span.wires])
+        refined = refine_wires(photos.of(points), span.wires, config, report)
+        wires += refined.wires
+        residuals.append(refined.pose_residual_px)
+    return with_wires(chains, wires), float(np.median(residuals)) if residuals else 0.0
