@@ -65,6 +65,12 @@ class LineFrame:
         moved: Float[np.ndarray, "*b 3"] = x @ self.R_line_world / self.scale + self.origin_world
         return moved
 
+    def from_frame(self, old: "LineFrame") -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+        """Scale, rotation and shift from another frame of the same world: x = scale R x_old + shift."""
+        # Origins lie near to one another and may lie far from the world's: their difference loses nothing.
+        shift: Float[np.ndarray, 3] = self.scale * self.R_line_world @ (old.origin_world - self.origin_world)
+        return self.scale / old.scale, self.R_line_world @ old.R_line_world.T, shift
+
     def same_as(self, other: "LineFrame") -> bool:
         """Whether coordinates mean the same places in both, to the last bit."""
         arrays = ((self.R_line_world, other.R_line_world), (self.origin_world, other.origin_world))

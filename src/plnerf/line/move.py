@@ -18,12 +18,9 @@ def move_wire(wire: Wire, old: LineFrame, new: LineFrame) -> Wire:
 
     Raises ValueError where up is another direction in the two: then a wire's plane is no longer upright.
     """
-    R = new.R_line_world @ old.R_line_world.T
+    factor, R, shift = new.from_frame(old)
     if 1 - R[2, 2] > LEVEL:
         raise ValueError(f"the two frames' z axes differ by {np.degrees(np.arccos(R[2, 2])):.3f} degrees")
-    factor = new.scale / old.scale
-    # The origins lie near to one another and may lie far from the world's: their difference loses nothing.
-    shift = new.scale * new.R_line_world @ (old.origin_world - new.origin_world)
     a, b = (factor * R[:2, :2] @ end + shift[:2] for end in (wire.base.a, wire.base.b))
     J = np.diag([factor] * 5 + [1.0])
     theta = J @ wire.theta + np.array([0.0, 0.0, shift[2], shift[2], 0.0, 0.0])
