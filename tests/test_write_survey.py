@@ -20,9 +20,14 @@ from plnerf.scene.ply import read_ply
 ALWAYS = {"report.html", "survey.json", "cloud.laz", "cloud.ply", "conductors.dxf"}
 ALL = ALWAYS | {
     "conductors.csv", "conductors.geojson", "conductors-projected.geojson", "clearances.csv",
-    "clearances.geojson",
+    "clearances.geojson", "structures.csv", "structures.geojson",
 }  # fmt: skip
-MADE = {"short": ALL, "open_ended": ALL, "unscaled": ALWAYS | {"conductors.csv"}, "empty": ALWAYS}
+MADE = {
+    "short": ALL,
+    "open_ended": ALL,
+    "unscaled": ALWAYS | {"conductors.csv", "structures.csv"},
+    "empty": ALWAYS,
+}
 
 
 @pytest.mark.parametrize("name", MADE)

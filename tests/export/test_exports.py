@@ -14,7 +14,7 @@ from pyproj import CRS, Transformer
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
-from tests.support import surveys
+from tests.support import many_spans, surveys
 from tests.support.catenary_surveys import UTM, ZERO, corridor, line_of
 
 from plnerf.capture.local_frame import LocalFrame
@@ -36,7 +36,7 @@ ORIGIN = np.array([9.0, 51.45, 250.0])
 RD = np.array([155_000.0, 463_000.0, 0.0])
 ALL = {
     "cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "conductors-projected.geojson",
-    "conductors.geojson", "clearances.geojson", "clearances.csv",
+    "conductors.geojson", "clearances.geojson", "clearances.csv", "structures.csv", "structures.geojson",
 }  # fmt: skip
 
 
@@ -180,7 +180,8 @@ def test_the_drawing_has_a_layer_for_each_kind(survey: Survey, written: Exports)
     assert said[0] == 3 and f"sag {value(sag):.3f} +- {half(sag):.3f} m (95 %)" in said
     mast = next(line for line in lines if line.dxf.layer == "STRUCTURE")
     assert [point.z for point in mast.points()] == pytest.approx([0.0, 31.0])
-    assert [tag.value for tag in mast.get_xdata("PLNERF")] == [1, "given"]
+    said = [tag.value for tag in mast.get_xdata("PLNERF")]
+    assert said == [1, "line 1, structure 1", "unknown", "station 0.000 m", "given"]
 
 
 def test_the_tables_hold_the_catenaries_and_the_verdicts(survey: Survey, written: Exports) -> None:
@@ -227,8 +228,8 @@ def test_open_ends_have_no_figure_but_the_reason(survey: Survey, tmp_path: Path)
     said = json.loads(done.files["conductors.geojson"].read_text())["features"][0]["properties"]
     assert said["sag_m"] is said["span_m"] is said["p_m"] is None and said["no_sag_because"] == reason
     drawn = next(iter(ezdxf.readfile(done.files["conductors.dxf"]).modelspace().query("POLYLINE")))
-    tags = [tag.value for tag in drawn.get_xdata("PLNERF")]
-    assert tags == [1, "sag -", "span length -", "p -", reason]
+    tags = [tag.value for tag in drawn.get_xdata("PLNERF") if not str(tag.value).startswith("swing")]
+    assert tags == [1, "line 1, span 1", "sag -", "span length -", "p -", reason]
 
 
 def test_the_lowest_point_is_between_the_ends(survey: Survey, written: Exports) -> None:
@@ -245,6 +246,98 @@ def test_two_lines_keep_their_numbers(tmp_path: Path) -> None:
     assert [row["id"] for row in rows] == [str(k) for k in range(1, 11)]
     near = table(done.files["clearances.csv"])
     assert {row["line"] for row in near if int(row["wire"]) > 5} == {"2"}
+
+
+@pytest.fixture(scope="module")
+def bent() -> Survey:
+    return many_spans.bent()
+
+
+@pytest.fixture(scope="module")
+def many(bent: Survey, tmp_path_factory: pytest.TempPathFactory) -> Exports:
+    return write_exports(bent, tmp_path_factory.mktemp("bent"))
+
+
+def test_rows_of_wires_say_where_along_their_line_they_hang(bent: Survey, many: Exports) -> None:
+    rows = table(many.files["conductors.csv"])
+    assert [row["span"] for row in rows] == [*"111122223333444"]
+    assert [(row["line"], row["span"]) for row in rows[::4]] == [
+        ("1", "1"),
+        ("1", "2"),
+        ("1", "3"),
+        ("2", "4"),
+    ]
+    middle = rows[5]  # in the middle of the second span, and of its arms
+    assert (middle["structure_a"], middle["structure_b"]) == ("2", "3")
+    assert float(middle["station_a_m"]) == pytest.approx(80.62, abs=0.02)
+    assert float(middle["station_b_m"]) == pytest.approx(172.41, abs=0.02)
+    assert float(middle["swing_deg"]) == pytest.approx(6.0) and float(
+        middle["swing_95_deg"]
+    ) == pytest.approx(0.196, abs=0.001)
+    assert rows[0]["swing_deg"] == rows[0]["swing_95_deg"] == ""
+    assert (rows[9]["structure_a"], rows[9]["structure_b"], rows[9]["end_b"]) == ("3", "", "open: not filmed")
+    for row, wire in zip(rows, bent.wires, strict=True):
+        dense = wire.points(np.linspace(0, wire.base.length_m, 20_001))
+        lowest = [float(row[f"lowest_{axis}"]) for axis in "xyz"]
+        assert lowest == pytest.approx(world_map(bent, dense[[dense[:, 2].argmin()]])[0], abs=0.01)
+    places = table(many.files["clearances.csv"])
+    for row in places:
+        low, high = (float(rows[int(row["wire"]) - 1][f"station_{end}_m"]) for end in "ab")
+        assert low - 0.1 <= float(row["station_m"]) <= high + 0.1
+    assert {row["line"] for row in places} == {"1", "2"} and {row["span"] for row in places} == set("1234")
+
+
+def world_map(survey: Survey, points: np.ndarray) -> np.ndarray:
+    return crs_transform(survey).to_map(points)
+
+
+def test_structures_have_a_table_and_places(bent: Survey, many: Exports) -> None:
+    rows = table(many.files["structures.csv"])
+    assert [(row["line"], row["structure"]) for row in rows] == [("1", k) for k in "123"] + [
+        ("2", k) for k in "45"
+    ]
+    assert [row["kind"] for row in rows] == [one.kind for one in bent.structures]
+    assert [float(row["station_m"]) for row in rows] == pytest.approx([0, 80.62, 172.41, 0, 114.02], abs=0.01)
+    assert rows[0]["line_angle_deg"] == "" and float(rows[2]["line_angle_deg"]) == pytest.approx(
+        27.1, abs=0.1
+    )
+    for row, one in zip(rows, bent.structures, strict=True):
+        for name, point in (("foot", one.foot), ("top", one.top)):
+            at = [float(row[f"{name}_{axis}"]) for axis in "xyz"]
+            assert at == pytest.approx(world_map(bent, point[None])[0], abs=1e-3)
+    data = json.loads(many.files["structures.geojson"].read_text())
+    assert [one["properties"]["structure"] for one in data["features"]] == [1, 2, 3, 4, 5]
+    lon, lat, _ = data["features"][2]["geometry"]["coordinates"]
+    east, north = Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True).transform(lon, lat)
+    assert [east, north] == pytest.approx([float(rows[2]["foot_x"]), float(rows[2]["foot_y"])], abs=0.01)
+
+
+def test_lines_that_cross_have_a_table_and_a_layer(bent: Survey, many: Exports) -> None:
+    rows = table(many.files["crossings.csv"])
+    assert bent.clearances is not None
+    assert len(rows) == len(bent.clearances.crossings) == 12
+    for row, one in zip(rows, bent.clearances.crossings, strict=True):
+        assert (row["line_above"], row["span_above"], row["wire_above"]) == ("1", "2", str(one.upper))
+        assert (row["line_below"], row["span_below"], row["wire_below"]) == ("2", "4", str(one.lower))
+        ends = np.array([[float(row[f"on_{end}_{axis}"]) for axis in "xyz"] for end in ("above", "below")])
+        assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(float(row["distance_m"]), rel=1e-3)
+    drawing = ezdxf.readfile(many.files["conductors.dxf"])
+    lines = [line for line in drawing.modelspace() if line.dxf.layer == "CROSSING"]
+    assert len(lines) == 12
+    said = [tag.value for tag in lines[0].get_xdata("PLNERF")]
+    assert said[:2] == [
+        bent.clearances.crossings[0].upper,
+        f"above wire {bent.clearances.crossings[0].lower}",
+    ]
+    swung = [tag.value for line in drawing.modelspace() for tag in line.get_xdata("PLNERF")]
+    assert "swing 6.00 +- 0.20 degrees (95 %)" in swung and "line 1, span 2" in swung
+    again = write_exports(
+        replace(bent, lines=bent.lines[:1], clearances=None), many.files["cloud.laz"].parent
+    )
+    assert (
+        "crossings.csv" not in again.files
+        and not (again.files["cloud.laz"].parent / "crossings.csv").exists()
+    )
 
 
 def test_the_ply_is_in_the_world(survey: Survey, written: Exports) -> None:
@@ -321,7 +414,9 @@ def test_without_a_crs_the_local_files_are_written_and_the_others_named(
     survey: Survey, tmp_path: Path
 ) -> None:
     done = write_exports(reframed(survey, crs=None), tmp_path)
-    assert set(done.files) == {"cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "clearances.csv"}
+    assert set(done.files) == {
+        "cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "clearances.csv", "structures.csv",
+    }  # fmt: skip
     said = " ".join(done.about)
     assert "conductors-projected.geojson is left out" in said
     assert "conductors.geojson and clearances.geojson are left out: they need longitudes" in said
@@ -339,7 +434,7 @@ def test_without_a_grid_for_heights_what_needs_them_is_left_out(
 
     monkeypatch.setattr(crs, "local_frame", no_grid)
     done = write_exports(survey, tmp_path)
-    assert set(done.files) == ALL - {"conductors.geojson", "clearances.geojson"}
+    assert set(done.files) == ALL - {"conductors.geojson", "clearances.geojson", "structures.geojson"}
     assert any("not known: EPSG:25832 needs its grid" in text for text in done.about)
 
 
@@ -347,7 +442,9 @@ def test_a_survey_without_scale_claims_no_metres(tmp_path: Path) -> None:
     """Its files hold LineFrame coordinates, whatever the unit of its world."""
     survey = surveys.unscaled()
     done = write_exports(survey, tmp_path)
-    assert set(done.files) == {"cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv"}
+    assert set(done.files) == {
+        "cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "structures.csv",
+    }  # fmt: skip
     assert any("unscaled" in text and "not in metres" in text for text in done.about)
     assert any("There are no clearances" in text for text in done.about)
     rows = table(done.files["conductors.csv"])
@@ -449,7 +546,7 @@ def test_a_real_cloud_of_lidar_is_exported_to_the_millimetre(shared_data: Path, 
     assert inlier.mean() > 0.99 and wire.base.length_m > 200 and wire.open is not None
     survey = replace(survey, clearances=measure_clearances(survey, ClearanceConfig())[0])
     files = write_exports(survey, tmp_path).files
-    assert set(files) == ALL
+    assert set(files) == ALL - {"structures.csv", "structures.geojson"}
     back = laspy.read(files["cloud.laz"])
     assert np.abs(back.xyz - cloud.xyz[some]).max() <= 1e-3
     assert np.array_equal(back.classification, label)

@@ -1,28 +1,36 @@
 """What a report draws: the view in space, profiles, and wires over photos."""
 
 import base64
+import re
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from tests.support import surveys
+from tests.support import many_spans, surveys
 from tests.support.read_html import Read
 
 from plnerf.line.clearances import Clearances
 from plnerf.line.cloud import CONDUCTOR, GROUND, HIGH_VEGETATION, Cloud
+from plnerf.line.stations import chains
 from plnerf.line.survey import Picture, Survey
-from plnerf.line.wire import Wire
 from plnerf.report.nearest import by_need, worst
 from plnerf.report.overlay import ASIDE, LEAST_ASIDE_PX, overlay, shown_picture
-from plnerf.report.profile import UNSEEN, Drawing, profile
+from plnerf.report.plan import plan
+from plnerf.report.profile import UNSEEN, Drawing, profile, profiles
 from plnerf.report.scene_view import MOST_POINTS, scene, thinned
-from plnerf.report.side import below, fitting, runs, side_of, ticks
+from plnerf.report.side import below, fitting, runs, sheets, ticks
 
 
 @cache
 def report(name: str) -> Survey:
     return getattr(surveys, name)(0.1)
+
+
+@cache
+def many(name: str) -> Survey:
+    return getattr(many_spans, name)()
 
 
 def clearances(survey: Survey) -> Clearances:
@@ -31,8 +39,9 @@ def clearances(survey: Survey) -> Clearances:
 
 
 def drawing(survey: Survey, span: int = 0) -> Drawing:
-    line = survey.lines[0]
-    return profile(survey, line, line.spans[span], by_need(survey))
+    """Of one span of the first line alone."""
+    (chain,) = chains(survey.lines[0])
+    return profile(survey, survey.lines[0], chain[span : span + 1], by_need(survey))
 
 
 # The view in space
@@ -104,7 +113,7 @@ def test_points_are_thinned_evenly_and_every_class_stays() -> None:
 
 def test_profiles_of_a_span_are_put_together() -> None:
     survey = report("short")
-    side = side_of(survey.wires)
+    ((side,),) = chains(survey.lines[0])
     profiles = [one.profile for one in clearances(survey).wires]
     under = below(side, profiles)
     assert (under.lowest <= under.highest + 1e-9)[np.isfinite(under.lowest)].all()
@@ -114,23 +123,6 @@ def test_profiles_of_a_span_are_put_together() -> None:
     assert np.nanmax(under.vegetation) == pytest.approx(np.nanmax(tops), abs=0.1)
     alone = below(side, profiles[:1])
     assert ((under.lowest <= alone.lowest + 1e-9) | np.isnan(alone.lowest)).all()
-
-
-def reversed_wire(wire: Wire) -> Wire:
-    """The same curve, counted from its other end."""
-    base = replace(wire.base, a=wire.base.b, b=wire.base.a)
-    theta = wire.theta[[1, 0, 3, 2, 4, 5]] * [-1, -1, 1, 1, 1, -1]
-    return replace(wire, base=base, theta=theta, ends=wire.ends[::-1])
-
-
-def test_wires_that_run_either_way_share_an_axis() -> None:
-    first, second = report("short").wires[:2]
-    turned = reversed_wire(second)
-    length = np.array([0.0, second.base.length_m])
-    assert np.abs(turned.points(length) - second.points(length)[::-1]).max() < 1e-9
-    one, other = side_of([first, second]), side_of([first, turned])
-    assert np.abs(one.u - other.u).max() < 1e-12 and one.length == pytest.approx(other.length)
-    assert one.length == pytest.approx(40.0, abs=0.2)
 
 
 @pytest.mark.parametrize("corners", [(0.0, 40.0, -1.0, 16.0), (-5.0, 320.0, 0.0, 50.0), (0.0, 9e2, 3.0, 4.0)])
@@ -206,12 +198,89 @@ def test_open_ends_and_what_was_not_seen_are_drawn_so() -> None:
 
 def test_every_span_is_drawn_under_its_number() -> None:
     two = report("two_lines")
-    titles = [
-        profile(two, line, span, by_need(two)).title for line in two.lines for span in line.spans
-    ]  # fmt: skip
-    assert titles == ["Line 1, span 1", "Line 2, span 1"]
-    assert [drawing(report("long"), k).title for k in (0, 1)] == ["Span 1", "Span 2"]
+    assert [one.title for one in profiles(two, by_need(two))] == ["Line 1, span 1", "Line 2, span 1"]
+    long = report("long")
+    assert [one.title for one in profiles(long, by_need(long))] == ["Spans 1 and 2"]
+    assert [drawing(long, k).title for k in (0, 1)] == ["Span 1", "Span 2"]
     Read(drawing(two).svg)  # whose tags match
+
+
+def test_a_long_line_is_drawn_on_several_sheets_one_after_the_other() -> None:
+    survey = many("eight")
+    found = profiles(survey, by_need(survey))
+    assert [one.title for one in found] == ["Spans 1 to 4", "Spans 5 to 8"]
+    ends = [feet_of(one.svg) for one in found]
+    assert [sorted(one) for one in ends] == [[1, 2, 3, 4, 5], [5, 6, 7, 8, 9]]
+    for one, other in pairwise(ends[0].values()):
+        assert one < other
+    (chain,) = chains(survey.lines[0])
+    assert [len(sheet) for sheet in sheets(chain * 1)] == [4, 4]
+    assert [len(sheet) for sheet in sheets(chain[:5])] in ([2, 3], [3, 2])
+    assert "span 2: 310.0\u00a0m, 36.1°" in found[0].svg and "4: strain, turns 24.0°" in found[0].svg
+    assert "station along the line" in found[0].svg and "along the span" in drawing(report("short")).svg
+
+
+def feet_of(svg: str) -> dict[int, float]:
+    """x of the masts by their numbers."""
+    found = re.findall(r'M([\d.]+),[\d.]+ L[^"]*" [^>]*><title>structure (\d+)<', svg)
+    return {int(number): float(x) for x, number in found}
+
+
+def test_wires_meet_at_their_structures_along_the_line() -> None:
+    """In a line with a bend, drawn by stations: the wires between the arms' axis end at the masts."""
+    survey = many("bent")
+    first, second = profiles(survey, by_need(survey))
+    assert (first.title, second.title) == ("Line 1, spans 1 to 3", "Line 2, span 4")
+    middle = survey.lines[0].spans[0].wires[1]
+    drawn = first.svg.split(f"<title>wire {middle.id}, phase</title>")[0].rsplit('points="', 1)[1]
+    x = [float(pair.split(",")[0]) for pair in drawn.split('"')[0].split()]
+    masts = feet_of(first.svg)
+    assert x[0] - 7 == pytest.approx(masts[1], abs=0.3) and x[-1] - 7 == pytest.approx(masts[2], abs=0.3)
+    crosses = re.findall(r"<title>wire (\d+)</title></path>", first.svg)
+    assert set(map(int, crosses)) == {wire.id for wire in survey.lines[1].wires} and len(crosses) == 12
+    assert "a cross a wire of a line that crosses" in first.about and "a ring an open end" in first.about
+    assert not re.search("nan", first.svg + second.svg)
+
+
+# The plan
+
+
+def test_the_plan_shows_every_span_structure_and_open_end() -> None:
+    survey = many("bent")
+    drawn = plan(survey)
+    assert drawn is not None
+    Read(drawn.svg)
+    for text in ("1 / 1: 80.6", "1 / 2: 91.8", "2 / 4: 114.0", ">3 (27.1°)<", ">5<", ">50 m<", ">N<"):
+        assert text in drawn.svg, text
+    assert drawn.svg.count('r="3.4"') == 4 and drawn.svg.count("<rect ") == 4
+    assert "rings: open ends" in drawn.about and "crosses: where wires" in drawn.about
+    short = plan(report("short"))
+    assert short is not None and "turns" not in short.about and "rings" not in short.about
+    assert "span 1: 40.8" in short.svg and plan(report("empty")) is None
+
+
+def test_the_plan_keeps_lengths_and_directions() -> None:
+    survey = many("eight")
+    drawn = plan(survey)
+    assert drawn is not None
+    at = np.array(re.findall(r'<(?:rect x|circle cx)="([\d.]+)" c?y="([\d.]+)"', drawn.svg), float)
+    squares = np.array([one.kind in {"strain", "terminal"} for one in survey.structures])
+    at[squares] += 5  # of a square, the corner
+    feet = np.array([survey.frame.to_world(one.foot)[:2] for one in survey.structures])
+    apart, true = (np.linalg.norm(np.diff(points, axis=0), axis=1) for points in (at, feet))
+    assert apart / true == pytest.approx(np.full(8, (apart / true).mean()), rel=0.01)
+    assert abs(at[0, 1] - at[-1, 1]) < 1 and at[0, 0] < at[-1, 0]  # from left to right
+    turns = np.degrees(np.diff(np.unwrap(np.arctan2(*np.diff(at * [1, -1], axis=0).T[::-1]))))
+    assert turns == pytest.approx([0, 0, 24, 0, 1, -38, 0], abs=0.5)  # to the left where positive
+
+
+def test_texts_of_spans_keep_clear_of_crossings() -> None:
+    drawn = plan(many("bent"))
+    assert drawn is not None
+    texts = np.array(re.findall(r'translate\(([\d.]+) ([\d.]+)\) rotate\([-\d.]+\)" text', drawn.svg), float)
+    crosses = np.array(re.findall(r"M([\d.]+),([\d.]+) l7,7 m0", drawn.svg), float)
+    assert len(texts) == 4 and len(crosses) == 12
+    assert np.linalg.norm(texts[:, None] - crosses, axis=2).min() > 50
 
 
 # Wires over photos

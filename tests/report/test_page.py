@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support import surveys
+from tests.support import many_spans, surveys
 from tests.support.catenary_surveys import corridor
 from tests.support.read_html import Read
 
@@ -21,6 +21,7 @@ from plnerf.line.files import survey_json
 from plnerf.line.survey import Picture, Survey
 from plnerf.line.wire import Wire
 from plnerf.report.figures import Units, runs_of, wires_named
+from plnerf.report.line_tables import span_table
 from plnerf.report.nearest import by_need, worst
 from plnerf.report.page import html_page, write_report
 from plnerf.report.scene_view import scene
@@ -36,6 +37,8 @@ MADE = {
     "empty": surveys.empty,
     "open_ended": lambda: surveys.open_ended(0.1),
     "two_lines": surveys.two_lines,
+    "bent": many_spans.bent,
+    "eight": many_spans.eight,
 }
 ABOUT = ("Heights are above the ellipsoid.",)
 
@@ -264,8 +267,77 @@ def test_lines_spans_and_structures_are_numbered_as_in_the_survey() -> None:
     numbers = [(row["line"], row["structure"]) for row in read.table("structure")]
     assert numbers == [("1", "1"), ("1", "2"), ("2", "1"), ("2", "2")]
     assert {row["line / span"] for row in read.table("verdict") if int(row["wire"]) > 5} == {"2 / 1"}
+    assert "Line 2, span 1: structures 1 and 2, 40.8 m" in read.text.replace("\u00a0", " ")
     assert "2 spans of 2 lines" in read.text and "Line 2, span 1" in read.text
     assert [row["span"] for row in Read(page("long")).table("kind")] == ["1"] * 6 + ["2"] * 6
+
+
+def test_spans_are_listed_with_stations_directions_swings_and_open_ends() -> None:
+    survey, read = report("bent"), Read(page("bent"))
+    rows = read.table("open ends")
+    assert [row["line / span"] for row in rows] == ["1 / 1", "1 / 2", "1 / 3", "2 / 4"]
+    assert [row["structures"] for row in rows] == ["1 to 2", "2 to 3", "3 to –", "4 to 5"]
+    assert [row["from station, m"] for row in rows] == ["0.0", "80.6", "172.4", "0.0"]
+    assert [row["swing, ° ± 95 %"] for row in rows] == ["–", "6.0\u202f±\u202f0.2", "–", "–"]
+    assert [row["open ends"] for row in rows] == ["–", "–", "last end: not filmed", "–"]
+    assert [row["wires"] for row in rows] == ["1–4", "5–8", "9–12", "13–15"]
+    swings = [row["swing, ° ± 95 %"] for row in read.table("wire length, m ± 95 %")]
+    assert swings[4:8] == ["6.0\u202f±\u202f0.2"] * 4 and set(swings[:4] + swings[8:]) == {"–"}
+    structures = read.table("line angle")
+    assert [row["kind"] for row in structures] == [one.kind for one in survey.structures]
+    assert [row["line angle"] for row in structures] == ["–", "0.4°", "27.1°", "–", "–"]
+    assert [row["station, m"] for row in structures] == ["0.0", "80.6", "172.4", "0.0", "114.0"]
+    assert "swing" not in page("short").split('<section id="wires">')[1]
+
+
+def test_the_swing_of_a_wire_that_runs_against_its_chain_is_to_the_other_side() -> None:
+    survey = report("bent")
+    line = survey.lines[0]
+    span = line.spans[1]
+
+    def turned(wire: Wire) -> Wire:
+        base = replace(wire.base, a=wire.base.b, b=wire.base.a)
+        theta = wire.theta[[1, 0, 3, 2, 4, 5]] * [-1, -1, 1, 1, 1, -1]
+        return replace(wire, base=base, theta=theta, ends=wire.ends[::-1])
+
+    back = replace(span, structures=(3, 2), wires=tuple(map(turned, span.wires)))
+    spans = (line.spans[0], back, line.spans[2])
+    found = span_table(replace(survey, lines=(replace(line, spans=spans), survey.lines[1])))
+    same = span_table(survey)
+    assert found is not None and same is not None and found.rows == same.rows
+
+
+def test_lines_that_cross_are_stated_and_nothing_is_required_of_them() -> None:
+    survey, read = report("bent"), Read(page("bent"))
+    least = clearances(survey).crossings[0]
+    (row,) = read.table("wire below")
+    assert (row["above: line / span"], row["wire"]) == ("1 / 2", str(least.upper))
+    assert (row["below: line / span"], row["wire below"]) == ("2 / 4", str(least.lower))
+    assert row["distance, m ± 95 %"] == plus(Quantity(least.distance_m, least.sigma_m), 2)
+    assert "Crossing lines" not in page("two_lines") and "least between crossing lines" in read.text
+
+
+def test_a_long_line_has_its_worst_clearances_first_and_all_of_them_folded() -> None:
+    survey, read = report("eight"), Read(page("eight"))
+    tables = [rows for rows in read.tables if "verdict" in rows[0]]
+    every = by_need(survey)
+    assert len(tables[1]) == len(every) + 1 and f"All {len(every)} least clearances" in read.text
+    assert "All" not in Read(page("long")).text.split("Clearances")[1].split("Wires")[0]
+    short = [dict(zip(tables[0][0], row, strict=True)) for row in tables[0][1:]]
+    spans = {str(span.id) for span in survey.spans}
+    for to in ("ground", "vegetation", "ground, straight down"):
+        assert {row["span"] for row in short if row["to"] == to} == spans
+    distances = {(one.place.wire, one.to): one.place.distance_m for one in every}
+    for row in short:
+        wires = next(span.wires for span in survey.spans if str(span.id) == row["span"])
+        phases = [
+            distance
+            for (wire, to), distance in distances.items()
+            if to == row["to"] and wire in {one.id for one in wires if one.kind == "phase"}
+        ]
+        assert row["distance, m ± 95 %"].startswith(f"{min(phases):.2f}") or "closer" in row["verdict"]
+    headings = [row[0] for rows in read.tables for row in rows if len(row) == 1]
+    assert headings[:8] == headings[8:] and headings[1] == "Span 2: structures 2 and 3, 310.0 m"
 
 
 def test_what_is_not_known_is_shown_as_unknown() -> None:

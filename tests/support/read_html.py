@@ -53,4 +53,4 @@ class Read(HTMLParser):
     def table(self, column: str) -> list[dict[str, str]]:
         """Rows, by their columns' names, of the first table with such a column."""
         rows = next(rows for rows in self.tables if column in rows[0])
-        return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+        return [dict(zip(rows[0], row, strict=True)) for row in rows[1:] if len(row) > 1]  # without headings

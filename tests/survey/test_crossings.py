@@ -74,7 +74,7 @@ def test_a_survey_states_its_crossings_and_no_verdict_on_them() -> None:
         f"Line 1 crosses over line 2, {least.distance_m:.2f} m from wire {least.upper} to wire {least.lower} "
         "at the nearest. No requirement is applied between lines."
     )
-    assert any("applied to the phase conductors of all 2 lines" in one.what for one in survey.findings)
+    assert any("required of the phase conductors of all 2 lines" in one.what for one in survey.findings)
     assert not {place.to for place in found.all_places()} - {"ground", "vegetation", "structures", "other"}
     alone = lines_of(survey, main)
     assert alone.clearances is not None and not alone.clearances.crossings

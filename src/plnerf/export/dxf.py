@@ -1,4 +1,4 @@
-"""Wires, structures and clearances as three-dimensional polylines for CAD, a layer for each kind.
+"""Wires, structures, clearances and crossings as three-dimensional polylines for CAD, a layer for each kind.
 
 DXF knows no CRS: coordinates are map coordinates (`crs.py`).  The extended data of each polyline, application
 PLNERF, hold its id and what is known of it in words.

@@ -1,4 +1,4 @@
-"""A survey as the files that other programs read: cloud, wires and clearances.
+"""A survey as the files that other programs read: cloud, wires, structures and clearances.
 
 Every file is read back and compared with what was to be written before it is kept.
 """
@@ -13,9 +13,19 @@ from plnerf.export.crs import CrsTransform, crs_transform
 from plnerf.export.dxf import Drawn, write_dxf
 from plnerf.export.gis import Feature, write_geojson
 from plnerf.export.las import write_las
-from plnerf.export.rows import clearance_rows, wire_properties, wire_rows, write_csv
+from plnerf.export.rows import (
+    clearance_rows,
+    crossing_rows,
+    structure_properties,
+    structure_rows,
+    wire_properties,
+    wire_rows,
+    write_csv,
+)
 from plnerf.line.clearances import Place
 from plnerf.line.ends import Quantity
+from plnerf.line.line import Line, Structure
+from plnerf.line.stations import structure_stations
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 
@@ -23,6 +33,7 @@ VERTEX_M = 1.0
 """Between vertices of a wire's polyline, which is d^2 / 8p off the wire: 0.2 mm for p of 600 m."""
 LAS, PLY, WIRE_POINTS, DXF = "cloud.laz", "cloud.ply", "wires.ply", "conductors.dxf"
 WIRES, CLEARANCES = "conductors.csv", "clearances.csv"
+STRUCTURES, PLACED_STRUCTURES, CROSSINGS = "structures.csv", "structures.geojson", "crossings.csv"
 GEOJSON, PROJECTED, NEAR_PLACES = "conductors.geojson", "conductors-projected.geojson", "clearances.geojson"
 
 
@@ -44,7 +55,10 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
     know the survey's CRS.
     """
     transform = crs_transform(survey)
-    for name in (LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES):
+    for name in (
+        LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES, STRUCTURES,
+        PLACED_STRUCTURES, CROSSINGS,
+    ):  # fmt: skip
         (folder / name).unlink(missing_ok=True)  # of an earlier survey: some may not be written now
     about = list(transform.about)
     write_las(folder / LAS, survey.cloud, transform, synthetic=survey.from_images)
@@ -60,6 +74,12 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
         written.append(WIRES)
     else:
         about.append(f"No wires were found: {WIRES} and its GeoJSON are left out.")
+    for name, some in (
+        (STRUCTURES, structure_rows(survey, transform)), (CROSSINGS, crossing_rows(survey, transform))
+    ):  # fmt: skip
+        if some:
+            write_csv(folder / name, some, list(some[0]))
+            written.append(name)
     written += _write_gis(survey, transform, folder, about)
     near = clearance_rows(survey, transform)
     if near:
@@ -90,6 +110,14 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
     if wires:
         write_geojson(folder / GEOJSON, wires, transform.to_lon_lat, transform.from_lon_lat, None)
         written.append(GEOJSON)
+    masts = [
+        Feature("Point", one.foot[None], structure_properties(survey, line, one))
+        for line in survey.lines
+        for one in line.structures
+    ]
+    if masts:
+        write_geojson(folder / PLACED_STRUCTURES, masts, transform.to_lon_lat, transform.from_lon_lat, None)
+        written.append(PLACED_STRUCTURES)
     if _places(survey):
         rows = clearance_rows(survey, transform)
         points = [
@@ -102,31 +130,66 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
 
 
 def _drawn(survey: Survey, transform: CrsTransform) -> list[Drawn]:
-    """Wires; structures from foot to top; clearances from the wire to the obstacle, with the wire's id."""
+    """Wires; structures from foot to top; clearances from the wire to the obstacle, with the wire's id;
+    crossings from wire to wire, with the id of the one above."""
     unit = survey.frame.unit
     drawn = [
-        (f"CONDUCTOR-{wire.kind.upper()}", wire.id, wire.polyline(VERTEX_M), _about_wire(wire, unit))
-        for wire in survey.wires
-    ]
+        (
+            f"CONDUCTOR-{wire.kind.upper()}", wire.id, wire.polyline(VERTEX_M),
+            (f"line {line.id}, span {span.id}", *_about_wire(wire, unit)),
+        )
+        for line in survey.lines
+        for span in line.spans
+        for wire in span.wires
+    ]  # fmt: skip
     drawn += [
-        ("STRUCTURE", structure.id, np.stack([structure.foot, structure.top]), (structure.evidence,))
-        for structure in survey.structures
-    ]
+        (
+            "STRUCTURE", one.id, np.stack([one.foot, one.top]),
+            (f"line {line.id}, structure {one.id}", *_about_structure(line, one, unit)),
+        )
+        for line in survey.lines
+        for one in line.structures
+    ]  # fmt: skip
+    line_of = {wire.id: line.id for line in survey.lines for wire in line.wires}
     drawn += [
         (
             f"CLEARANCE-{place.to.upper()}", place.wire, np.stack([place.on_wire, place.on_obstacle]),
-            (_length("distance", Quantity(place.distance_m, place.sigma_m), unit),),
+            (
+                f"line {line_of[place.wire]}, span {place.span}",
+                _length("distance", Quantity(place.distance_m, place.sigma_m), unit),
+            ),
         )
         for place in _places(survey)
+    ]  # fmt: skip
+    drawn += [
+        (
+            "CROSSING", one.upper, np.stack([one.on_upper, one.on_lower]),
+            (f"above wire {one.lower}", _length("distance", Quantity(one.distance_m, one.sigma_m), unit)),
+        )
+        for one in (survey.clearances.crossings if survey.clearances is not None else ())
     ]  # fmt: skip
     return [Drawn(layer, number, transform.to_map(line), about) for layer, number, line, about in drawn]
 
 
 def _about_wire(wire: Wire, unit: str) -> tuple[str, ...]:
-    """Sag, span length and p, or why there are none."""
+    """Sag, span length, p and swing, or why there are none."""
     named = (("sag", wire.sag), ("span length", wire.span_m), ("p", wire.p_m))
-    lengths = tuple(_length(name, one, unit) for name, one in named)
-    return lengths if wire.open is None else (*lengths, wire.open)
+    lengths = [_length(name, one, unit) for name, one in named]
+    swing = wire.swing_deg
+    if swing is not None:
+        lengths.append(f"swing {swing.value:.2f} +- {swing.half_95:.2f} degrees (95 %)")
+    return (*lengths, *[wire.open or ""] * bool(wire.open))
+
+
+def _about_structure(line: Line, one: Structure, unit: str) -> tuple[str, ...]:
+    """Its kind, its station, by how much the line turns there, and what shows it."""
+    station, angle = structure_stations(line).get(one.id), one.line_angle_deg
+    about: list[str] = [one.kind]
+    if station is not None:
+        about.append(f"station {station:.3f} {unit}")
+    if angle is not None:
+        about.append(f"line angle {angle:.2f} degrees")
+    return (*about, one.evidence)
 
 
 def _length(name: str, one: Quantity | None, unit: str) -> str:

@@ -1,8 +1,9 @@
-"""Wires and clearances as rows, and rows as CSV.
+"""Wires, structures, clearances and crossings as rows, and rows as CSV.
 
 Columns end in their unit: _m, _deg, _c for degrees Celsius; _95_m is half the width of a length's 95 %
 interval.  x, y and z are map coordinates (`crs.py`).  What is not known is an empty cell; why a wire has no
-sag, span length and p is in the column `no_sag_because`.
+sag, span length and p is in the column `no_sag_because`.  Lines, spans, structures and wires are numbered
+from 1; stations count along each line from its first structure (`line/stations.py`).
 """
 
 import csv
@@ -19,7 +20,8 @@ from plnerf.export.read_back import TOLERANCE_M, check_all, check_same
 from plnerf.line.clearances import Clearances
 from plnerf.line.cloud import CONDUCTOR, SHIELD
 from plnerf.line.ends import Attached, End, Quantity
-from plnerf.line.line import Line, Span
+from plnerf.line.line import Line, Span, Structure
+from plnerf.line.stations import Stretch, chains, structure_stations
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.scene.files import complete_file
@@ -46,10 +48,14 @@ def wire_properties(survey: Survey, line: Line, span: Span, wire: Wire, transfor
     """What is known of a wire, as plain values; A is its first end and B its last.
 
     sag_m: greatest vertical drop below the chord, at `sag_from_a_m` horizontally from A.  p_m: tension across
-    the load / load per length.  azimuth_deg: from A to B, clockwise from the world's y axis (north).  Of an
-    unscaled survey, the columns end in _unscaled instead of _m.
+    the load / load per length.  azimuth_deg: from A to B, clockwise from the world's y axis (north).
+    swing_deg: of the load about the base, to the left from A to B where positive; empty where it was held at
+    0.  Of an unscaled survey, the columns end in _unscaled instead of _m.
     """
-    a, b = transform.to_world(wire.points(np.array([0.0, wire.base.length_m])))
+    ends = wire.points(np.array([0.0, wire.base.length_m]))
+    a, b = transform.to_world(ends)
+    station_a, station_b = stretch_of(line, span).station(ends).tolist()
+    swing = wire.swing_deg
     lowest_95 = Quantity(0.0, float(wire.sigma_at(np.array([wire.lowest[0]]))[0, 1])).half_95
     seen = wire.evidence
     row: Row = {
@@ -70,8 +76,13 @@ def wire_properties(survey: Survey, line: Line, span: Span, wire: Wire, transfor
         "no_sag_because": wire.open,
         "end_a": _held_by(wire.ends[0]),
         "end_b": _held_by(wire.ends[1]),
+        "structure_a": _structure_at(wire.ends[0]),
+        "structure_b": _structure_at(wire.ends[1]),
+        "station_a_m": station_a,
+        "station_b_m": station_b,
         "azimuth_deg": math.degrees(math.atan2(b[0] - a[0], b[1] - a[1])) % 360,
-        "swing_deg": math.degrees(wire.swing_rad),
+        "swing_deg": swing.value if swing else None,
+        "swing_95_deg": swing.half_95 if swing else None,
         "lowest_95_m": lowest_95,
         "residual_across_m": seen.residual_across_m,
         "residual_up_m": seen.residual_up_m,
@@ -87,13 +98,20 @@ def wire_properties(survey: Survey, line: Line, span: Span, wire: Wire, transfor
 def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
     """A row for each place where a wire comes near to something, with the verdict on it."""
     clearances = survey.clearances or Clearances(())
-    line_of = {wire.id: line.id for line in survey.lines for wire in line.wires}
+    along = {
+        wire.id: (line, one)
+        for line in survey.lines
+        for chain in chains(line)
+        for one in chain
+        for wire in one.span.wires
+    }
     rows = []
     for place in clearances.all_places():
+        line, stretch = along[place.wire]
         verdict = clearances.verdict(place)
         required = clearances.requirement if verdict else None
         row: Row = {
-            "line": line_of[place.wire],
+            "line": line.id,
             "span": place.span,
             "wire": place.wire,
             "kind": place.kind,
@@ -105,6 +123,7 @@ def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             **_quantity("distance", Quantity(place.distance_m, place.sigma_m)),
             "vertical_m": place.vertical_m,
             "s_m": place.s_m,
+            "station_m": float(stretch.station(place.on_wire[None])[0]),
             "required_m": required.distance_m if required else None,
             "required_by": required.name if required else None,
             "verdict": verdict,
@@ -112,6 +131,60 @@ def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
         ends = _coordinates(transform, {"on_wire": place.on_wire, "on_obstacle": place.on_obstacle})
         rows.append({name: _plain(value) for name, value in row.items()} | ends)
     return rows
+
+
+def structure_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
+    """A row for each structure: `structure_properties`, and coordinates of its foot and its top."""
+    return [
+        structure_properties(survey, line, one) | _coordinates(transform, {"foot": one.foot, "top": one.top})
+        for line in survey.lines
+        for one in line.structures
+    ]
+
+
+def structure_properties(survey: Survey, line: Line, one: Structure) -> Row:
+    """What is known of a structure.  line_angle_deg: by how much the line turns there."""
+    row: Row = {
+        "line": line.id,
+        "structure": one.id,
+        "name": one.name,
+        "kind": one.kind,
+        "station_m": structure_stations(line).get(one.id),
+        "line_angle_deg": one.line_angle_deg,
+        "height_m": one.height_m,
+        "along_95_m": Quantity(0.0, one.sigma_m).half_95,
+        "evidence": one.evidence,
+    }
+    return {_unit(name, survey): _plain(value) for name, value in row.items()}
+
+
+def crossing_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
+    """A row for each pair of wires of two lines that cross, the nearest to each other first."""
+    of = {wire.id: (line.id, span.id) for line in survey.lines for span in line.spans for wire in span.wires}
+    rows = []
+    for one in survey.clearances.crossings if survey.clearances is not None else ():
+        (line_above, span_above), (line_below, span_below) = of[one.upper], of[one.lower]
+        row: Row = {
+            "line_above": line_above,
+            "span_above": span_above,
+            "wire_above": one.upper,
+            "line_below": line_below,
+            "span_below": span_below,
+            "wire_below": one.lower,
+            "state": _state(survey),
+            **_quantity("distance", Quantity(one.distance_m, one.sigma_m)),
+            "vertical_m": one.vertical_m,
+            "s_above_m": one.s_upper_m,
+            "s_below_m": one.s_lower_m,
+        }
+        ends = _coordinates(transform, {"on_above": one.on_upper, "on_below": one.on_lower})
+        rows.append({name: _plain(value) for name, value in row.items()} | ends)
+    return rows
+
+
+def stretch_of(line: Line, span: Span) -> Stretch:
+    """Where a span lies along its line."""
+    return next(one for chain in chains(line) for one in chain if one.span is span)
 
 
 def write_csv(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> None:
@@ -142,6 +215,10 @@ def _quantity(name: str, one: Quantity | None) -> Row:
 
 def _held_by(end: End) -> str:
     return f"structure {end.structure}" if isinstance(end, Attached) else f"open: {end.reason}"
+
+
+def _structure_at(end: End) -> int | None:
+    return end.structure if isinstance(end, Attached) else None
 
 
 def _state(survey: Survey) -> str:

@@ -65,6 +65,11 @@ class Units:
         return ", ".join(f"{value:.2f}" for value in xyz)
 
 
+def degrees(value: float | None, digits: int = 1) -> str:
+    """An angle with its sign of a degree; a dash where there is none."""
+    return NOTHING if value is None else f"{value:.{digits}f}°".replace("-", MINUS)
+
+
 def counted(count: int, noun: str) -> str:
     """ "1 span", "2 spans", "no spans"."""
     return f"{count:,} {noun}{'s' * (count != 1)}" if count else f"no {noun}s"

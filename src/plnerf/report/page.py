@@ -12,10 +12,12 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from plnerf.line.survey import Survey
+from plnerf.report.line_tables import crossing_table, span_table, structure_table
 from plnerf.report.nearest import by_need, check_parts
 from plnerf.report.overlay import shown_picture
-from plnerf.report.page_tables import cards, clearance_table, protocol, structure_table, wire_tables
-from plnerf.report.profile import profile
+from plnerf.report.page_tables import cards, clearance_tables, protocol, wire_tables
+from plnerf.report.plan import plan
+from plnerf.report.profile import profiles
 from plnerf.report.scene_view import view
 from plnerf.report.words import caveats, found, judged, name_of, where
 from plnerf.scene.files import write_text
@@ -23,6 +25,7 @@ from plnerf.scene.files import write_text
 SECTIONS = {
     "summary": "Summary",
     "space": "In space",
+    "plan": "Plan",
     "profiles": "Profiles",
     "clearances": "Clearances",
     "wires": "Wires",
@@ -49,9 +52,6 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
     """The whole page, as `write_report` writes it."""
     check_parts(survey)
     rows = by_need(survey)
-    drawings = [
-        profile(survey, line, span, rows) for line in survey.lines for span in line.spans if span.wires
-    ]
     page: str = _environment().get_template("page.html").render(
         title=f"Survey of {name_of(survey)}",
         sections=SECTIONS,
@@ -63,8 +63,11 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         cards=cards(survey, rows),
         caveats=caveats(survey),
         view=view(survey, rows),
-        drawings=drawings,
-        clearances=clearance_table(survey, rows),
+        plan=plan(survey),
+        spans=span_table(survey),
+        drawings=profiles(survey, rows),
+        clearances=clearance_tables(survey, rows),
+        crossings=crossing_table(survey),
         unscaled=survey.frame.unit == "unscaled",
         wires=wire_tables(survey),
         structures=structure_table(survey),

@@ -1,4 +1,4 @@
-"""The tables of a report: wires, structures and clearances; its cards and its protocol."""
+"""The tables of a report: wires and clearances; its cards and its protocol."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,45 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from plnerf.line.ends import Attached, End, Quantity
-from plnerf.line.line import Structure
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.figures import CERTAIN, NOTHING, Units, counted, listed, share
-from plnerf.report.nearest import Nearest, Standing, worst
+from plnerf.report.line_tables import least_crossings, span_headings, value_range
+from plnerf.report.nearest import Nearest, by_need, worst
 from plnerf.report.shown import height_shift, shown
+from plnerf.report.tables import XYZ, Cell, Table, Verdict, verdict_of
 from plnerf.report.words import kinds_of, number_of, temperature, where
 
-SIGNS: dict[Standing, str] = {"short": "✕", "doubtful": "!", "kept": "✓", "open": NOTHING}
-"""Before a verdict's words, so that colour is not needed to read it."""
-XYZ = "x,\u00a0y,\u00a0z"
-"""Head of a column of coordinates, which does not break."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A verdict's words and sign; the standing gives its colour."""
-
-    words: str
-    standing: Standing
-
-    @property
-    def sign(self) -> str:
-        """Of its standing."""
-        return SIGNS[self.standing]
-
-
-Cell = str | Verdict
-
-
-@dataclass(frozen=True)
-class Table:
-    """Cells by row, and what they mean."""
-
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    caption: str
-    left: frozenset[int]
-    """Columns of words, set left; all others are figures and set right."""
+MOST_ROWS = 60
+"""Of the table of clearances; of more, the least of each span come first and the whole table is folded."""
 
 
 @dataclass(frozen=True)
@@ -69,16 +41,28 @@ def wire_tables(survey: Survey) -> list[Table]:
         return []
     units, up = Units(survey.frame.unit), height_shift(survey.frame)
     some_open = any(wire.open for wire, _ in rows)
+    some_swing = any(wire.swing_deg for wire, _ in rows)
+    groups, first = {}, 0
+    for count, text in span_headings(survey):
+        groups[first] = text
+        first += count
     measured = Table(
         ["wire", _span_head(survey), "kind", *units.heads_95("sag", "span length", "wire length", "p"),
          *units.heads("lowest at"),
          *units.heads_95("its height", "height of first end", "height of last end"),
+         *[f"swing,\u00a0° ±\u00a0{CERTAIN}"] * some_swing,
          *["no sag, span length and p, because"] * some_open],
-        [[*_measured(wire, span, units, up), *[wire.open or NOTHING] * some_open] for wire, span in rows],
+        [
+            [*_measured(wire, span, units, up), *[units.interval(wire.swing_deg, 1)] * some_swing,
+             *[wire.open or NOTHING] * some_open]
+            for wire, span in rows
+        ],
         f"Catenaries, with half the width of each length's {CERTAIN} interval. Sag: greatest vertical drop "
         "below the chord between the attachments. p: tension across the load, over load per length. The "
-        "lowest point between the ends, by its horizontal distance from the first end and its height z.",
-        frozenset({2, 11}),
+        "lowest point between the ends, by its horizontal distance from the first end and its height z."
+        + " Swing: the angle of the load about the base, to the left of it, from first end to last, where "
+        "positive." * some_swing,
+        frozenset({2, 11 + some_swing}), groups,
     )  # fmt: skip
     known = Table(
         ["wire", *units.heads("residual across", "residual up"), "coverage", *units.heads("longest gap"),
@@ -87,7 +71,7 @@ def wire_tables(survey: Survey) -> list[Table]:
         "How well each is known. Residuals: root mean square distance of its points, horizontally across the "
         "wire and vertically. Coverage: share of its length with evidence; on the rest the curve bridges a "
         "gap.",
-        frozenset({5, 6, 7, 8}),
+        frozenset({5, 6, 7, 8}), groups,
     )  # fmt: skip
     return [measured, known]
 
@@ -122,42 +106,30 @@ def _end(end: End) -> str:
     return f"structure {end.structure}" if isinstance(end, Attached) else f"open: {end.reason}"
 
 
-def structure_table(survey: Survey) -> Table | None:
-    """Where the structures stand and what shows them; None without any."""
-    units = Units(survey.frame.unit)
-    named = any(one.name for one in survey.structures)
-    several = len(survey.lines) > 1
-    rows = [
-        [*[str(line.id)] * several, *_structure(one, survey, units), *[one.name or NOTHING] * named]
-        for line in survey.lines
-        for one in line.structures
-    ]
+def clearance_tables(survey: Survey, rows: list[Nearest]) -> list[Table]:
+    """A row for each wire and group, those first that need attention; none without any.  Of a long line,
+    first the least of each span and group, and all that is not kept."""
     if not rows:
-        return None
-    columns = [
-        *["line"] * several, "structure", "kind", f"foot {XYZ}", *units.heads_95("along the line"),
-        *units.heads("height"), "evidence", *["name"] * named,
-    ]  # fmt: skip
-    return Table(
-        columns, rows,
-        "Where each stands: its foot, half the width of the interval of its place along the line, its height "
-        "above the foot as far as it is seen, and what shows it.",
-        frozenset(k for k, name in enumerate(columns) if name in {"kind", "evidence", "name"}),
-    )  # fmt: skip
-
-
-def _structure(one: Structure, survey: Survey, units: Units) -> list[str]:
-    along = Quantity(0.0, one.sigma_m).half_95
+        return []
+    if len(rows) <= MOST_ROWS:
+        return [_clearances(survey, rows, "")]
+    span = {wire.id: (line.id, one.id) for line in survey.lines for one in line.spans for wire in one.wires}
+    seen: set[tuple[tuple[int, int], str]] = set()
+    short = []
+    for one in rows:
+        key = (span[one.place.wire], one.to)
+        if key not in seen or one.standing in {"short", "doubtful"}:
+            short.append(one)
+        seen.add(key)
+    if len(short) == len(rows):
+        return [_clearances(survey, rows, "")]
     return [
-        str(one.id), one.kind, units.place(shown(survey.frame, one.foot)), f"±\u202f{units.length(along)}",
-        units.length(one.height_m, 1), one.evidence,
-    ]  # fmt: skip
+        _clearances(survey, short, ""),
+        _clearances(survey, rows, f"All {len(rows):,} least clearances, of every wire"),
+    ]
 
 
-def clearance_table(survey: Survey, rows: list[Nearest]) -> Table | None:
-    """A row for each wire and group, those first that need attention; None without any."""
-    if not rows:
-        return None
+def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     units = Units(survey.frame.unit)
     span = {
         wire.id: number_of(survey, line, one)
@@ -181,20 +153,17 @@ def clearance_table(survey: Survey, rows: list[Nearest]) -> Table | None:
         ]
         for one in rows
     ]  # fmt: skip
+    whole = len(rows) == len(by_need(survey))
+    which = "from each wire" if whole else "from the wires of each span, and all that is not kept,"
     return Table(
         [*["verdict"] * judged, "to", "wire", _span_head(survey), *units.heads_95("distance"),
          *units.heads("required", "margin") * judged, *units.heads("at"), f"on the wire {XYZ}",
          f"on the obstacle {XYZ}"],
         cells,
-        "Least distance in space from each wire to each group of things, where along the span (horizontally "
-        f"from the wire's first end) and between which points. {order}",
-        frozenset({0, 1} if judged else {0}),
+        f"Least distance in space {which} to each group of things, where along the span (horizontally from "
+        f"the wire's first end) and between which points. {order}",
+        frozenset({0, 1} if judged else {0}), folded=folded,
     )  # fmt: skip
-
-
-def verdict_of(one: Nearest) -> Verdict:
-    """As the page shows it."""
-    return Verdict(one.words, one.standing)
 
 
 def protocol(survey: Survey, files: Sequence[str], about_files: Sequence[str]) -> list[tuple[str, str]]:
@@ -221,16 +190,26 @@ def cards(survey: Survey, rows: list[Nearest]) -> list[Card]:
     units, wires = Units(survey.frame.unit), survey.wires
     found = [Card("wires", str(len(wires)), kinds_of(survey) if wires else "")]
     if wires:
-        spans = _range([wire.span_m for wire in wires], units, 1)
-        found.append(Card("spans", str(len(survey.spans)), f"{spans} long" if spans else "of unknown length"))
-        sags = _range([wire.sag for wire in wires], units, 2)
+        spans = _with_unit(value_range([wire.span_m for wire in wires], units, 1), units)
+        of_lines = f"of {counted(len(survey.lines), 'line')}, " if len(survey.lines) > 1 else ""
+        about = f"{of_lines}{spans} long" if spans else f"{of_lines}of unknown length"
+        found.append(Card("spans", str(len(survey.spans)), about))
+        sags = _with_unit(value_range([wire.sag for wire in wires], units, 2), units)
         found.append(Card("sag", sags or NOTHING, _why(wires) or "of all wires"))
     for one in worst(rows):
         about = f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}"
         distance = units.interval_with_unit(one.distance)
         verdict = None if one.standing == "open" else verdict_of(one)
         found.append(Card(f"least to {one.to}", distance, about, verdict))
+    for crossing in least_crossings(survey)[:1]:
+        distance = units.interval_with_unit(Quantity(crossing.distance_m, crossing.sigma_m))
+        about = f"wire {crossing.upper} above wire {crossing.lower}"
+        found.append(Card("least between crossing lines", distance, about))
     return found
+
+
+def _with_unit(text: str, units: Units) -> str:
+    return f"{text}\u00a0{units.short}" if text else ""
 
 
 def _why(wires: Sequence[Wire]) -> str:
@@ -244,12 +223,3 @@ def _why(wires: Sequence[Wire]) -> str:
         count = reasons.count(reason)
         parts.append(f"{counted(count, 'wire')} {'has' if count == 1 else 'have'} none, because {reason}")
     return "; ".join(parts)
-
-
-def _range(values: Sequence[Quantity | None], units: Units, digits: int) -> str:
-    """The least and the greatest, each with its interval; empty where there is none."""
-    some = sorted((one for one in values if one is not None), key=lambda one: one.value)
-    if not some:
-        return ""
-    low, high = units.interval(some[0], digits), units.interval(some[-1], digits)
-    return f"{low if low == high else f'{low} to {high}'}\u00a0{units.short}"

@@ -6,6 +6,7 @@ drawing itself is `data/report/view.js`, a parallel projection.
 """
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,7 +94,7 @@ def scene(survey: Survey, rows: list[Nearest]) -> dict[str, Any]:
     order = {code: k for k, code in enumerate(CLASSES)}
     label = np.array([order.get(int(code), len(CLASSES)) for code in range(256)], np.uint8)
     curves = [shown(frame, _curve(wire)) for wire in survey.wires]
-    first = curves[0][-1] - curves[0][0] if curves else high - low
+    first = _along(curves) if curves else high - low
     return {
         "unit": units.short,
         "axes": ["E", "N", "up"] if shows_world(frame) and frame.crs else ["x", "y", "z"],
@@ -116,7 +117,10 @@ def scene(survey: Survey, rows: list[Nearest]) -> dict[str, Any]:
             }
             for wire, curve in zip(survey.wires, curves, strict=True)
         ],
-        "structures": [_plain(shown(frame, _mast(one)) - middle) for one in survey.structures],
+        "structures": [
+            {"id": str(one.id), "points": _plain(shown(frame, _mast(one)) - middle)}
+            for one in survey.structures
+        ],
         "structure_colour": CLASSES[TOWER][1],
         "marks": [
             {
@@ -174,6 +178,13 @@ def thinned(
 
 def _curve(wire: Wire) -> Float[np.ndarray, "k 3"]:
     return wire.points(np.linspace(0.0, wire.base.length_m, WIRE_VERTICES))
+
+
+def _along(curves: Sequence[Float[np.ndarray, "_ 3"]]) -> Float[np.ndarray, "2"]:
+    """The horizontal direction in which most of the wires' length runs."""
+    chords = np.array([curve[-1, :2] - curve[0, :2] for curve in curves])
+    along: Float[np.ndarray, 2] = np.linalg.svd(chords, full_matrices=False)[2][0]
+    return along if along @ chords[0] > 0 else -along
 
 
 def _mast(one: Structure) -> Float[np.ndarray, "2 3"]:

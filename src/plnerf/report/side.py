@@ -1,38 +1,35 @@
-"""A span seen from the side: its axis, what lies below its wires, and the scale of a drawing.
+"""Spans seen from the side: what lies below their wires, and the scale of a drawing.
 
-Letters: t horizontal distance along the span's axis from where the first of its wires begins; z height, both
-in the LineFrame; x and y pixels of the drawing, y down; g places along t.
+Letters: t station along the line (`line/stations.py`); z height, in the LineFrame; x and y pixels of the
+drawing, y down; g places along t.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from plnerf.line.clearances import Profile
-from plnerf.line.wire import Wire
+from plnerf.line.stations import Chain, Stretch
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1100, 64, 60, 14, 46
 """Width of a drawing and its margins, in pixels."""
 MOST_HEIGHT, LEAST_HEIGHT = 440, 200
 """Bounds on the height of the plotting area, in pixels."""
 EXAGGERATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
+MOST_SPANS = 4
+"""In one drawing; a longer line takes several, one below the other."""
 PLACES = 400
 """Along a span, where the heights below its wires are drawn."""
 
 
-@dataclass(frozen=True, eq=False)
-class Side:
-    """The view of one span from its side."""
-
-    o: Float[np.ndarray, "2"]
-    u: Float[np.ndarray, "2"]
-    length: float
-
-    def t(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Distance along the axis."""
-        return (points[:, :2] - self.o) @ self.u
+def sheets(chain: Chain) -> list[Chain]:
+    """A chain in pieces of MOST_SPANS or fewer, about as many in each."""
+    count = -(-len(chain) // MOST_SPANS)
+    edges = [round(k * len(chain) / count) for k in range(count + 1)]
+    return [chain[first:last] for first, last in pairwise(edges)]
 
 
 @dataclass(frozen=True)
@@ -68,19 +65,6 @@ class Scale:
         return " ".join(f"{self.x(a):.1f},{self.y(b):.1f}" for a, b in zip(t, z, strict=True))
 
 
-def side_of(wires: Sequence[Wire]) -> Side:
-    """The axis that the wires of a span share, from the mean of their first ends to that of their last."""
-    ends = np.array([wire.points(np.array([0.0, wire.base.length_m]))[:, :2] for wire in wires])
-    a, b = ends[:, 0], ends[:, 1]
-    # Wires may run in either direction: all are turned as the first.
-    turned = ((b - a) @ (b[0] - a[0])) < 0
-    a[turned], b[turned] = b[turned], a[turned].copy()
-    along = b.mean(0) - a.mean(0)
-    u = along / np.linalg.norm(along)
-    first, last = ((a - a.mean(0)) @ u).min(), ((b - a.mean(0)) @ u).max()
-    return Side(a.mean(0) + first * u, u, float(last - first))
-
-
 @dataclass(frozen=True, eq=False)
 class Below:
     """Heights at places t, over all wires of a span; NaN where none of the profiles knows any."""
@@ -94,12 +78,12 @@ class Below:
     """Its highest top."""
 
 
-def below(side: Side, profiles: Sequence[Profile]) -> Below:
+def below(stretch: Stretch, profiles: Sequence[Profile]) -> Below:
     """The heights of the profiles of a span's wires, taken together."""
-    grid, nothing = np.linspace(0.0, side.length, PLACES), np.full(PLACES, np.nan)
+    grid, nothing = np.linspace(stretch.from_m, stretch.to_m, PLACES), np.full(PLACES, np.nan)
     ground, vegetation = [nothing], [nothing]
     for one in profiles:
-        t = side.t(one.points)
+        t = stretch.station(one.points)
         order = np.argsort(t)
         for rows, z in ((ground, one.ground_z), (vegetation, one.vegetation_z)):
             rows.append(np.interp(grid, t[order], z[order], left=np.nan, right=np.nan))
@@ -125,7 +109,10 @@ def ticks(low: float, high: float, count: float) -> Float[np.ndarray, " k"]:
     raw = (high - low) / max(count, 1)
     power = 10.0 ** np.floor(np.log10(raw))
     step = min((k * power for k in (1, 2, 5, 10)), key=lambda s: abs(np.log(s / raw)))
-    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
+    found: Float[np.ndarray, " k"] = step * np.arange(
+        np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1
+    )
+    return found
 
 
 def runs(good: Bool[np.ndarray, " g"]) -> list[slice]:

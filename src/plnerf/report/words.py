@@ -11,7 +11,7 @@ from plnerf.line.line import Line, Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import KINDS
-from plnerf.report.figures import CERTAIN, MINUS, Units, counted, listed, share, wires_named
+from plnerf.report.figures import CERTAIN, MINUS, Units, counted, listed, runs_of, share, wires_named
 from plnerf.report.nearest import Nearest, Standing
 from plnerf.report.shown import shows_world
 
@@ -36,10 +36,11 @@ def number_of(survey: Survey, line: Line, span: Span) -> str:
     return str(span.id) if len(survey.lines) == 1 else f"{line.id} / {span.id}"
 
 
-def title_of(survey: Survey, line: Line, span: Span) -> str:
-    """The heading of a span."""
-    several = len(survey.lines) > 1
-    return f"Line {line.id}, span {span.id}" if several else f"Span {span.id}"
+def title_of(survey: Survey, line: Line, spans: list[int]) -> str:
+    """The heading of some spans, by their numbers."""
+    numbers = listed([part.replace("–", " to ") for part in runs_of(spans).split(", ")])
+    text = f"span{'s' * (len(spans) > 1)} {numbers}"
+    return f"Line {line.id}, {text}" if len(survey.lines) > 1 else text.capitalize()
 
 
 def found(survey: Survey) -> str:

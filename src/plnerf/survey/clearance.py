@@ -190,8 +190,11 @@ def _findings(
     if clearances.requirement is not None:
         findings += _of_requirement(clearances.requirement)
         if len(survey.lines) > 1:
-            several = f"It is applied to the phase conductors of all {len(survey.lines)} lines alike."
-            findings.append(harms(REQUIRED, several, "Of lines of other voltages, judge the distances."))
+            several = (
+                f"The same clearance is required of the phase conductors of all {len(survey.lines)} lines, "
+                "whatever their voltages."
+            )
+            findings.append(harms(REQUIRED, several, "Judge those of another voltage yourself."))
     return findings
 
 

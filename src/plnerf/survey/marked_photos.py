@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from plnerf.line.survey import Picture
 from plnerf.line.wire import Wire
@@ -45,10 +45,8 @@ def _shown(photos: Photos, wires: Sequence[Wire]) -> Float[np.ndarray, "k w"]:
     found = np.zeros((len(photos.names), len(wires)))
     for i in range(len(photos.names)):
         pixels = _pixels(photos, i, np.concatenate(places)).reshape(len(wires), PLACES, 2)
-        inside: Bool[np.ndarray, "w v"] = (pixels >= 0).all(2) & (
-            pixels < photos.cameras.size_px[i].numpy()
-        ).all(2)
-        found[i] = inside.mean(1)
+        inside = (pixels >= 0) & (pixels < photos.cameras.size_px[i].numpy())
+        found[i] = inside.all(2).mean(1)
     return found
 
 
@@ -76,8 +74,8 @@ def _pixels(photos: Photos, i: int, line: Float[np.ndarray, "v 3"]) -> Float[np.
 
 
 def _widest(distortion: Float[np.ndarray, "5"]) -> float:
-    """Distance from the axis, at depth 1, up to which the lens's polynomial grows: farther out it turns back
-    into the image.  r (1 + k1 r^2 + k2 r^4 + k3 r^6) has the derivative 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6."""
+    """Distance from the axis, at depth 1, up to which the lens's polynomial r (1 + k1 r^2 + k2 r^4 + k3 r^6)
+    grows: farther out it turns back into the image."""
     k1, k2, _, _, k3 = distortion
     squares = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
     real = squares[(np.abs(squares.imag) < 1e-9) & (squares.real > 0)].real

@@ -57,9 +57,13 @@
     paper.putImageData(sheet, 0, 0);
     paper.lineCap = paper.lineJoin = "round";
     paper.font = `600 ${13 * ratio}px system-ui, sans-serif`;
-    for (const mast of data.structures) line(mast.map(project), data.structure_colour, 4 * ratio, []);
+    for (const mast of data.structures) line(mast.points.map(project), data.structure_colour, 4 * ratio, []);
     for (const wire of data.wires) line(wire.points.map(project), wire.colour, 2 * ratio, wire.dashed ? [9 * ratio, 5 * ratio] : []);
     const taken = [];
+    for (const mast of data.structures) {
+      const [x, y] = project(mast.points[1]);
+      writeFree(mast.id, [[x, y - 10 * ratio], [x, y - 24 * ratio]], data.structure_colour, ratio, "center", taken);
+    }
     for (const mark of data.marks) {
       const ends = mark.points.map(project);
       line(ends, data.mark_colour, 2.5 * ratio, []);
