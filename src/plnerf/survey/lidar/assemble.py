@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from plnerf.line.ends import Attached, End, Open
 from plnerf.line.line import Line, Span, Structure
-from plnerf.survey.kinds import kinds
+from plnerf.survey.kinds import kinds, same_along
 from plnerf.survey.lidar.candidates import Candidate
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.spans import TrackSpan
@@ -62,6 +62,8 @@ def assemble(
                 points[wire.id] = one.points
                 wires.append(wire)
             made.append(Span(count, held, tuple(wires)))
+        same = same_along([span.wires for span in made], config.kinds)
+        made = [replace(span, wires=tuple(wires)) for span, wires in zip(made, same, strict=True)]
         structures = tuple(
             _structure(number, k, [(spans[j], holders[j]) for j in chain], outlines[k], bodies[k], config)
             for k, number in ids.items()
