@@ -39,9 +39,7 @@ def build_site(config: SpanConfig) -> Site:
 
     Raises ConfigError when a wire hangs into the ground or near a wire of another line.
     """
-    site = stand(config)
-    site = replace(site, houses=place_houses(site, np.random.default_rng([config.seed, 5])))
-    return replace(site, plants=plant(site, np.random.default_rng([config.seed, 1])))
+    return furnish(stand(config))
 
 
 def stand(config: SpanConfig) -> Site:
@@ -52,6 +50,13 @@ def stand(config: SpanConfig) -> Site:
     site = Site(config, ground, lines)
     check_wires(site)
     return site
+
+
+def furnish(site: Site) -> Site:
+    """The same lines among houses and plants."""
+    seed = site.config.seed
+    site = replace(site, houses=place_houses(site, np.random.default_rng([seed, 5])))
+    return replace(site, plants=plant(site, np.random.default_rng([seed, 1])))
 
 
 def sub_conductors(wire: WireConfig) -> list[tuple[str, float]]:

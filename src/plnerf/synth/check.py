@@ -19,6 +19,8 @@ from plnerf.synth.site import Line, Site, Tower, radius_m
 from plnerf.synth.tower import half_width_m, steel
 
 Points = Float[np.ndarray, "_ 3"]
+Collisions = Iterator[tuple[str, Bool[np.ndarray, " n"]]]
+"""Bodies in words, and which cameras are inside of them or too close."""
 
 KEEP_OFF_M = 0.3  # a camera is as large as this
 EDGE_STEP_M = 0.15
@@ -59,19 +61,30 @@ def _check_clamps(site: Site, line: Line, tower: Tower) -> None:
 
 def _check_apart(site: Site) -> None:
     """Refuse lines whose wires come near to each other's wires or supports."""
-    around = []
-    for line in site.lines:
-        wires = np.concatenate([wire.polyline(0.2) for span in line.spans for wire in span.wires])
-        bodies = [edge_points(mesh) for tower in line.towers for mesh in support_meshes(site, tower)]
-        around.append((wires, np.concatenate([wires, *bodies])))
-    for i, (wires, _) in enumerate(around):
-        for j, (_, others) in enumerate(around):
-            gap = np.inf if i == j else float(cKDTree(others).query(wires)[0].min())
-            if gap < APART_M:
+    if len(site.lines) < 2:
+        return
+    wires = [
+        np.concatenate([wire.polyline(0.2) for span in line.spans for wire in span.wires])
+        for line in site.lines
+    ]
+    for i, own in enumerate(wires):
+        for j, line in enumerate(site.lines):
+            if i == j:
+                continue
+            towers = [tower for tower in line.towers if _reaches(tower, own)]
+            bodies = [edge_points(mesh) for tower in towers for mesh in support_meshes(site, tower)]
+            near = cKDTree(np.concatenate([wires[j], *bodies])).query(own, distance_upper_bound=APART_M)[0]
+            if near.min() < APART_M:
                 raise ConfigError(
-                    f"synth: a wire of line {i + 1} comes within {gap:.2f} m of line {j + 1}, but at least "
-                    f"{APART_M:g} m are needed. Raise one of them, or move its middle_m."
+                    f"synth: a wire of line {i + 1} comes within {near.min():.2f} m of line {j + 1}, but at "
+                    f"least {APART_M:g} m are needed. Raise one of them, or move its middle_m."
                 )
+
+
+def _reaches(tower: Tower, points: Points) -> bool:
+    """Whether any point is so near to the tower's axis that it may be at its body, arms or strings."""
+    reach = max(abs(wire.across_m) for wire in tower.design.wires) + tower.design.support.foot_m + 4.0
+    return bool((np.linalg.norm(points[:, :2] - tower.foot[:2], axis=1) < reach).any())
 
 
 def check_cameras(site: Site, views: Sequence[View]) -> None:
@@ -79,11 +92,19 @@ def check_cameras(site: Site, views: Sequence[View]) -> None:
 
     Views carry names, passes and centres; the message names the first view that collides, and with what.
     """
-    centres = np.array([view.centre for view in views])
-    for what, hit in _collisions(site, centres):
+    _refuse(views, _collisions(site, np.array([view.centre for view in views])))
+
+
+def check_growth(site: Site, views: Sequence[View]) -> None:
+    """`check_cameras` of plants and houses alone."""
+    _refuse(views, _growth(site, np.array([view.centre for view in views])))
+
+
+def _refuse(views: Sequence[View], collisions: Collisions) -> None:
+    for what, hit in collisions:
         if hit.any():
             i = int(hit.argmax())
-            place = ", ".join(f"{value:.1f}" for value in centres[i])
+            place = ", ".join(f"{value:.1f}" for value in views[i].centre)
             raise ConfigError(
                 f"synth: the camera of image {views[i].name} (pass {views[i].flight_pass}) at ({place}) is "
                 f"{what}. Move the pass (across_m, above_m, start, end), swing less (weave_m, heave_m, "
@@ -91,21 +112,17 @@ def check_cameras(site: Site, views: Sequence[View]) -> None:
             )
 
 
-def _collisions(site: Site, centres: Points) -> Iterator[tuple[str, np.ndarray]]:
+def _collisions(site: Site, centres: Points) -> Collisions:
     """Each body, in words, and which camera centres are inside of it or too close."""
     yield (
         "below the ground",
         centres[:, 2] < site.ground.heights(centres[:, 0], centres[:, 1]) + KEEP_OFF_M,
     )
-    for i, plant in enumerate(site.plants):
-        away = centres - np.array(plant.foot)
-        inside = np.hypot(away[:, 0], away[:, 1]) < plant.radius_m + KEEP_OFF_M
-        yield f"inside {plant.kind} {i}", inside & (away[:, 2] < plant.height_m + KEEP_OFF_M)
-    for house in site.houses:
-        yield f"inside {house.name}", inside_m(house, centres) > -KEEP_OFF_M
+    yield from _growth(site, centres)
     for line in site.lines:
         for tower in line.towers:
-            yield from _of_tower(site, line, tower, centres)
+            if _reaches(tower, centres):
+                yield from _of_tower(site, line, tower, centres)
     for wire in site.wires:
         yield f"at the wire {wire.name}", _near(wire.polyline(0.1), centres)
     between = spacers(site.spans)
@@ -113,9 +130,17 @@ def _collisions(site: Site, centres: Points) -> Iterator[tuple[str, np.ndarray]]
         yield "at a spacer", _near(edge_points(between), centres)
 
 
-def _of_tower(
-    site: Site, line: Line, tower: Tower, centres: Points
-) -> Iterator[tuple[str, Bool[np.ndarray, " n"]]]:
+def _growth(site: Site, centres: Points) -> Collisions:
+    """Plants and houses."""
+    for i, plant in enumerate(site.plants):
+        away = centres - np.array(plant.foot)
+        inside = np.hypot(away[:, 0], away[:, 1]) < plant.radius_m + KEEP_OFF_M
+        yield f"inside {plant.kind} {i}", inside & (away[:, 2] < plant.height_m + KEEP_OFF_M)
+    for house in site.houses:
+        yield f"inside {house.name}", inside_m(house, centres) > -KEEP_OFF_M
+
+
+def _of_tower(site: Site, line: Line, tower: Tower, centres: Points) -> Collisions:
     """A support and what it carries."""
     local = (centres - np.array(tower.foot)) @ tower.axes
     if tower.design.support.kind == "lattice":

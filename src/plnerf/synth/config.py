@@ -33,6 +33,8 @@ class TerrainConfig:
     """what runs beside the line"""
     centre_m: float = 0.0
     """where along the line the ground is finest and the plants are strewn"""
+    shift_m: tuple[float, float] = (0.0, 0.0)
+    """x and y by which the pattern of waves and hills is moved"""
     fine_m: tuple[float, float] = (44.0, 24.0)
     """half the finest ground's lengths in x and y, whole metres"""
     texel_m: float = 0.025

@@ -1,4 +1,4 @@
-"""Scenes of lines with several spans, as plain values: each is there for one reason, which stands in `WHY`."""
+"""Scenes of lines with several spans, as plain values: each is there for one reason, stated in `WHY`."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -140,9 +140,7 @@ LONG = SceneConfig(
         span_length_m=40.0,
         line_azimuth_deg=-4.0,
         terrain=replace(_OPEN, fine_m=(138.0, 60.0), texel_m=0.06),
-        plants=PlantsConfig(
-            trees=40, bushes=80, background=240, trees_across_m=(13.0, 24.0), reach_m=120.0
-        ),
+        plants=PlantsConfig(trees=40, bushes=80, background=240, trees_across_m=(13.0, 24.0), reach_m=120.0),
         before_m=(38.0, 42.0, 36.0),
         after_m=(44.0, 40.0, 38.0, 42.0),
         structures=(

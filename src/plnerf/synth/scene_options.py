@@ -6,9 +6,12 @@ from typing import TypeVar
 from plnerf.errors import ConfigError
 from plnerf.synth.config import ImageConfig, SceneConfig
 from plnerf.synth.flight_config import CaptureConfig
+from plnerf.synth.random_scene import random_scene
 from plnerf.synth.scenes import SCENES
 
 T = TypeVar("T")
+RANDOM = "random"
+"""Names the scene that its seed draws."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,17 @@ class SceneOptions:
         )
 
 
-def find_scene(name: str) -> SceneConfig:
-    """The scene of a name.  Raises ConfigError naming the ones there are."""
+def find_scene(name: str, seed: int | None = None) -> SceneConfig:
+    """The scene of a name; of "random" the one that is drawn of `seed` (0 where it is left out).
+
+    Raises ConfigError naming the ones there are.
+    """
+    if name == RANDOM:
+        if seed is not None and seed < 0:
+            raise ConfigError(f"synth: the seed must be 0 or more, got {seed}.")
+        return random_scene(seed or 0)
     if name not in SCENES:
-        raise ConfigError(f"There is no scene {name!r}. Scenes: {', '.join(SCENES)}.")
+        raise ConfigError(f"There is no scene {name!r}. Scenes: {', '.join((*SCENES, RANDOM))}.")
     return SCENES[name]
 
 

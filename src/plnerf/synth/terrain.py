@@ -27,6 +27,8 @@ class Ground:
     def heights(self, x_m: Float[np.ndarray, "*n"], y_m: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Gentle waves near the line, hills from 150 m on, and a slope along the line; 0 at the origin."""
 
+        dx, dy = self.terrain.shift_m
+
         def waves(x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
             return (
                 0.45 * np.sin(x / 17.0 + y / 31.0 + 0.4)
@@ -36,10 +38,12 @@ class Ground:
 
         far = np.clip((np.hypot(x_m, y_m) - 120.0) / 450.0, 0.0, 1.0)
         hills = (
-            34.0 + 22.0 * np.sin(x_m / 97.0 + 0.8) * np.cos(y_m / 121.0) + 9.0 * np.sin((x_m - y_m) / 41.0)
+            34.0
+            + 22.0 * np.sin((x_m + dx) / 97.0 + 0.8) * np.cos((y_m + dy) / 121.0)
+            + 9.0 * np.sin(((x_m + dx) - (y_m + dy)) / 41.0)
         )
         zero = np.zeros(1)
-        near = self.terrain.waves * (waves(x_m, y_m) - waves(zero, zero)[0])
+        near = self.terrain.waves * (waves(x_m + dx, y_m + dy) - waves(zero + dx, zero + dy)[0])
         level = near + far * far * (3 - 2 * far) * hills * self.terrain.hills
         if self.terrain.hills < 1:  # flat land rises far away, lest one look over the model's edge
             rim = np.clip((np.hypot(x_m, y_m) - 600.0) / 400.0, 0.0, 1.0)
