@@ -19,7 +19,7 @@ from plnerf.errors import ConfigError, SurveyError
 from plnerf.line.base import Base
 from plnerf.line.clearances import GROUPS, Group, Place, Profile, WireClearance
 from plnerf.line.ends import Open
-from plnerf.line.files import read_survey, write_survey_json
+from plnerf.line.files import SURVEY_VERSION, read_survey, write_survey_json
 from plnerf.line.line import Line, Span
 from plnerf.line.wire import Kind, Wire
 from plnerf.scene.ply import write_ply
@@ -377,7 +377,7 @@ Spoil = Callable[[dict], object]
 SPOILT: dict[str, tuple[Spoil, str]] = {
     "older": (
         lambda data: data.update(format_version=2),
-        "has format version 2, but .* reads 3. Survey again",
+        f"has format version 2, but .* reads {SURVEY_VERSION}. Survey again",
     ),
     "unscaled": (lambda data: data["frame"].update(unit="unscaled"), "is unscaled, so that its wires cannot"),
     "uncertain": (lambda data: row_of(data).pop("covariance"), "is no survey .it has no 'covariance'"),

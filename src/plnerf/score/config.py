@@ -56,10 +56,22 @@ class WireScoreConfig:
     either."""
     match_m: float = 0.5
     """Greatest root mean square distance along the common stretch of two wires that are one."""
+    least_share: float = 0.5
+    """Least part of the shorter of two wires that they must share: of a line of many spans, a wire that
+    reaches a little into the next span is not that span's."""
+    support_m: float = 3.0
+    """Greatest horizontal distance of a true and a found structure that are one: about a tower's width."""
+    found_m: float = 0.1
+    """Distance from a wire of the survey within which a place of a true wire is found: a third of the gap of
+    twin conductors."""
 
     def __post_init__(self) -> None:
         if min(self.place_m, self.least_common_m, self.match_m) <= 0 or self.end_m < 0:
             raise ConfigError(f"The score of wires needs lengths above 0, but has {self}. Correct it.")
+        if not 0 < self.least_share <= 1 or min(self.support_m, self.found_m) <= 0:
+            raise ConfigError(
+                f"The score of wires needs a share up to 1 and distances above 0, but has {self}. Correct it."
+            )
         if self.least_common_m <= 2 * self.end_m + self.place_m:
             raise ConfigError(
                 f"The shortest common stretch ({self.least_common_m} m) must be longer than what is cut off "

@@ -31,6 +31,8 @@ _WIRES: tuple[_Column, ...] = (
     ("worst", "worst_m", "{:.3f}"),
     ("in 95 % across", "within_95_across", "{:.0%}"),
     ("up", "within_95_up", "{:.0%}"),
+    ("swing, true deg", "swing_deg", "{:.1f}"),
+    ("error", "swing_error_deg", "{:+.2f}"),
 )
 _BEFORE: tuple[_Column, ...] = (
     ("sag error, common stretch m", "sag_common_error_m", "{:+.3f}"),
@@ -39,6 +41,14 @@ _BEFORE: tuple[_Column, ...] = (
     ("worst", "worst_m", "{:.3f}"),
 )
 """Of the survey's wires as they were detected, before they were refitted to the images."""
+_SUPPORTS: tuple[_Column, ...] = (
+    ("id", "structure", "{}"),
+    ("kind", "kind_found", "{}"),
+    ("off along m", "along_m", "{:+.3f}"),
+    ("across", "across_m", "{:+.3f}"),
+    ("line angle, true deg", "line_angle_deg", "{:.1f}"),
+    ("found", "line_angle_found_deg", "{:.1f}"),
+)
 _CLEARANCES: tuple[_Column, ...] = (
     ("conductor", "conductor", "{}"),
     ("true m", "true_m", "{:.2f}"),
@@ -53,7 +63,7 @@ _CLEARANCES: tuple[_Column, ...] = (
 def to_json(score: SurveyScore, config: WireScoreConfig) -> dict[str, Any]:
     """Plain values; what is not known is null."""
     wires, clearances = score.wires, score.clearances
-    plants = clearances.vegetation
+    plants, observable = clearances.vegetation, score.observable
     return {
         "conductors": {
             "true": len(wires.matches) + len(wires.missing) + len(wires.unseen),
@@ -62,11 +72,20 @@ def to_json(score: SurveyScore, config: WireScoreConfig) -> dict[str, Any]:
             "unseen": list(wires.unseen),
             "again": [{"conductor": one, "wire": wire} for one, wire in wires.again],
             "invented": list(wires.invented),
+            "invented_certain": list(score.invented_certain),
             "within_95": _shares(wires),
             "wires": [_match_row(match) for match in wires.matches],
             "rules": of_wires.rules(config),
             "before_refit": [_match_row(match) for match in score.before_refit],
         },
+        "observable": None
+        if observable is None
+        else asdict(observable)
+        | {
+            "total_m": observable.total_m,
+            "recall": observable.recall,
+        },
+        "supports": asdict(score.supports),
         "clearances": {
             "ground": [_compared_row(one) for one in clearances.ground],
             "vegetation": None if plants is None else _compared_row(plants),
@@ -80,6 +99,11 @@ def markdown(score: SurveyScore) -> str:
     """What was found, and tables of the wires and of the clearances."""
     matches, clearances = score.wires.matches, score.clearances
     lines = [_found(score.wires)]
+    if score.observable is not None and score.observable.recall is not None:
+        lines.append(
+            f"Of {score.observable.total_m:.1f} m that images show well, {score.observable.recall:.1%} are "
+            f"found within {100 * score.observable.within_m:g} cm."
+        )
     if matches:
         rows = [_match_row(match) for match in matches]
         for row in rows:
@@ -92,6 +116,7 @@ def markdown(score: SurveyScore) -> str:
             for match in matches
             if match.no_sag_because is not None
         ]
+    lines += _supports(score)
     rows = [{**_compared_row(one), "wire": f"{one.wire}, above ground"} for one in clearances.ground]
     if clearances.vegetation is not None:
         one = clearances.vegetation
@@ -103,6 +128,24 @@ def markdown(score: SurveyScore) -> str:
         rows = [_match_row(match) for match in score.before_refit]
         lines += ["", *_table("before the refit", rows, _BEFORE)]
     return "\n".join(lines) + "\n"
+
+
+def _supports(score: SurveyScore) -> list[str]:
+    """A table of the structures, and what of them is missing or invented."""
+    supports = score.supports
+    lines: list[str] = []
+    if supports.matches:
+        rows = [asdict(match) | {"wire": match.name} for match in supports.matches]
+        for row in rows:
+            row["kind_found"] += (
+                "" if row["kind"] in (row["kind_found"], "unknown") else f" (truly {row['kind']})"
+            )
+        lines += ["", *_table("structure", rows, _SUPPORTS), ""]
+    if supports.missing:
+        lines.append(f"Structures missing: {', '.join(supports.missing)}.")
+    if supports.invented:
+        lines.append(f"Structures invented: {', '.join(map(str, supports.invented))}.")
+    return lines
 
 
 def _shares(score: WireMatches) -> dict[str, float | None]:
@@ -150,6 +193,8 @@ def _match_row(match: Match) -> dict[str, Any]:
         "sag_common_error_m": match.sag_common_error_m,
         "sag_half_95_m": _half_95(match.sag_sigma_m),
         "sag_within_95": match.sag_within_95,
+        "swing_error_deg": match.swing_error_deg,
+        "swing_within_95": match.swing_within_95,
     }
 
 

@@ -7,6 +7,8 @@ from plnerf.errors import SurveyError
 from plnerf.line.survey import Survey
 from plnerf.score.clearance_score import ClearanceScore, score_clearances
 from plnerf.score.config import DEFAULT, WireScoreConfig
+from plnerf.score.observable import Observable, score_observable
+from plnerf.score.supports_score import SupportMatches, match_supports
 from plnerf.score.truth import Truth
 from plnerf.score.wire_matches import Match, WireMatches, match_wires
 
@@ -19,6 +21,11 @@ class SurveyScore:
     clearances: ClearanceScore
     before_refit: tuple[Match, ...]
     """Of the same wires as they were detected; empty of clouds."""
+    supports: SupportMatches
+    observable: Observable | None
+    """None: the truth does not state what is observable."""
+    invented_certain: tuple[int, ...]
+    """Ids of the invented wires that the survey calls certain."""
 
 
 def score_survey(survey: Survey, truth: Truth, config: WireScoreConfig = DEFAULT.wires) -> SurveyScore:
@@ -37,4 +44,7 @@ def score_survey(survey: Survey, truth: Truth, config: WireScoreConfig = DEFAULT
     before = match_wires([wire for wire in survey.detected if wire.id in ids], there.wires, config)
     stated = () if survey.clearances is None else survey.clearances.wires
     clearances = score_clearances(matches.matches, wires, stated, there, config)
-    return SurveyScore(matches, clearances, before.matches)
+    supports = match_supports(survey.structures, there.structures, there.wires, config)
+    certain = tuple(wire.id for wire in wires if wire.evidence.certain and wire.id in matches.invented)
+    observable = score_observable(wires, there, config)
+    return SurveyScore(matches, clearances, before.matches, supports, observable, certain)

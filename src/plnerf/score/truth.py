@@ -18,11 +18,13 @@ from plnerf.errors import SurveyError
 from plnerf.line.base import Base
 from plnerf.line.catenary import p_of_sag
 from plnerf.line.ends import Attached, Evidence
-from plnerf.line.line import Structure
+from plnerf.line.line import Structure, StructureKind
 from plnerf.line.wire import Kind, Wire
 from plnerf.score.config import DEFAULT, ScoreConfig
 from plnerf.score.true_curve import departure_m, moved, theta_of
 
+Stretches = tuple[tuple[float, float], ...]
+"""From one place s of a wire's base to another, each."""
 MOST_TURNED = 0.9998
 """Cosine of the angle between a stated direction and that from end to end: 1 degree is rounding."""
 
@@ -52,12 +54,20 @@ class Truth:
     plants: tuple[TruePlant, ...] = ()
     """Those whose clearance is known, the nearest ones among them."""
     houses: int = 0
+    observable: tuple[Stretches, ...] = ()
+    """Of each wire the stretches of s that images show well enough to measure; empty: it is not stated."""
 
     def moved(self, motion: Similarity) -> "Truth":
         """All of it in another frame."""
+        wires = tuple(moved(wire, motion) for wire in self.wires)
+        by = [new.base.length_m / old.base.length_m for new, old in zip(wires, self.wires, strict=True)]
         return replace(
             self,
-            wires=tuple(moved(wire, motion) for wire in self.wires),
+            wires=wires,
+            observable=tuple(
+                tuple((low * factor, high * factor) for low, high in one)
+                for one, factor in zip(self.observable, by, strict=bool(self.observable))
+            ),
             structures=tuple(
                 replace(one, foot=motion(one.foot), height_m=motion.scale * one.height_m)
                 for one in self.structures
@@ -88,7 +98,7 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
         where = f"{path}, tower {i}"
         foot = _points([entry.get("foot")], f"{where}, foot")[0]
         height = _number(entry.get("height_m", 0.0), f"{where}, height_m")
-        structures.append(Structure(i, foot, height, 0.0, "the truth", name=entry.get("name")))
+        structures.append(_true_structure(entry, i, foot, height, where))
         if entry.get("attachments"):
             held.append(_points(entry["attachments"], f"{where}, attachments"))
     wires = [
@@ -109,7 +119,41 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
             if "clearance_m" in entry
         ),
         len(data.get("houses") or []),
+        _observable(conductors, path),
     )
+
+
+def _true_structure(
+    entry: Mapping[str, Any], number: int, foot: Float[np.ndarray, "3"], height_m: float, where: str
+) -> Structure:
+    """A tower or pole, with its kind and the angle of its line where they are stated."""
+    kind = entry.get("structure", "unknown")
+    if kind not in get_args(StructureKind):
+        raise SurveyError(
+            f"{where}: its structure must be one of {', '.join(get_args(StructureKind))}, but is {kind!r}. "
+            "Correct the file."
+        )
+    angle = entry.get("line_angle_deg")
+    return Structure(
+        number,
+        foot,
+        height_m,
+        0.0,
+        "the truth",
+        kind,
+        entry.get("name"),
+        None if angle is None else _number(angle, f"{where}, line_angle_deg"),
+    )
+
+
+def _observable(entries: Sequence[Mapping[str, Any]], path: Path) -> tuple[Stretches, ...]:
+    """Of each conductor; empty where not all of them state it."""
+    found = [
+        _stretches(entry.get("observable_m"), f"{path}, conductor {i}", "observable_m")
+        for i, entry in enumerate(entries, 1)
+    ]
+    stated = [one for one in found if one is not None]
+    return tuple(stated) if len(stated) == len(found) else ()
 
 
 def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], config: ScoreConfig) -> Wire:
@@ -159,14 +203,17 @@ def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], 
 def _stated(
     entry: Mapping[str, Any], a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], where: str
 ) -> Float[np.ndarray, "6"]:
-    """theta of an upright wire whose parameter or sag is stated."""
+    """theta of a wire whose parameter or sag is stated, upright unless its swing is too."""
     key = "p_m" if "p_m" in entry else "sag_m"
     value = _number(entry[key], f"{where}, {key}")
     if value <= 0:
         raise SurveyError(f"{where}: its {key} must be greater than 0, but is {value}. Correct the file.")
     L = math.dist(a[:2], b[:2])
+    swing = math.radians(_number(entry.get("swing_deg", 0.0), f"{where}, swing_deg"))
+    if swing and key == "sag_m":
+        raise SurveyError(f"{where}: a wire with a swing_deg must state its p_m too. Add it to the file.")
     p = value if key == "p_m" else p_of_sag(L, float(b[2] - a[2]), value)
-    return np.array([0.0, 0.0, a[2], b[2], L**2 / (8 * p), 0.0])
+    return np.array([0.0, 0.0, a[2], b[2], L**2 / (8 * p), swing])
 
 
 def _check_direction(entry: Mapping[str, Any], base: Base, where: str) -> None:
@@ -234,7 +281,7 @@ def _number(value: Any, where: str) -> float:
     return float(value)
 
 
-def _stretches(value: Any, where: str) -> tuple[tuple[float, float], ...] | None:
+def _stretches(value: Any, where: str, key: str = "seen_m") -> Stretches | None:
     if value is None:
         return None
     try:
@@ -243,7 +290,7 @@ def _stretches(value: Any, where: str) -> tuple[tuple[float, float], ...] | None
         pairs = ((math.nan, math.nan),)
     if not all(low <= high for low, high in pairs):
         raise SurveyError(
-            f"{where}: seen_m must be a list of stretches [from, to] in metres, but is {str(value)[:80]}. "
+            f"{where}: {key} must be a list of stretches [from, to] in metres, but is {str(value)[:80]}. "
             "Correct the file, or make the truth again."
         )
     return pairs

@@ -7,6 +7,7 @@ True and found wires are matched one to one, so that the distances of all matche
 left over is a missing wire, one that was found again, or an invention.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from plnerf.errors import SurveyError
-from plnerf.line.ends import TWO_SIDED_95
+from plnerf.line.ends import TWO_SIDED_95, Attached
 from plnerf.line.wire import Wire
 from plnerf.score.config import DEFAULT, WireScoreConfig
 
@@ -25,9 +26,9 @@ def rules(config: WireScoreConfig) -> dict[str, str]:
     """What the figures of a score mean, in words."""
     return {
         "match": "a true wire and a conductor of the survey that share a stretch of "
-        f"{config.least_common_m:g} m or more, with a root mean square distance of {config.match_m:g} m or "
-        "less there; one to one, "
-        "with the least sum of distances; each wire of a bundle is a wire",
+        f"{config.least_common_m:g} m or more and {config.least_share:g} of the shorter of both, with a root "
+        f"mean square distance of {config.match_m:g} m or less there; one to one, with the least sum of "
+        "distances; each wire of a bundle is a wire",
         "again": "a conductor that is left over, but runs along a wire as a match does; a second piece of a "
         "wire is one too",
         "invented": "a conductor that runs along no true wire",
@@ -37,6 +38,10 @@ def rules(config: WireScoreConfig) -> dict[str, str]:
         "states none, with its reason",
         "sag_common": "the same between the ends of the common stretch: what is wrong of the sag where the "
         "ends are not",
+        "swing": "of the plane of a wire's curve from upright, to the left of the survey's wire; within_95 "
+        "only where the survey states its deviation",
+        "ends_off": "how far beyond the true attachment the survey's lies, along the wire; null where its "
+        "end is open",
         "within_95": f"the true value lies within {TWO_SIDED_95} stated standard deviations; of places along "
         "a wire the share. Their errors are much alike all along it, so that of few wires it is hardly ever "
         "95 %",
@@ -73,6 +78,26 @@ class Match:
     """Greatest distance at a place, of both parts together."""
     within_95_across: float
     within_95_up: float
+    swing_deg: float
+    """Of the true wire, to the left of the found wire's base."""
+    swing_found_deg: float
+    swing_sigma_deg: float | None
+    """As stated; None: the swing was not measured."""
+    ends_off_m: tuple[float | None, float | None]
+    """How far the survey's attachments lie beyond the true ones, along the wire, at the first and the last
+    end of the survey's wire; None where its end is open."""
+
+    @property
+    def swing_error_deg(self) -> float:
+        """Found less true."""
+        return self.swing_found_deg - self.swing_deg
+
+    @property
+    def swing_within_95(self) -> bool | None:
+        """None where no swing is stated."""
+        if self.swing_sigma_deg is None:
+            return None
+        return abs(self.swing_error_deg) <= TWO_SIDED_95 * self.swing_sigma_deg
 
     @property
     def sag_error_m(self) -> float | None:
@@ -154,7 +179,9 @@ def _common(line: Float[np.ndarray, "v 3"], found: Wire, config: WireScoreConfig
     if local[-1, 0] < local[0, 0]:
         local = local[::-1]
     low, high = max(0.0, float(local[0, 0])), min(base.length_m, float(local[-1, 0]))
-    if high - low < config.least_common_m or (np.diff(local[:, 0]) <= 0).any():
+    shorter = min(base.length_m, float(local[-1, 0] - local[0, 0]))
+    least = max(config.least_common_m, config.least_share * shorter)
+    if high - low < least or (np.diff(local[:, 0]) <= 0).any():
         return None
     s = np.linspace(low, high, int(np.ceil((high - low) / config.place_m)) + 1)
     yz = np.stack([np.interp(s, local[:, 0], local[:, axis]) for axis in (1, 2)], 1)
@@ -234,6 +261,7 @@ def _match(true: Wire, found: Wire, shared: Common) -> Match:
     true_low, true_high = np.sort(true.base.local(ends)[:, 0]).tolist()
     assert true.sag is not None and true.span_m is not None  # attachments hold both of its ends
     sag, span = found.sag, found.span_m
+    swing_sigma = math.sqrt(max(float(found.covariance[5, 5]), 0.0))
     return Match(
         wire=_name(true),
         conductor=found.id,
@@ -253,4 +281,19 @@ def _match(true: Wire, found: Wire, shared: Common) -> Match:
         worst_m=float(np.hypot(off[:, 0], off[:, 1]).max()),
         within_95_across=float(within[0]),
         within_95_up=float(within[1]),
+        swing_deg=math.degrees(true.swing_rad) * (1.0 if true.base.u @ found.base.u > 0 else -1.0),
+        swing_found_deg=math.degrees(found.swing_rad),
+        swing_sigma_deg=math.degrees(swing_sigma) if swing_sigma > 0 else None,
+        ends_off_m=_ends_off(true, found),
+    )
+
+
+def _ends_off(true: Wire, found: Wire) -> tuple[float | None, float | None]:
+    """Outwards positive, at the first and the last end of the found wire."""
+    base, L = found.base, true.base.length_m
+    attached = np.sort(base.local(true.points(np.array([0.0, L])))[:, 0])
+    first, last = found.ends
+    return (
+        float(attached[0] - base.local(first.point[None])[0, 0]) if isinstance(first, Attached) else None,
+        float(base.local(last.point[None])[0, 0] - attached[1]) if isinstance(last, Attached) else None,
     )
