@@ -1,5 +1,6 @@
 """Settings of detection: the defaults stand, wrong ones are named, and all of them come back from JSON."""
 
+import math
 from dataclasses import fields, replace
 from typing import Any
 
@@ -8,14 +9,20 @@ import pytest
 from plnerf.detect.config import (
     CertaintyConfig,
     DetectConfig,
-    EvidenceConfig,
+    JoinConfig,
     NarrowConfig,
     OddsConfig,
     RefitConfig,
-    RidgeConfig,
     SearchConfig,
     SelectConfig,
     SweepConfig,
+)
+from plnerf.detect.config_lines import (
+    DirectionConfig,
+    EvidenceConfig,
+    LineMapConfig,
+    RidgeConfig,
+    WindowConfig,
 )
 from plnerf.errors import ConfigError
 from plnerf.train.settings import from_json, to_json
@@ -64,6 +71,14 @@ from plnerf.train.settings import from_json, to_json
         (RidgeConfig, {"scales_px": ()}),
         (RidgeConfig, {"half_length_px": 0.0}),
         (RidgeConfig, {"edge_weight": -1.0}),
+        (LineMapConfig, {"min_response": 0.0}),
+        (LineMapConfig, {"beside_px": 6}),
+        (DirectionConfig, {"step_rad": 0.0}),
+        (DirectionConfig, {"max_slope_rad": 1.6}),
+        (DirectionConfig, {"azimuth_deg": math.inf}),
+        (DirectionConfig, {"most": 0}),
+        (WindowConfig, {"spacings": 0.0}),
+        (JoinConfig, {"min_overlap": 0.0}),
     ],
 )
 def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -> None:
@@ -77,6 +92,7 @@ def test_every_part_has_a_name_in_the_error_texts() -> None:
     parts = {field.name for field in fields(DetectConfig)}
     assert parts == {
         "evidence", "odds", "sweep", "narrow", "refit", "search", "select", "certainty", "ridges",
+        "lines", "directions", "windows", "coarse", "join",
     }  # fmt: skip
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from tests.support.drawn import (
-    BOX,
     FOCAL,
     HALF,
     at_x,
@@ -21,7 +21,8 @@ from tests.support.drawn import (
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig, SearchConfig, SweepConfig
-from plnerf.detect.detect import detect_wires, search_box
+from plnerf.detect.config_lines import DirectionConfig
+from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.narrow import curve_odds
 from plnerf.detect.odds import odds_of, unclaimed
@@ -33,11 +34,13 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
+from plnerf.scene.transforms import Frames
 
 TRUE = (hanging(-0.08, 0.05), hanging(0.06, 0.02, 0.03), hanging(0.0, 0.1, 0.05, askew=0.01, climb=0.02))
-COARSE = DetectConfig(sweep=SweepConfig(cell=0.008))
+COARSE = DetectConfig(sweep=SweepConfig(cell=0.008), coarse=SweepConfig(planes=24, cell=0.016))
 DEFAULT = DetectConfig()
-PLANES = DEFAULT.sweep.planes
+X = np.array([1.0, 0.0, 0.0])
+"""The direction of all wires that are drawn, but for their sag."""
 PIXEL = 0.45 / FOCAL
 """Width of a pixel at the distance of the passes."""
 
@@ -51,8 +54,14 @@ def drawn(
 
 def apart(a: Wire, b: Wire) -> float:
     """The largest distance between two wires over the middle 0.9 of the span."""
-    x = np.linspace(-0.9 * HALF, 0.9 * HALF, 40)
-    return float(np.linalg.norm(at_x(a, x) - at_x(b, x), axis=1).max())
+    return float(max(off(line, other) for line, other in ((a, b), (b, a))))
+
+
+def off(a: Wire, b: Wire, low: float = -0.9 * HALF, high: float = 0.9 * HALF) -> float:
+    """The largest distance of a wire from another one between two places x, whatever their bases are."""
+    points = polyline(a, 100)
+    there = b.base.local(points[(points[:, 0] >= low) & (points[:, 0] <= high)])
+    return float(np.linalg.norm(there[:, 1:] - b.at(there[:, 0]), axis=1).max())
 
 
 def theta_of(wire: Wire, x: np.ndarray) -> np.ndarray:
@@ -63,7 +72,8 @@ def theta_of(wire: Wire, x: np.ndarray) -> np.ndarray:
 
 def extent(wire: Wire) -> tuple[float, float]:
     """First and last x."""
-    return float(wire.base.a[0]), float(wire.base.b[0])
+    first, last = sorted(polyline(wire, 2)[:, 0].tolist())
+    return first, last
 
 
 def sigma(wire: Wire) -> float:
@@ -73,7 +83,7 @@ def sigma(wire: Wire) -> float:
 
 @pytest.fixture(scope="module")
 def three(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, tuple[Wire, ...]]:
-    scene = drawn(tmp_path_factory.mktemp("three"), two_passes(6))
+    scene = drawn(tmp_path_factory.mktemp("three"), two_passes(8))
     return scene, detect_wires(scene, COARSE)
 
 
@@ -143,7 +153,7 @@ def test_progress_counts_up_to_its_total_and_changes_nothing(three: tuple[Scene,
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_and_bright_wires_change_nothing(tmp_path: Path, seed: int) -> None:
-    assert_each_once(detect_wires(drawn(tmp_path, two_passes(6), seed=seed, colour=250), COARSE))
+    assert_each_once(detect_wires(drawn(tmp_path, two_passes(8), seed=seed, colour=250), COARSE))
 
 
 def same(some: tuple[Wire, ...], others: tuple[Wire, ...]) -> bool:
@@ -173,9 +183,8 @@ def test_the_order_of_the_pictures_does_not_count(
 
 def test_a_better_line_that_is_not_wanted_hides_no_other(three: tuple[Scene, tuple[Wire, ...]]) -> None:
     scene, _ = three
-    views, box = views_of(scene.cameras[list(scene.train)]), search_box(scene, COARSE.sweep)
-    x = np.linspace(box.x[0], box.x[-1], PLANES)
-    responses = line_evidence(scene.images, scene.cameras, scene.train, COARSE.evidence)
+    views, x = views_of(scene.cameras[list(scene.train)]), np.linspace(-0.98 * HALF, 0.98 * HALF, 48)
+    responses = line_evidence(scene.images, scene.cameras, scene.train, X, COARSE.evidence)
     search = Search(views, responses, x, COARSE)
     curves = np.array([theta_of(wire, x) for wire in TRUE])
     best = search.best(curves, 100.0)
@@ -189,8 +198,61 @@ def test_a_better_line_that_is_not_wanted_hides_no_other(three: tuple[Scene, tup
     assert search.best(curves, 100.0, lambda line: False) is None
 
 
+@pytest.mark.parametrize("azimuth_deg", [23.0, 90.0, 151.0])
+def test_a_line_of_any_azimuth_is_found(three: tuple[Scene, tuple[Wire, ...]], azimuth_deg: float) -> None:
+    """The same pictures in a scene that is turned about its z axis."""
+    scene, _ = three
+    turn = Frames(turned(azimuth_deg), 1.0, np.zeros(3), "m", None, "file")
+    R, centre = (scene.cameras.R_scene_camera.double().numpy(), scene.cameras.centre.double().numpy())
+    cameras = replace(
+        scene.cameras,
+        R_scene_camera=torch.from_numpy(turn.R_scene_world @ R).float(),
+        centre=torch.from_numpy(turn.to_scene(centre)).float(),
+    )
+    again = detect_wires(replace(scene, cameras=cameras), COARSE)
+    assert len(again) == len(TRUE)
+    back = [turn.to_world(polyline(one, 4000)) for one in again]
+    for wire in TRUE:
+        middle = polyline(wire)[20:-20]
+        apart = [np.linalg.norm(middle[:, None] - line[None], axis=2).min(1).max() for line in back]
+        assert min(apart) < PIXEL
+
+
+def test_two_lines_that_cross_are_both_found(tmp_path: Path) -> None:
+    """The second runs above the first, across it, and is filmed by the same passes."""
+    R = turned(70.0)
+    second = [polyline(hanging(y, 0.16)) @ R for y in (-0.05, 0.05)]
+    centres = np.array([
+        [*(0.9 * np.array([np.cos(a), np.sin(a)])), 0.1 + 0.12 * np.sin(3 * a)]
+        for a in np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ])
+    cameras = pinhole_cameras(centres, np.tile([0.0, 0.0, 0.05], (24, 1)))
+    first = TRUE[:2]
+    pictures = draw(cameras, [polyline(wire) for wire in first] + second)
+    found = detect_wires(scene_of(tmp_path, cameras, pictures), COARSE)
+    certain = [polyline(wire) for wire in found if wire.evidence.certain]
+    for line in [polyline(wire) for wire in first] + second:
+        middle = line[120:280]
+        apart = [np.linalg.norm(middle[:, None] - one[None], axis=2).min(1).mean() for one in certain]
+        assert min(apart) < 2 * PIXEL
+    assert len(certain) == 4
+
+
+def test_an_azimuth_that_is_told_is_the_only_one_searched(three: tuple[Scene, tuple[Wire, ...]]) -> None:
+    """Clockwise from the world's y: the wires run along x."""
+    told = [replace(COARSE, directions=DirectionConfig(azimuth_deg=deg)) for deg in (93.0, 0.0)]
+    assert_each_once(detect_wires(three[0], told[0]))
+    assert detect_wires(three[0], told[1]) == ()
+
+
+def turned(azimuth_deg: float) -> np.ndarray:
+    """Rotation about z."""
+    c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
 def test_without_wires_none_is_found(tmp_path: Path) -> None:
-    cameras = two_passes(6)
+    cameras = two_passes(8)
     assert detect_wires(drawn(tmp_path, cameras, ()), COARSE) == ()
     rng = np.random.default_rng(4)
     noise = [rng.integers(0, 256, (180, 240, 3), dtype=np.uint8) for _ in range(len(cameras))]
@@ -198,7 +260,7 @@ def test_without_wires_none_is_found(tmp_path: Path) -> None:
 
 
 def test_lines_across_the_span_are_none(tmp_path: Path) -> None:
-    cameras = two_passes(6)
+    cameras = two_passes(8)
     across = [
         np.array([[x, y, 0.02] for y in np.linspace(-0.3, 0.3, 200)]) for x in (-0.5, 0.1, 0.6)
     ]  # fmt: skip
@@ -209,9 +271,12 @@ def test_lines_across_the_span_are_none(tmp_path: Path) -> None:
 
 
 def test_a_straight_track_along_the_wires_is_told_as_uncertain(tmp_path: Path) -> None:
-    """All its views of a wire lie in one plane: nothing fixes where in that plane it is."""
+    """All its views of a wire lie in one plane: nothing fixes where in that plane it is, nor which way it
+    runs."""
     cameras = two_passes(8, wobble=0.0)[list(range(8))]
-    one = detect_wires(drawn(tmp_path / "one", cameras, TRUE[:1]), COARSE)
+    scene = drawn(tmp_path / "one", cameras, TRUE[:1])
+    assert not any(wire.evidence.certain for wire in detect_wires(scene, COARSE))
+    one = detect_wires(scene, replace(COARSE, directions=DirectionConfig(azimuth_deg=90.0)))
     assert len(one) >= 1 and not any(wire.evidence.certain for wire in one)
     assert all(sigma(wire) > 3 * PIXEL for wire in one)
     both = detect_wires(drawn(tmp_path / "both", two_passes(8), TRUE[:1]), COARSE)
@@ -221,11 +286,10 @@ def test_a_straight_track_along_the_wires_is_told_as_uncertain(tmp_path: Path) -
 
 def test_a_wire_that_ends_is_not_drawn_out(tmp_path: Path) -> None:
     half = TRUE[0].between(0.0, HALF + 0.1)
-    (found,) = detect_wires(drawn(tmp_path, two_passes(6), (half,)), COARSE)
+    (found,) = detect_wires(drawn(tmp_path, two_passes(8), (half,)), COARSE)
     low, high = extent(found)
     assert low < -0.9 * HALF and abs(high - 0.1) < 0.1
-    x = np.linspace(-0.8, 0.05, 30)
-    assert np.abs(at_x(found, x) - at_x(half, x)).max() < PIXEL
+    assert off(half, found, -0.8, 0.05) < PIXEL
 
 
 @pytest.mark.parametrize(
@@ -235,8 +299,9 @@ def test_a_pair_is_two_above_or_beside_each_other(tmp_path: Path, pair: tuple[Wi
     assert_each_once(detect_wires(drawn(tmp_path, two_passes(6), pair), COARSE), pair)
 
 
-def test_at_most_as_many_as_told(three: tuple[Scene, tuple[Wire, ...]]) -> None:
-    assert len(detect_wires(three[0], replace(COARSE, search=SearchConfig(max_lines=2)))) == 2
+def test_at_most_as_many_in_a_window_as_told(three: tuple[Scene, tuple[Wire, ...]]) -> None:
+    few = replace(COARSE, search=SearchConfig(max_lines=2), directions=DirectionConfig(most=1))
+    assert len(detect_wires(three[0], few)) == 2
 
 
 # -- the parts
@@ -246,9 +311,9 @@ def test_at_most_as_many_as_told(three: tuple[Scene, tuple[Wire, ...]]) -> None:
 def test_a_fit_finds_the_curve_from_beside_it_and_masked_ridges_count_no_more(
     tmp_path: Path, wire: Wire
 ) -> None:
-    scene = drawn(tmp_path, two_passes(6), (wire,))
+    scene = drawn(tmp_path, two_passes(8), (wire,))
     views = views_of(scene.cameras)
-    values = line_evidence(scene.images, scene.cameras, scene.train, DEFAULT.evidence)
+    values = line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence)
     x, fine = np.linspace(-HALF, HALF, 96), np.linspace(-HALF, HALF, 4000)
     theta, least = theta_of(wire, x), DEFAULT.odds.min_response
     fit = refit(views, values, theta + 2 * PIXEL * np.array([1, -1, 1, 1, 0.5]), x, least, DEFAULT.refit)
@@ -282,8 +347,6 @@ def test_nothing_to_see_is_no_fit() -> None:
 
 def test_the_kernels_see_what_the_cameras_see() -> None:
     """`project_point` against `project`, with a lens; -1 exactly for what is behind or beside the picture."""
-    import torch
-
     from plnerf.scene.cameras import project
 
     plain = two_passes(3)
@@ -311,21 +374,10 @@ def test_the_kernels_see_what_the_cameras_see() -> None:
     assert seen > 100
 
 
-def test_the_search_box_covers_the_span(tmp_path: Path) -> None:
-    scene = drawn(tmp_path, pinhole_cameras(np.array([[0.0, -0.5, 0.0]]), np.zeros((1, 3))), ())
-    for cell in (0.004, 0.03):
-        box = search_box(scene, SweepConfig(cell=cell))
-        assert len(box.x) == PLANES and (np.diff(box.x) > 0).all()
-        assert BOX[0, 0] < box.x[0] and box.x[-1] < BOX[1, 0]
-        assert box.low == (BOX[0, 1], BOX[0, 2])
-        last = np.array(box.low) + cell * (np.array(box.shape) - 1)
-        assert (last >= BOX[1, 1:] - 1e-9).all() and (last < BOX[1, 1:] + cell).all()
-
-
 def test_a_line_that_does_not_hang_is_no_conductor(tmp_path: Path) -> None:
     """The edge of a road runs along the span, but straight."""
     straight = hanging(0.05, -0.06, 0.0)
-    scene = drawn(tmp_path, two_passes(6), (straight, TRUE[0]))
+    scene = drawn(tmp_path, two_passes(8), (straight, TRUE[0]))
     assert_each_once(detect_wires(scene, COARSE), TRUE[:1])
 
 

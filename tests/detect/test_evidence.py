@@ -10,13 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
 
-from plnerf.detect.config import EvidenceConfig
-from plnerf.detect.evidence import line_evidence, line_response, track_slope, vanishing_directions
+from plnerf.detect.config_lines import EvidenceConfig
+from plnerf.detect.evidence import line_evidence, line_response, vanishing_directions
 from plnerf.scene.cameras import project
 from plnerf.scene.images import ImageStore
 
 SIZE = 96
 CONFIG = EvidenceConfig()
+X = np.array([1.0, 0.0, 0.0])
 
 
 def along(angle_deg: float, shape: tuple[int, int] = (SIZE, SIZE)) -> np.ndarray:
@@ -106,7 +107,7 @@ def test_vanishing_directions_are_where_points_move_along_the_axis() -> None:
     cameras, slope = two_passes(2), 0.2
     for i in range(len(cameras)):
         w, h = (int(side) for side in cameras.size_px[i])
-        towards = vanishing_directions(cameras, i, (h, w), slope)
+        towards = vanishing_directions(cameras, i, (h, w), np.array([1.0, 0.0, slope]))
         assert towards.shape == (h, w, 2)
         np.testing.assert_allclose(np.linalg.norm(towards, axis=-1), 1, atol=1e-5)
         for u, v in ((20, 30), (200, 100), (120, 170)):
@@ -120,29 +121,19 @@ def test_vanishing_directions_are_where_points_move_along_the_axis() -> None:
                 np.testing.assert_allclose(moved / np.linalg.norm(moved), towards[v, u], atol=2e-3)
 
 
-def test_the_track_gives_the_slope() -> None:
-    x = np.linspace(-1, 1, 9)
-    y = np.random.default_rng(0).normal(size=9)
-    for slope in (-0.3, 0.0, 0.2):
-        assert track_slope(np.stack([x, y, 0.4 + slope * x], 1)) == pytest.approx(slope)
-    assert track_slope(np.zeros((3, 3))) == 0.0  # cameras in one place climb nowhere
-
-
 def test_evidence_is_flat_over_the_chosen_images_and_blind_where_masked(tmp_path: Path) -> None:
     cameras = two_passes(2, wobble=0.0)
     pictures = draw(cameras, [polyline(hanging(0.0, 0.05))])
     scene = scene_of(tmp_path, cameras, pictures)
-    each = [line_evidence(scene.images, cameras, (i,), CONFIG) for i in range(4)]
+    each = [line_evidence(scene.images, cameras, (i,), X, CONFIG) for i in range(4)]
     sizes = scene.images.sizes_px.prod(1)
     assert [len(part) for part in each] == sizes.tolist() and all(part.max() > 0.4 for part in each)
-    level = cameras.centre[:, 2].numpy()  # slope depends on the chosen cameras: in a pass it is 0
-    assert level[0] == level[1]
-    together = line_evidence(scene.images, cameras, (0, 1), CONFIG)
+    together = line_evidence(scene.images, cameras, (0, 1), X, CONFIG)
     np.testing.assert_allclose(together, np.concatenate(each[:2]), atol=1e-6)
     valid = np.ones(int(sizes.sum()), np.uint8)
     valid[: int(sizes[0]) // 2] = 0
     valid.tofile(tmp_path / "valid.u8")
-    masked = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,), CONFIG)
+    masked = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,), X, CONFIG)
     half = int(sizes[0]) // 2
     assert each[0][:half].max() > 0 and masked[:half].max() == 0
     np.testing.assert_array_equal(masked[half:], each[0][half:])

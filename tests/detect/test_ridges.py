@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.conftest import ROOT
 
-from plnerf.detect.config import RidgeConfig
+from plnerf.detect.config_lines import RidgeConfig
 from plnerf.detect.ridges import find_ridges, ridge_map
 
 SIZE = 120

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from plnerf.detect.candidate import Candidate, common_ends, hang_alike, hangs, select_wires
 from plnerf.detect.config import SearchConfig, SelectConfig
-from plnerf.detect.detect import compile_kernels, variants
+from plnerf.detect.detect import compile_kernels
 from plnerf.detect.narrow import curve_point
 from plnerf.detect.search import extended, stretches
+from plnerf.detect.window_search import variants
 
 LENGTH = 2.0
 SEARCH, SELECT = SearchConfig(), SelectConfig()
@@ -88,6 +89,12 @@ def test_wires_that_hang_alike_end_where_the_longest_does() -> None:
     )
     ends = [common_ends(one, [a, b, other], LENGTH, SELECT) for one in (a, b, other)]
     assert ends == [(5, 80), (5, 80), (0, 90)]
+
+
+def test_of_three_wires_the_second_outermost_end_counts() -> None:
+    """Chance ridges beyond the end deceive one wire, hardly two."""
+    three = [replace(line(y=y), ends=ends) for y, ends in ((0.0, (2, 80)), (0.1, (10, 93)), (0.2, (12, 82)))]
+    assert [common_ends(one, three, LENGTH, SELECT) for one in three] == [(10, 82)] * 3
 
 
 def test_variants_meet_the_line_in_three_places() -> None:

@@ -13,10 +13,13 @@ from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
 from plnerf.detect.to_wire import transport_matrix, typical_footprint, wire_of, worst_sigma
 from plnerf.detect.views import views_of
+from plnerf.detect.windows import Window
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 
 CONFIG = CertaintyConfig()
+PLAIN = Window(np.zeros(3), 0.0, 1.0, np.full(2, -1.0), np.full(2, 1.0), np.arange(1))
+"""A window whose frame is the scene's."""
 NUMBERS = st.floats(-1, 1)
 THETAS = st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.floats(0, 0.2)).map(np.array)
 SHARES = st.tuples(st.floats(0, 0.4), st.floats(0.5, 1.0))
@@ -42,11 +45,24 @@ def a_wire(
     footprint: float = 0.001,
     scale: float = 1.0,
     seen: tuple[int, int] = (0, PLANES - 1),
+    window: Window = PLAIN,
 ) -> Wire:
     """In a metric scene of so many scene units per metre."""
     candidate = Candidate(theta, covariance, 0.4, 17, 900.0, seen, ends)
     frame = LineFrame.of_scene(replace(FRAMES, scale=scale))
-    return wire_of(candidate, ends, X, footprint, frame, 3, CONFIG)
+    return wire_of(candidate, ends, window, X, footprint, frame, CONFIG)
+
+
+@given(THETAS, st.floats(-3.1, 3.1), st.floats(0.1, 30.0), st.floats(0.01, 2.0))
+@settings(deadline=None)
+def test_a_wire_of_a_turned_window_is_where_the_window_has_it(
+    theta: np.ndarray, azimuth_rad: float, half: float, scale: float
+) -> None:
+    window = replace(PLAIN, origin=np.array([0.3, -2.0, 1.5]), azimuth_rad=azimuth_rad, half=half)
+    wire = a_wire(theta, np.eye(5) * 1e-6, scale=scale, window=window)
+    ends = wire.points(np.array([0.0, wire.base.length_m])) * scale
+    wanted = np.concatenate([X[[0, -1], None], by_definition(theta, np.array([0.0, 1.0]))], 1)
+    np.testing.assert_allclose(window.of_scene(ends), wanted, atol=1e-7)  # of a flat wire: cosh of 1e-8
 
 
 @given(THETAS, SHARES)
@@ -73,7 +89,7 @@ def test_a_wire_goes_where_the_fit_says(theta: np.ndarray, first: int, last: int
     share = (x[1] - x[0]) / (X[-1] - X[0])
     sag = wire.drop_between(0.0, wire.base.length_m)
     assert sag == pytest.approx(theta[4] * share**2 / scale, rel=1e-6, abs=2e-6)
-    assert wire.id == 3 and wire.swing_rad == 0 and not wire.covariance[5].any()
+    assert wire.swing_rad == 0 and not wire.covariance[5].any()
 
 
 def test_a_flat_wire_is_the_parabola_within_its_thickness() -> None:

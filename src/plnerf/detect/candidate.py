@@ -79,7 +79,14 @@ def hang_alike(a: Candidate, b: Candidate, length: float, config: SelectConfig) 
 def common_ends(
     line: Candidate, lines: Sequence[Candidate], length: float, config: SelectConfig
 ) -> tuple[int, int]:
-    """First and last plane of a wire: all that hang alike hang from the same supports."""
-    similar = (other.ends for other in lines if hang_alike(line, other, length, config))
-    ends = np.array([line.ends, *similar])
-    return int(ends[:, 0].min()), int(ends[:, 1].max())
+    """First and last plane of a wire: all that hang alike hang from the same supports.
+
+    Of three or more the second outermost counts: beyond the end, chance ridges deceive one wire, hardly two.
+    """
+    alike = [
+        line.ends,
+        *(other.ends for other in lines if other is not line and hang_alike(line, other, length, config)),
+    ]
+    ends = np.sort(np.array(alike), axis=0)
+    nth = int(len(ends) > 2)
+    return int(ends[nth, 0]), int(ends[-1 - nth, 1])

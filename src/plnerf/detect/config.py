@@ -6,53 +6,14 @@ are in nats.
 
 from dataclasses import dataclass, field
 
-from plnerf.errors import ConfigError
-
-
-@dataclass(frozen=True)
-class EvidenceConfig:
-    """Response of a pixel to a line that runs along the span (`evidence.py`)."""
-
-    scales_px: tuple[float, ...] = (0.7, 1.4, 2.8)
-    """Standard deviations of the Gaussians: wires 1 to 8 px wide."""
-    gamma: float = 1.0
-    """Power of the scale by which a second derivative is multiplied.  With 2 (scale invariance) the widest
-    scale, which sees texture as lines, outvotes wires of a pixel or two; Lindeberg recommends 3/2 for
-    ridges."""
-    edge_weight: float = 0.75
-    """Weight of the first derivative across the line, which is subtracted: the middle of a line is even, an
-    edge is not."""
-    max_bend: float = 3.0
-    """Largest response of one pixel, in units of the neighbourhood's root mean square: no single pixel makes
-    a line."""
-    along_px: float = 20.0
-    """Half the length over which responses are averaged along the line: texture is not straight."""
-    steps_along: int = 15
-    """Samples of that average."""
-    sag_deg: tuple[float, ...] = (-7.0, -3.5, 0.0, 3.5, 7.0)
-    """Directions of a wire relative to that of the span's axis: sag, and supports at unequal heights."""
-    beside_px: int = 2
-    """A ridge is the strongest pixel within this distance to both sides of the line."""
-    echo_px: int = 5
-    """Within this distance no response of the other sign may be stronger, because a second derivative echoes
-    beside a line with the other sign.  Twin conductors have the same sign."""
-    contrast_px: float = 12.0
-    """Standard deviation of the neighbourhood that a pixel's response is compared with."""
-    full_response: float = 3.0
-    """Average response, in units of the neighbourhood's, from which on a pixel's response is 1."""
-    min_bend: float = 0.004
-    """Least contrast of a neighbourhood, of the full brightness; noise and compression bend that much in a
-    clear sky."""
-
-    def __post_init__(self) -> None:
-        lengths = (*self.scales_px, self.along_px, self.contrast_px)
-        bends = (self.max_bend, self.full_response, self.min_bend)
-        _check(
-            bool(self.scales_px and self.sag_deg) and min(*lengths, *bends) > 0 and self.steps_along >= 1,
-            "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
-            self,
-        )
-        _check(0 <= self.beside_px <= self.echo_px, "detect.evidence needs 0 <= beside_px <= echo_px", self)
+from plnerf.detect.config_lines import (
+    DirectionConfig,
+    EvidenceConfig,
+    LineMapConfig,
+    RidgeConfig,
+    WindowConfig,
+    check,
+)
 
 
 @dataclass(frozen=True)
@@ -75,13 +36,13 @@ class OddsConfig:
     """Within this distance of other wires' ridges a weaker ridge is hidden: its absence is no evidence."""
 
     def __post_init__(self) -> None:
-        _check(
+        check(
             0 < self.shown < 1 and 0 < self.min_density <= 1 and 0 < self.min_response <= 1,
             "detect.odds needs shown, min_density and min_response between 0 and 1",
             self,
         )
         radii, positive = self.radii_px, (*self.radii_px, self.sharp_px, self.around_px)
-        _check(
+        check(
             bool(radii) and min(positive) > 0 and list(radii) == sorted(radii) and self.muffled_px >= 0,
             "detect.odds needs positive radii, radii_px in increasing order, and muffled_px of 0 or more",
             self,
@@ -106,6 +67,8 @@ class SweepConfig:
     """Largest slope of a chord across the axis: 3 degrees."""
     max_sag: float = 0.06
     """Largest sag, as a fraction of the length."""
+    per_start: int = 16
+    """Coarse curves that are kept of those that begin in one cell."""
     beam: int = 20000
     """Coarse curves that are refined."""
     max_candidates: int = 600
@@ -116,25 +79,25 @@ class SweepConfig:
     """Largest log odds of one plane: none outvotes the others."""
 
     def __post_init__(self) -> None:
-        _check(self.cell > 0, "detect.sweep needs a cell wider than 0", self)
-        _check(
+        check(self.cell > 0, "detect.sweep needs a cell wider than 0", self)
+        check(
             self.planes >= 2 and self.beam >= 16 and min(self.max_candidates, self.min_views) >= 1,
             "detect.sweep needs 2 planes, a beam of 16, 1 candidate and 1 view or more",
             self,
         )
-        _check(
+        check(
             min(self.halvings, self.max_slope, self.max_askew, self.max_sag) >= 0,
             "detect.sweep needs halvings, max_slope, max_askew and max_sag of 0 or more",
             self,
         )
-        _check(self.min_plane < 0 < self.max_plane, "detect.sweep needs min_plane < 0 < max_plane", self)
+        check(self.min_plane < 0 < self.max_plane, "detect.sweep needs min_plane < 0 < max_plane", self)
 
 
 @dataclass(frozen=True)
 class NarrowConfig:
     """The vote again around single curves, in ever smaller cells (`narrow.py`)."""
 
-    cells: tuple[float, ...] = (0.5, 0.25, 0.125)
+    cells: tuple[float, ...] = (2.0, 1.0, 0.5, 0.25, 0.125)
     """Widths of the cells, one after another, in units of `sweep.cell`."""
     reach: int = 2
     """Cells to each side by which ends are moved."""
@@ -144,7 +107,7 @@ class NarrowConfig:
     """Nats for each cell moved: of equals the nearest to where the curve was."""
 
     def __post_init__(self) -> None:
-        _check(
+        check(
             bool(self.cells) and min(self.cells) > 0 and min(self.reach, self.sags, self.move_cost) >= 0,
             "detect.narrow needs cells wider than 0, and reach, sags and move_cost of 0 or more",
             self,
@@ -170,12 +133,12 @@ class RefitConfig:
     """Observations of one view in neighbouring planes share their error: so many count as one."""
 
     def __post_init__(self) -> None:
-        _check(
+        check(
             bool(self.windows_px) and min(self.windows_px) >= 1,
             "detect.refit needs windows_px of 1 or more",
             self,
         )
-        _check(
+        check(
             min(self.sigma_px, self.prior, self.planes_alike, self.min_rows) > 0,
             "detect.refit needs sigma_px, prior, planes_alike and min_rows above 0",
             self,
@@ -213,17 +176,17 @@ class SearchConfig:
     """Lines at most, edges of roads included."""
 
     def __post_init__(self) -> None:
-        _check(
+        check(
             self.planes >= 2 and min(self.batch, self.fruitless, self.max_lines) >= 1,
             "detect.search needs 2 planes or more, and batch, fruitless and max_lines of 1 or more",
             self,
         )
-        _check(
+        check(
             bool(self.sharpness_px) and min(*self.sharpness_px, self.mask_rms) > 0,
             "detect.search needs positive sharpness_px and mask_rms",
             self,
         )
-        _check(
+        check(
             min(self.mask_px, self.max_sweeps, self.refits, self.faint) >= 0,
             "detect.search needs mask_px, max_sweeps, refits and faint of 0 or more",
             self,
@@ -252,12 +215,23 @@ class SelectConfig:
     """and whose sags differ by no more than this factor."""
 
     def __post_init__(self) -> None:
-        _check(
+        check(
             self.max_sag_ratio >= 1 and min(self.min_sag, self.sag_sigmas, self.max_slope_difference) >= 0,
             "detect.select needs max_sag_ratio of 1 or more, and min_sag, sag_sigmas and "
             "max_slope_difference of 0 or more",
             self,
         )
+
+
+@dataclass(frozen=True)
+class JoinConfig:
+    """Pieces of one wire in neighbouring windows (`join.py`)."""
+
+    min_overlap: float = 0.3
+    """Two pieces are of one wire of one span only if they overlap by this fraction of the shorter one."""
+
+    def __post_init__(self) -> None:
+        check(0 < self.min_overlap <= 1, "detect.join needs a min_overlap above 0 and at most 1", self)
 
 
 @dataclass(frozen=True)
@@ -275,48 +249,10 @@ class CertaintyConfig:
     """A pixel is as wide as in this fraction of the views, those that are nearest: they resolve the wire."""
 
     def __post_init__(self) -> None:
-        _check(
+        check(
             0 < self.nearest_views <= 1 and min(self.certain_px, self.reach_sigmas, self.reach_px) > 0,
             "detect.certainty needs certain_px, reach_sigmas and reach_px above 0, and nearest_views above 0 "
             "and at most 1",
-            self,
-        )
-
-
-@dataclass(frozen=True)
-class RidgeConfig:
-    """Wire maps of single photos, without poses (`ridges.py`); chosen on photos (docs/wire-maps.md)."""
-
-    scales_px: tuple[float, ...] = (0.9, 1.8)
-    """Standard deviations of the Gaussians; s serves lines up to 3.5 s wide."""
-    half_length_px: float = 60.0
-    """Half the length over which responses are averaged."""
-    directions: int = 64
-    """Directions in half a turn, a multiple of 4."""
-    edge_weight: float = 1.0
-    """Weight of the first derivative across the line, which is subtracted."""
-    max_response: float = 4.0
-    """Largest response of one pixel, in units of the contrast nearby."""
-    around_px: float = 8.0
-    """Standard deviation of the neighbourhood whose contrast responses are compared with."""
-    floor: float = 0.025
-    """Least contrast, of the standard deviation of the picture's brightness."""
-    min_contrast: float = 1e-4
-    """The same, of the full brightness: a picture without contrast has no ridges, and round-off is none."""
-    half_response: float = 0.75
-    """Average response that the map shows as 0.5."""
-
-    def __post_init__(self) -> None:
-        lengths = (*self.scales_px, self.half_length_px, self.around_px)
-        responses = (self.max_response, self.min_contrast, self.half_response)
-        _check(
-            bool(self.scales_px) and min(*lengths, *responses) > 0 and min(self.edge_weight, self.floor) >= 0,
-            "detect.ridges needs a scale, positive lengths and responses, and no negative weight",
-            self,
-        )
-        _check(
-            self.directions >= 4 and self.directions % 4 == 0,
-            "detect.ridges needs a multiple of 4 directions",
             self,
         )
 
@@ -326,20 +262,22 @@ class DetectConfig:
     """All settings of the detection of wires in images."""
 
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    lines: LineMapConfig = field(default_factory=LineMapConfig)
+    directions: DirectionConfig = field(default_factory=DirectionConfig)
+    windows: WindowConfig = field(default_factory=WindowConfig)
+    coarse: SweepConfig = field(default_factory=lambda: SweepConfig(planes=24, cell=0.008))
+    """Of the whole volume of a window: where wires hang at all."""
     odds: OddsConfig = field(default_factory=OddsConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
+    """Of the part of the volume in which wires were found."""
     narrow: NarrowConfig = field(default_factory=NarrowConfig)
     refit: RefitConfig = field(default_factory=RefitConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     select: SelectConfig = field(default_factory=SelectConfig)
+    join: JoinConfig = field(default_factory=JoinConfig)
     certainty: CertaintyConfig = field(default_factory=CertaintyConfig)
     ridges: RidgeConfig = field(default_factory=RidgeConfig)
     """Of the maps that choose detail pixels where `train.detail_map` is "ridge"."""
-
-
-def _check(holds: bool, rule: str, config: object) -> None:
-    if not holds:
-        raise ConfigError(f"{rule}, but got {config}.")
 
 
 DEFAULT = DetectConfig()

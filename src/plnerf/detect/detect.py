@@ -1,24 +1,29 @@
-"""All wires of a scene, detected in its training images: sweep, narrow, fit, and one curve for each ridge.
+"""All wires of a scene, detected in its training images: which way lines run, then where they hang.
 
-The axis of the line must be known (it is the scene frame's x).  The ridges of the best curve are taken out of
-the maps before the next is searched, so that no ridge counts for two.  Lines that do not hang are found too,
-and left out at the end: edges of roads and tracks would otherwise lend their ridges to wires.
+Thin lines of all images vote for a direction; windows along it are searched (`window_search.py`); what was
+found there votes no longer, and the next direction is searched, as long as lines of many images agree on one.
+Nobody needs to know where a line runs, how many there are, and where they bend.
 """
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, UInt8
 
-from plnerf.detect.candidate import Candidate, best_hanging, common_ends, hang_alike, select_wires
-from plnerf.detect.config import DEFAULT, DetectConfig, SweepConfig
+from plnerf.detect.candidate import Candidate, common_ends, select_wires
+from plnerf.detect.config import DEFAULT, DetectConfig
+from plnerf.detect.directions import Direction, given, strongest, vote
 from plnerf.detect.evidence import line_evidence
-from plnerf.detect.narrow import curve_point
+from plnerf.detect.join import joined
+from plnerf.detect.line_maps import LineMaps, line_maps
+from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search
 from plnerf.detect.sweep import Box, candidates, candidates_like, sweep
-from plnerf.detect.to_wire import typical_footprint, wire_of
+from plnerf.detect.to_wire import transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
+from plnerf.detect.window_search import find_lines
+from plnerf.detect.windows import Window, windows_along
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
@@ -32,25 +37,32 @@ def detect_wires(
 ) -> tuple[Wire, ...]:
     """The wires that the training images show, certain and uncertain, in the order in which they were found.
 
-    In `LineFrame.of_scene(scene.frames)`; both ends are open, and the base runs along x for as far as the
-    wires of the same shape are seen.  The steps of `progress` are images and sweeps.
+    In `LineFrame.of_scene(scene.frames)`.  Each is one conductor over a stretch in which it is one catenary,
+    its base along its own direction; both ends are open.  The steps of `progress` are images and directions.
     """
-    images, steps = len(scene.train), len(scene.train) + config.search.max_sweeps + 1
+    images, most = len(scene.train), config.directions.most
+    steps = (images + most) * 2
 
     def report(done: int) -> None:
         if progress is not None:
             progress(done, steps)
 
-    views, box = views_of(scene.cameras[list(scene.train)]), search_box(scene, config.sweep)
-    x = np.linspace(box.x[0], box.x[-1], config.search.planes)
-    responses = line_evidence(scene.images, scene.cameras, scene.train, config.evidence, report)
-    search = Search(views, responses, x, config)
-    lines = refit_all(search, _lines(search, box, lambda sweeps: report(images + sweeps)))
-    # Fitted again, the lines leave more of their ridges to others.
-    if more := _like_the_best(search, sweep(views, search.odds, box, config.sweep), box, lines):
-        lines = refit_all(search, [*lines, *more])
+    views = views_of(scene.cameras[list(scene.train)])
+    maps = line_maps(scene.images, scene.cameras, scene.train, config.lines, report)
+    taken = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
+    wires, azimuths = list[Wire](), list[float]()
+    while len(azimuths) < most:
+        direction = _next_direction(scene, views, maps, taken, azimuths, config)
+        if direction is None:
+            break
+        azimuths.append(direction.azimuth_rad)
+        pieces, before = [], taken.copy()
+        for window in windows_along(direction, views, config.windows):
+            pieces += _in_window(scene, views, window, direction, (before, taken), config)
+        wires += joined(pieces, config.join)
+        report(images + (images + 2 * most) * len(azimuths) // most)
     report(steps)
-    return _wires(search, lines, LineFrame.of_scene(scene.frames))
+    return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
 
 
 def compile_kernels() -> None:
@@ -69,102 +81,70 @@ def compile_kernels() -> None:
     search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))
 
 
-def _lines(search: Search, box: Box, swept: Callable[[int], None]) -> list[Candidate]:
-    """Lines along the span of any shape, the best first; then of the best one's shape, until none is new."""
-    config, lines = search.config, list[Candidate]()
-    any_shape = True
-    for done in range(config.search.max_sweeps):
-        volume, new = sweep(search.views, search.odds, box, config.sweep), list[Candidate]()
-        if any_shape:
-            most = config.search.max_lines - len(lines)
-            pending = candidates(volume, box, config.sweep)
-            new = _found_near(search, pending, box, config.select.min_odds, most)
-            any_shape = bool(new)
-        new = new or _like_the_best(search, volume, box, lines)
-        lines += new
-        swept(done + 1)
-        if not new or len(lines) == config.search.max_lines:
-            break
-    return lines
+def _next_direction(
+    scene: Scene,
+    views: Views,
+    maps: LineMaps,
+    taken: UInt8[np.ndarray, " p"],
+    azimuths: list[float],
+    config: DetectConfig,
+) -> Direction | None:
+    """The direction in which most lines run that are not found yet; None where images agree on none."""
+    free = maps.of(taken[views.starts[maps.view] + maps.pixel] == 0)
+    votes, told = vote(free, config.directions), config.directions.azimuth_deg
+    if told is not None:
+        north = scene.frames.direction_to_scene(
+            np.array([np.sin(np.radians(told)), np.cos(np.radians(told)), 0.0])
+        )
+        azimuth = float(np.arctan2(north[1], north[0])) % np.pi
+        return None if azimuths else given(azimuth, votes, config.directions)
+    direction = strongest(votes, azimuths, config.directions)
+    return direction if direction.excess >= config.directions.min_excess else None
 
 
-def _like_the_best(
-    search: Search, volume: Float32[np.ndarray, "i j k"], box: Box, lines: Sequence[Candidate]
-) -> list[Candidate]:
-    """Further lines that hang as the best of the lines does."""
-    config, length = search.config, box.x[-1] - box.x[0]
-    best, most = best_hanging(lines, length, config.select), config.search.max_lines - len(lines)
-    if best is None or most <= 0:
-        return []
-    wanted = partial(hang_alike, best, length=length, config=config.select)
-    pending = candidates_like(best.theta, volume, box, config.sweep)
-    return _found_near(search, pending, box, config.select.min_odds_similar, most, wanted)
+def _in_window(
+    scene: Scene,
+    views: Views,
+    window: Window,
+    direction: Direction,
+    pixels: tuple[UInt8[np.ndarray, " p"], UInt8[np.ndarray, " p"]],
+    config: DetectConfig,
+) -> list[Wire]:
+    """The wires in a window.
 
-
-def _found_near(
-    search: Search,
-    pending: Float[np.ndarray, "c 5"],
-    box: Box,
-    least: float,
-    most: int,
-    wanted: Callable[[Candidate], bool] | None = None,
-) -> list[Candidate]:
-    """The lines near some curves, best first, each without the ridges of those before it."""
-    lines, batch, fruitless = list[Candidate](), search.config.search.batch, 0
-    while len(pending) and fruitless < search.config.search.fruitless and len(lines) < most:
-        pending = pending[np.argsort(-search.score(pending, box.x), kind="stable")]
-        line = search.best(pending[:batch], least, wanted)
-        if line is None:
-            pending, fruitless = pending[batch:], fruitless + 1
-            continue
-        fruitless = 0
-        lines.append(line)
-        search.mask_ridges(line)
-    return lines
-
-
-def refit_all(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
-    """Each line fitted again where the others are known: the first ones had others' ridges near them."""
-    lines = list(lines)
-    for _ in range(search.config.search.refits):
-        before, lines = lines, []
-        for line in before:
-            again = search.refit(line, variants(line, before), search.config.select.min_odds_similar)
-            if again is not None:
-                lines.append(again)
-    return lines
-
-
-def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "c 5"]:
-    """The line, and those that hang as the others do and meet it at one of three places.
-
-    Where two hang side by side, one may have been found as half of the one and half of the other.
+    pixels: of all views, those that lines of other directions took, which show nothing here; and those that
+    lines took, which get what this window's lines take.
     """
-    own, out = line.theta, [line.theta]
-    for other in lines:
-        if other is not line:
-            for s in (1 / 6, 1 / 2, 5 / 6):
-                y, z = np.subtract(curve_point(own, s), curve_point(other.theta, s))
-                out.append(other.theta + np.array([y, y, z, z, 0]))
-    return np.array(out)
+    others, taken = pixels
+    mine = window.seen_by(views)
+    images = [scene.train[k] for k in window.views]
+    responses = line_evidence(scene.images, scene.cameras, images, direction.vector, config.evidence)
+    counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
+    responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
+    search = Search(mine, responses, middles_of_planes(config.search.planes), config)
+    lines = find_lines(search, window)
+    _mark(lines, search, replace(window, views=np.arange(len(views.R))).seen_by(views), taken)
+    frame, x, length = LineFrame.of_scene(scene.frames), search.x, search.length
+    chosen = select_wires(lines, length, config.select, config.search)
+    wires = []
+    for line in chosen:
+        ends = common_ends(line, chosen, length, config.select)
+        footprint = typical_footprint(mine, line.theta, x, config.certainty)
+        wires.append(wire_of(line, ends, window, x, footprint, frame, config.certainty))
+    return wires
 
 
-def _wires(search: Search, lines: Sequence[Candidate], frame: LineFrame) -> tuple[Wire, ...]:
-    """The lines that are wires, numbered from 1."""
-    config, x = search.config, search.x
-    length = x[-1] - x[0]
-    found, wires = select_wires(lines, length, config.select, config.search), []
-    for number, line in enumerate(found, 1):
-        ends = common_ends(line, found, length, config.select)
-        footprint = typical_footprint(search.views, line.theta, x, config.certainty)
-        wires.append(wire_of(line, ends, x, footprint, frame, number, config.certainty))
-    return tuple(wires)
+def middles_of_planes(count: int) -> Float[np.ndarray, " i"]:
+    """Places of planes, evenly between -1 and 1."""
+    return np.linspace(-1 + 1 / count, 1 - 1 / count, count)
 
 
-def search_box(scene: Scene, config: SweepConfig) -> Box:
-    """The volume to search: the span's box where the scene names it, else around the cameras."""
-    low, high = scene.box
-    shape = np.ceil((high - low)[1:] / config.cell).astype(int) + 1
-    inset = 0.5 * (high[0] - low[0]) / config.planes
-    x = np.linspace(low[0] + inset, high[0] - inset, config.planes)
-    return Box(x, (float(low[1]), float(low[2])), config.cell, (int(shape[0]), int(shape[1])))
+def _mark(lines: list[Candidate], search: Search, views: Views, taken: UInt8[np.ndarray, " p"]) -> None:
+    """Marks the pixels of lines in all views."""
+    x = search.x
+    for line in lines:
+        low, high = (x[plane] for plane in line.seen)
+        s = [(end - x[0]) / (x[-1] - x[0]) for end in (low, high)]
+        fine = np.linspace(low, high, 40 * (line.planes + 1))
+        mask_ridges(views, transport_matrix(s[0], s[1]) @ line.theta, fine, search.radius_px, taken)
+    np.minimum(taken, 1, out=taken)

@@ -1,20 +1,21 @@
-"""Evidence of lines along the span in each image: the response of a ridge filter in one direction per pixel.
+"""Evidence of lines in a direction in each image: the response of a ridge filter in one direction per pixel.
 
-All lines along the span's axis meet in one point of an image, their vanishing point; the direction from a
+All lines in one direction of space meet in one point of an image, their vanishing point; the direction from a
 pixel to it is the only one a wire can have there, but for its sag.  A wire is a ridge across that direction:
 the second derivative of the brightness is large across it and small along it.
 
-Letters: n images of h x w pixels; the span's axis is +x of the scene frame.
+Letters: images of h x w pixels.
 """
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
-from torch import Tensor
+from jaxtyping import Bool, Float, Float32, UInt8
 
-from plnerf.detect.config import EvidenceConfig
+from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.detect.ridges import gradient, hessian
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.images import ImageStore
@@ -58,46 +59,44 @@ def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
 def line_evidence(
     store: ImageStore,
     cameras: Cameras,
-    images: tuple[int, ...],
+    images: Sequence[int],
+    direction: Float[np.ndarray, "3"],
     config: EvidenceConfig,
     progress: Callable[[int], None] | None = None,
-) -> Float[np.ndarray, " p"]:
-    """Responses of the chosen images, one after the other in one flat array; masked-out pixels 0.
+) -> Float32[np.ndarray, " p"]:
+    """Responses of the chosen images to lines along a direction of the scene frame.
 
-    progress: called with the number of images done.
+    One image after the other in one flat array; masked-out pixels 0.  progress: called with the number of
+    images done.
     """
-    slope = track_slope(cameras.centre[list(images)].double().numpy())
-    maps = []
-    for done, i in enumerate(images):
+
+    def one(i: int) -> Float32[np.ndarray, " _"]:
         picture = store.image(i)
-        towards = vanishing_directions(cameras, i, picture.shape[:2], slope)
-        maps.append(np.where(store.valid(i), line_response(picture, towards, config), 0).ravel())
-        if progress is not None:
-            progress(done + 1)
+        towards = vanishing_directions(cameras, i, picture.shape[:2], direction)
+        return np.where(store.valid(i), line_response(picture, towards, config), 0).ravel()
+
+    maps = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for done, part in enumerate(pool.map(one, images), 1):
+            maps.append(part)
+            if progress is not None:
+                progress(done)
     return np.concatenate(maps)
 
 
-def track_slope(centres: Float[np.ndarray, "n 3"]) -> float:
-    """Slope of the cameras' track along the span: wires on a hill climb with them."""
-    x, z = centres[:, 0] - centres[:, 0].mean(), centres[:, 2] - centres[:, 2].mean()
-    return float((x * z).sum() / max((x * x).sum(), 1e-12))
-
-
 def vanishing_directions(
-    cameras: Cameras, i: int, shape: tuple[int, ...], slope: float
-) -> Float[np.ndarray, "h w 2"]:
-    """Unit vectors of the image direction in which a line along (1, 0, slope) runs through each pixel.
+    cameras: Cameras, i: int, shape: tuple[int, ...], direction: Float[np.ndarray, "3"]
+) -> Float32[np.ndarray, "h w 2"]:
+    """Unit vectors of the image direction in which a line along a direction of the scene runs at each pixel.
 
     The lens is left out: it turns directions by a degree or two, which a second derivative does not notice.
     """
-    R_scene_camera: Tensor = cameras.R_scene_camera[i]
-    axis = R_scene_camera[0] + slope * R_scene_camera[2]  # in camera axes
-    ax, ay, az = (float(v) for v in axis)
+    ax, ay, az = (direction @ cameras.R_scene_camera[i].double().numpy()).tolist()  # in camera axes
     fx, fy = (float(v) for v in cameras.focal_px[i])
     cx, cy = (float(v) for v in cameras.principal_px[i])
     h, w = shape
     u, v = np.meshgrid((np.arange(w) + 0.5 - cx) / fx, (np.arange(h) + 0.5 - cy) / fy)
-    # A point moved along the axis moves in the image by (a_xy - uv a_z) / depth.
+    # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
     dx, dy = fx * (ax - u * az), fy * (ay - v * az)
     length = np.maximum(np.hypot(dx, dy), 1e-9)
     return np.stack([dx / length, dy / length], -1).astype(np.float32)

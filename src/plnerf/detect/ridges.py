@@ -19,7 +19,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
-from plnerf.detect.config import DEFAULT, RidgeConfig
+from plnerf.detect.config import DEFAULT
+from plnerf.detect.config_lines import RidgeConfig
 from plnerf.detect.line_sums import strongest_lines
 
 

@@ -31,6 +31,11 @@ class Search:
         """Half width of a line's mask; 0 until there is a line."""
         self.all_odds = self.odds = odds_of(responses, views, config.odds)
 
+    @property
+    def length(self) -> float:
+        """From the first plane to the last."""
+        return float(self.x[-1] - self.x[0])
+
     def score(self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"]) -> Float[np.ndarray, " c"]:
         """Odds of curves known to the width of the first of the narrowing cells."""
         width = self.config.sweep.cell * self.config.narrow.cells[0]

@@ -43,13 +43,28 @@ def candidates(
     sags = np.arange(round(config.max_sag * length) + 1)
     drift = max(1, round(config.max_askew * length)), max(1, round(config.max_slope * length))
     score, sag = vote(pyramid[-1], *drift, sags)
-    order = np.argsort(-score, axis=None, kind="stable")[: config.beam]
+    order = best_of_each_start(score, config.per_start)
+    order = order[np.argsort(-score.ravel()[order], kind="stable")[: config.beam]]
     j0, j1, k0, k1 = np.unravel_index(order, score.shape)
     curves = np.stack([j0, j0 + j1 - drift[0], k0, k1, sag.ravel()[order]], 1)
     for finer in pyramid[-2::-1]:
         curves, score = refine(finer, 2 * curves)
         curves, score = best_distinct(curves, score, len(curves) // 4)
     return _scene_units(well_apart(curves, config.max_candidates), box)
+
+
+def best_of_each_start(score: Float32[np.ndarray, "j d k m"], most: int) -> Int[np.ndarray, " n"]:
+    """Flat indices of the best curves that begin in each cell.
+
+    A strong line has many neighbours that are nearly as good: they would fill the beam.
+    """
+    flat = np.arange(score.size).reshape(score.shape).transpose(0, 2, 1, 3).reshape(
+        score.shape[0] * score.shape[2], -1
+    )  # fmt: skip
+    most = min(most, flat.shape[1])
+    best = np.argpartition(-score.ravel()[flat], most - 1, axis=1)[:, :most]
+    chosen = np.take_along_axis(flat, best, 1).ravel()
+    return np.sort(chosen[np.isfinite(score.ravel()[chosen])])
 
 
 def candidates_like(

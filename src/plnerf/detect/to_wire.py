@@ -1,4 +1,4 @@
-"""A candidate as a `Wire` of the LineFrame: the boundary between the scene frame and what later rooms use.
+"""A candidate as a `Wire` of the LineFrame: the boundary between a window's frame and what later rooms use.
 
 Letters: s in [0, 1] from the first to the last plane of the fit; theta as in `sweep.py`.
 """
@@ -10,6 +10,7 @@ from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
 from plnerf.detect.narrow import curve_point
 from plnerf.detect.views import Views
+from plnerf.detect.windows import Window
 from plnerf.line.base import Base
 from plnerf.line.curve import bend_of_sag
 from plnerf.line.ends import Evidence, Open
@@ -24,30 +25,32 @@ PLACES = 20
 def wire_of(
     candidate: Candidate,
     ends: tuple[int, int],
+    window: Window,
     x: Float[np.ndarray, " i"],
     footprint: float,
     frame: LineFrame,
-    number: int,
     config: CertaintyConfig,
 ) -> Wire:
-    """The wire between two planes, its base along x.
+    """The wire between two planes of a window, its base along the window; its id is to be given later.
 
-    x: planes of the fit; footprint: width of a pixel on the wire; both in scene units.  number: its id.
+    x: planes of the fit; footprint: width of a pixel on the wire; both in the window's units.
     """
     low, high = float(x[ends[0]]), float(x[ends[1]])
     T = transport_matrix(*((end - x[0]) / (x[-1] - x[0]) for end in (low, high)))
     covariance = T @ candidate.covariance @ T.T
     sigma = worst_sigma(covariance)
-    unit = float(frame.from_scene(np.ones(1))[0])
+    unit = float(frame.from_scene(np.array([window.half]))[0])
     theta = np.append(unit * (T @ candidate.theta), 0.0)
     # The candidate is a parabola; the wire is the catenary of the same ends and the same sag.
+    theta[2:4] += frame.from_scene(window.origin)[2]
     theta[4] = bend_of_sag(theta, unit * (high - low), theta[4])
+    feet = frame.from_scene(window.to_scene(np.array([[low, 0.0, 0.0], [high, 0.0, 0.0]])))
     in_line = np.zeros((6, 6))
     in_line[:5, :5] = unit**2 * covariance
     seen = [float(np.clip(x[plane], low, high)) for plane in candidate.seen]
     return Wire(
-        id=number,
-        base=Base(np.array([unit * low, 0.0]), np.array([unit * high, 0.0])),
+        id=0,
+        base=Base(*feet[:, :2]),
         theta=theta,
         covariance=in_line,
         ends=(OPEN, OPEN),
@@ -61,6 +64,16 @@ def wire_of(
             seen_m=((unit * (seen[0] - low), unit * (seen[1] - low)),),
         ),
     )
+
+
+def is_certain(
+    candidate: Candidate, views: Views, x: Float[np.ndarray, " i"], config: CertaintyConfig
+) -> bool:
+    """Whether the views fix the place of a line where they show it."""
+    s = [float((x[plane] - x[0]) / (x[-1] - x[0])) for plane in candidate.seen]
+    T = transport_matrix(s[0], s[1])
+    footprint = typical_footprint(views, candidate.theta, x, config)
+    return worst_sigma(T @ candidate.covariance @ T.T) <= config.certain_px * footprint
 
 
 def transport_matrix(low: float, high: float) -> Float[np.ndarray, "5 5"]:
@@ -83,7 +96,7 @@ def worst_sigma(covariance: Float[np.ndarray, "5 5"]) -> float:
 def typical_footprint(
     views: Views, theta: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"], config: CertaintyConfig
 ) -> float:
-    """Median width of a pixel on the curve, over planes, of the nearest views; scene units."""
+    """Median width of a pixel on the curve, over planes, of the nearest views; in the window's units."""
     y, z = curve_point(theta, np.linspace(0, 1, len(x)))
     points = np.stack([x, y, z], 1)
     distance = np.linalg.norm(points[:, None] - views.centre[None], axis=2) / views.focal[:, 0]

@@ -1,0 +1,190 @@
+"""What decides which thin lines images show, which way they run, and where wires are searched.
+
+Letters and frames as in `config.py`.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from plnerf.errors import ConfigError
+
+
+def check(holds: bool, rule: str, config: object) -> None:
+    """Raises ConfigError with the rule and what came unless it holds."""
+    if not holds:
+        raise ConfigError(f"{rule}, but got {config}.")
+
+
+@dataclass(frozen=True)
+class RidgeConfig:
+    """Wire maps of single photos, without poses (`ridges.py`); chosen on photos (docs/wire-maps.md)."""
+
+    scales_px: tuple[float, ...] = (0.9, 1.8)
+    """Standard deviations of the Gaussians; s serves lines up to 3.5 s wide."""
+    half_length_px: float = 60.0
+    """Half the length over which responses are averaged."""
+    directions: int = 64
+    """Directions in half a turn, a multiple of 4."""
+    edge_weight: float = 1.0
+    """Weight of the first derivative across the line, which is subtracted."""
+    max_response: float = 4.0
+    """Largest response of one pixel, in units of the contrast nearby."""
+    around_px: float = 8.0
+    """Standard deviation of the neighbourhood whose contrast responses are compared with."""
+    floor: float = 0.025
+    """Least contrast, of the standard deviation of the picture's brightness."""
+    min_contrast: float = 1e-4
+    """The same, of the full brightness: a picture without contrast has no ridges, and round-off is none."""
+    half_response: float = 0.75
+    """Average response that the map shows as 0.5."""
+
+    def __post_init__(self) -> None:
+        lengths = (*self.scales_px, self.half_length_px, self.around_px)
+        responses = (self.max_response, self.min_contrast, self.half_response)
+        check(
+            bool(self.scales_px) and min(*lengths, *responses) > 0 and min(self.edge_weight, self.floor) >= 0,
+            "detect.ridges needs a scale, positive lengths and responses, and no negative weight",
+            self,
+        )
+        check(
+            self.directions >= 4 and self.directions % 4 == 0,
+            "detect.ridges needs a multiple of 4 directions",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class LineMapConfig:
+    """Thin lines of any direction in each image (`line_maps.py`)."""
+
+    ridges: RidgeConfig = field(default_factory=lambda: RidgeConfig(half_length_px=25.0))
+    """Averages over shorter lines than maps of single photos: near wires bend in the image."""
+    min_response: float = 0.25
+    """Response below which a pixel is on no line."""
+    beside_px: int = 2
+    """The middle of a line is the strongest pixel within this distance to both sides."""
+    echo_px: int = 5
+    """Within this distance no response of the other polarity may be stronger."""
+
+    def __post_init__(self) -> None:
+        check(0 < self.min_response <= 1, "detect.lines needs a min_response above 0 and at most 1", self)
+        check(0 <= self.beside_px <= self.echo_px, "detect.lines needs 0 <= beside_px <= echo_px", self)
+
+
+@dataclass(frozen=True)
+class EvidenceConfig:
+    """Response of a pixel to a line that runs along the span (`evidence.py`)."""
+
+    scales_px: tuple[float, ...] = (0.7, 1.4, 2.8)
+    """Standard deviations of the Gaussians: wires 1 to 8 px wide."""
+    gamma: float = 1.0
+    """Power of the scale by which a second derivative is multiplied.  With 2 (scale invariance) the widest
+    scale, which sees texture as lines, outvotes wires of a pixel or two; Lindeberg recommends 3/2 for
+    ridges."""
+    edge_weight: float = 0.75
+    """Weight of the first derivative across the line, which is subtracted: the middle of a line is even, an
+    edge is not."""
+    max_bend: float = 3.0
+    """Largest response of one pixel, in units of the neighbourhood's root mean square: no single pixel makes
+    a line."""
+    along_px: float = 20.0
+    """Half the length over which responses are averaged along the line: texture is not straight."""
+    steps_along: int = 15
+    """Samples of that average."""
+    sag_deg: tuple[float, ...] = (-7.0, -3.5, 0.0, 3.5, 7.0)
+    """Directions of a wire relative to that of the span's axis: sag, and supports at unequal heights."""
+    beside_px: int = 2
+    """A ridge is the strongest pixel within this distance to both sides of the line."""
+    echo_px: int = 5
+    """Within this distance no response of the other sign may be stronger, because a second derivative echoes
+    beside a line with the other sign.  Twin conductors have the same sign."""
+    contrast_px: float = 12.0
+    """Standard deviation of the neighbourhood that a pixel's response is compared with."""
+    full_response: float = 3.0
+    """Average response, in units of the neighbourhood's, from which on a pixel's response is 1."""
+    min_bend: float = 0.004
+    """Least contrast of a neighbourhood, of the full brightness; noise and compression bend that much in a
+    clear sky."""
+
+    def __post_init__(self) -> None:
+        lengths = (*self.scales_px, self.along_px, self.contrast_px)
+        bends = (self.max_bend, self.full_response, self.min_bend)
+        check(
+            bool(self.scales_px and self.sag_deg) and min(*lengths, *bends) > 0 and self.steps_along >= 1,
+            "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
+            self,
+        )
+        check(0 <= self.beside_px <= self.echo_px, "detect.evidence needs 0 <= beside_px <= echo_px", self)
+
+
+@dataclass(frozen=True)
+class DirectionConfig:
+    """The vote for directions (`directions.py`)."""
+
+    min_response: float = 0.5
+    """Response from which on a pixel votes."""
+    step_rad: float = math.radians(2.0)
+    """Width of a bin."""
+    max_slope_rad: float = math.radians(30.0)
+    """Steepest lines that are looked for."""
+    sag_rad: float = math.radians(5.0)
+    """A wire's slope differs by so much from its chord's, up and down."""
+    azimuth_deg: float | None = None
+    """Azimuth of the line, clockwise from the world's +y (north); None: found in the images.  Where it is
+    known no other is searched."""
+    most: int = 6
+    """Directions that are searched, at most."""
+    apart_rad: float = math.radians(12.0)
+    """A direction is searched only if no other was within this angle: a search stands 8 degrees."""
+    peak_rad: float = math.radians(8.0)
+    """A direction is the middle of the votes within this angle of the strongest azimuth."""
+    min_excess: float = 0.3
+    """Votes of a direction over those of the median azimuth, as a fraction of these, that it takes to be
+    searched."""
+
+    def __post_init__(self) -> None:
+        angles = (self.step_rad, self.sag_rad, self.apart_rad, self.peak_rad)
+        check(
+            min(angles) > 0 and self.step_rad < 0.2 and self.step_rad <= self.max_slope_rad < math.pi / 2,
+            "detect.directions needs angles above 0, a step_rad below 0.2 and a max_slope_rad below pi / 2",
+            self,
+        )
+        check(
+            self.azimuth_deg is None or math.isfinite(self.azimuth_deg),
+            "detect.directions needs an azimuth_deg in degrees",
+            self,
+        )
+        check(
+            self.most >= 1 and self.min_excess > 0 and self.min_response > 0,
+            "detect.directions needs most of 1 or more, and min_excess and min_response above 0",
+            self,
+        )
+
+
+@dataclass(frozen=True)
+class WindowConfig:
+    """Windows along a direction, and the volume of each that is searched (`windows.py`)."""
+
+    spacings: float = 40.0
+    """Greatest length of a window, in distances between one image and the next."""
+    margin: float = 0.1
+    """A direction is searched beyond the first and the last camera, as a fraction of their distance."""
+    aside: float = 0.5
+    """Wires are searched so far to either side of the cameras, as a fraction of the window's length,"""
+    below: float = 0.5
+    """below the lowest of them,"""
+    above: float = 0.35
+    """and above the highest."""
+    room: float = 0.08
+    """After the first wires, more are searched so far around them, as a fraction of half the length."""
+    near: float = 1.0
+    """Views that stand within this fraction of a window's length before and behind it are used."""
+
+    def __post_init__(self) -> None:
+        check(
+            self.spacings > 0
+            and min(self.aside, self.below, self.above, self.room, self.near) > 0
+            and self.margin >= 0,
+            "detect.windows needs positive lengths, and a margin of 0 or more",
+            self,
+        )

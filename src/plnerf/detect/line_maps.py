@@ -1,0 +1,121 @@
+"""The thin lines of all images, each pixel of one with the plane in which the line lies in space.
+
+A thin straight line in a posed image spans, with the camera's centre, a plane; whatever is seen as that line
+lies in it.  Which directions lines have is not asked here: `directions.py` and `windows.py` do.
+
+Letters: m ridge pixels of all views together.  Scene frame, float32.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float32, Int
+
+from plnerf.detect.config_lines import LineMapConfig
+from plnerf.detect.ridges import Ridges, find_ridges
+from plnerf.rays.lens import undistort_plane
+from plnerf.scene.cameras import Cameras
+from plnerf.scene.images import ImageStore
+
+
+@dataclass(frozen=True, eq=False)
+class LineMaps:
+    """The pixels on thin lines, view after view."""
+
+    view: Int[np.ndarray, " m"]
+    """Index among the views."""
+    pixel: Int[np.ndarray, " m"]
+    """Row by row in its view's image."""
+    response: Float32[np.ndarray, " m"]
+    """0 to 1."""
+    ray: Float32[np.ndarray, "m 3"]
+    """Unit vector from the camera through the pixel."""
+    normal: Float32[np.ndarray, "m 3"]
+    """Unit normal of the plane through the camera's centre and the line."""
+
+    def of(self, keep: Bool[np.ndarray, " m"]) -> "LineMaps":
+        """Some of the pixels."""
+        return LineMaps(*(getattr(self, one.name)[keep] for one in fields(self)))
+
+
+def line_maps(
+    store: ImageStore,
+    cameras: Cameras,
+    images: tuple[int, ...],
+    config: LineMapConfig,
+    progress: Callable[[int], None] | None = None,
+) -> LineMaps:
+    """The thin lines in the chosen images; none where pixels are masked out.
+
+    progress: called with the number of images done.
+    """
+
+    def one(view: int) -> LineMaps:
+        i = images[view]
+        ridges = find_ridges(store.image(i), config.ridges)
+        keep = middles(ridges, config) & store.valid(i)
+        rows, columns = np.nonzero(keep)
+        tangent = ridges.tangent_rad[rows, columns]
+        at = np.stack([columns, rows], 1) + 0.5
+        on = np.stack([np.cos(tangent), np.sin(tangent)], 1)
+        before, beyond = (unit_rays(cameras, i, at + side * on) for side in (-1, 1))
+        normal = unit(np.cross(before, beyond))
+        return LineMaps(
+            np.full(len(rows), view),
+            rows * keep.shape[1] + columns,
+            ridges.strength[rows, columns],
+            unit(before + beyond).astype(np.float32),
+            normal.astype(np.float32),
+        )
+
+    parts = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for done, part in enumerate(pool.map(one, range(len(images))), 1):
+            parts.append(part)
+            if progress is not None:
+                progress(done)
+    return LineMaps(
+        *(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(LineMaps))
+    )
+
+
+def middles(ridges: Ridges, config: LineMapConfig) -> Bool[np.ndarray, "h w"]:
+    """The middles of lines: no stronger pixel beside them, and no stronger line of the other polarity near.
+
+    A second derivative echoes beside a line with the other sign; twin conductors have the same sign.
+    """
+    strength = ridges.strength
+    signed = np.where(ridges.bright, strength, -strength)
+    sign = np.sign(signed)
+    across_x, across_y = -np.sin(ridges.tangent_rad), np.cos(ridges.tangent_rad)
+    h, w = strength.shape
+    x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+    middle = strength >= config.min_response
+    for k in range(1, config.echo_px + 1):
+        for side in (-k, k):
+            beside = cv2.remap(
+                signed, x + side * across_x, y + side * across_y, cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_REPLICATE,
+            )  # fmt: skip
+            middle &= strength >= (np.abs(beside) if k <= config.beside_px else -sign * beside)
+    return middle
+
+
+def unit_rays(cameras: Cameras, i: int, pixels: np.ndarray) -> np.ndarray:
+    """Unit vectors of the scene frame through pixels (m, 2) of a camera, without its lens's distortion."""
+    plane = (torch.from_numpy(pixels).double() - cameras.principal_px[i]) / cameras.focal_px[i]
+    lens = cameras.distortion[i].double()
+    if lens.any():
+        plane = undistort_plane(plane, lens.expand(len(pixels), -1))
+    rays = np.concatenate([plane.numpy(), np.ones((len(plane), 1))], 1)
+    return unit(rays) @ cameras.R_scene_camera[i].double().numpy().T
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (m, 3) divided by their lengths."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

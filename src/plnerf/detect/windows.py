@@ -1,0 +1,101 @@
+"""Windows along a direction: stretches of space in which lines are searched, each in a frame of its own.
+
+A window's frame has x along the direction, z up, its length from -1 to 1; all sizes of the search are
+fractions of it.  The views that see a window, and the ridges in them that run along it, are all that the
+search needs: cost and memory grow with the number of windows, not with the length of the line times the
+number of images.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from plnerf.detect.config import SweepConfig
+from plnerf.detect.config_lines import WindowConfig
+from plnerf.detect.directions import Direction
+from plnerf.detect.sweep import Box
+from plnerf.detect.views import Views
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A stretch of space, in the scene frame."""
+
+    origin: Float[np.ndarray, "3"]
+    azimuth_rad: float
+    half: float
+    """Half its length."""
+    low: Float[np.ndarray, "2"]
+    """Lowest y and z of the volume to search, in the window's frame."""
+    high: Float[np.ndarray, "2"]
+    views: Int[np.ndarray, " k"]
+    """Those that are used."""
+
+    @property
+    def R(self) -> Float[np.ndarray, "3 3"]:
+        """Scene to window."""
+        c, s = np.cos(self.azimuth_rad), np.sin(self.azimuth_rad)
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def to_scene(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+        """Points of the window's frame in the scene's."""
+        return self.half * points @ self.R + self.origin
+
+    def of_scene(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+        """The inverse of `to_scene`."""
+        return (points - self.origin) @ self.R.T / self.half
+
+    def seen_by(self, views: Views) -> Views:
+        """The window's views in its frame, their pixels one after another."""
+        sizes = views.sizes[self.views]
+        starts = np.concatenate([[0], np.cumsum(sizes.prod(1))[:-1]]).astype(np.int64)
+        return Views(
+            np.ascontiguousarray(views.R[self.views] @ self.R.T),
+            self.of_scene(views.centre[self.views]),
+            views.focal[self.views],
+            views.principal[self.views],
+            views.distortion[self.views],
+            sizes,
+            starts,
+        )
+
+    def box(self, config: SweepConfig) -> Box:
+        """The volume to search."""
+        return box_around(self.low, self.high, config)
+
+
+def box_around(low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], config: SweepConfig) -> Box:
+    """The volume between two corners (y, z) of a window, as long as the window."""
+    shape = np.ceil((high - low) / config.cell).astype(int) + 1
+    inset = 1 / config.planes
+    x = np.linspace(-1 + inset, 1 - inset, config.planes)
+    return Box(x, (float(low[0]), float(low[1])), config.cell, (int(shape[0]), int(shape[1])))
+
+
+def windows_along(direction: Direction, views: Views, config: WindowConfig) -> Iterator[Window]:
+    """The windows along a direction past the cameras, each half over the one before it."""
+    u = np.array([np.cos(direction.azimuth_rad), np.sin(direction.azimuth_rad)])
+    along = views.centre[:, :2] @ u
+    across = views.centre[:, :2] @ np.array([-u[1], u[0]])
+    height = views.centre[:, 2]
+    spacing = float(np.median(np.linalg.norm(np.diff(views.centre, axis=0), axis=1)))
+    first, last = along.min(), along.max()
+    longer = max(config.margin * (last - first), (np.ptp(across) - (last - first)) / 2)
+    first, last = first - longer, last + longer
+    length = min(last - first, config.spacings * spacing)
+    count = int(np.ceil((last - first - length) / (length / 2) - 1e-9)) + 1
+    for middle in np.linspace(first + length / 2, last - length / 2, count):
+        near = np.abs(along - middle) <= (0.5 + config.near) * length
+        at = np.abs(along - middle) <= 0.5 * length
+        if not at.any():
+            continue
+        beside, level, half = across[at], height[at], length / 2
+        y, z = (beside.min() + beside.max()) / 2, (level.min() + level.max()) / 2
+        low = [beside.min() - y - config.aside * length, level.min() - z - config.below * length]
+        high = [beside.max() - y + config.aside * length, level.max() - z + config.above * length]
+        yield Window(
+            np.array([*(middle * u + y * np.array([-u[1], u[0]])), z]), direction.azimuth_rad, half,
+            np.array(low) / half, np.array(high) / half, np.flatnonzero(near),
+        )  # fmt: skip

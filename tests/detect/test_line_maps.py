@@ -1,0 +1,57 @@
+"""Each pixel on a line holds the plane that the line in space lies in, through any lens."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from tests.support.drawn import draw, hanging, pinhole_cameras, polyline, scene_of, two_passes
+
+from plnerf.detect.config_lines import LineMapConfig
+from plnerf.detect.line_maps import line_maps, unit_rays
+from plnerf.rays.rays import pixel_rays
+
+CONFIG = LineMapConfig()
+
+
+@pytest.mark.parametrize("lens", [(0.0,) * 5, (-0.05, 0.02, 0.001, -0.002, 0.003)], ids=["pinhole", "lens"])
+def test_the_planes_hold_the_line(tmp_path: Path, lens: tuple[float, ...]) -> None:
+    straight = polyline(hanging(0.02, 0.05, 0.0))
+    plain = two_passes(4)
+    cameras = replace(plain, distortion=torch.tensor(lens).repeat(len(plain), 1))
+    scene = scene_of(tmp_path, cameras, draw(cameras, [straight], noise=1.0))
+    maps = line_maps(scene.images, cameras, scene.train, CONFIG)
+    strong = maps.of(maps.response > 0.6)
+    assert len(np.unique(strong.view)) == len(scene.train) and len(strong.view) > 100 * len(scene.train)
+    assert np.median(np.abs(strong.normal[:, 0])) < np.sin(np.radians(1.5))  # the line runs along x
+    ends = straight[[0, -1]]
+    centre = cameras.centre.double().numpy()[strong.view]
+    for end in ends:  # and lies in the plane
+        towards = (end - centre) / np.linalg.norm(end - centre, axis=1, keepdims=True)
+        assert np.median(np.abs((towards * strong.normal).sum(1))) < np.sin(np.radians(1.5))
+    np.testing.assert_allclose(np.linalg.norm(strong.ray, axis=1), 1, atol=1e-5)
+    assert np.abs((strong.ray * strong.normal).sum(1)).max() < 1e-4
+
+
+def test_rays_are_those_of_training() -> None:
+    plain = two_passes(2)
+    cameras = replace(plain, distortion=torch.tensor([-0.05, 0.02, 0.001, -0.002, 0.003]).repeat(4, 1))
+    at = np.array([[3.5, 7.5], [120.5, 90.5], [230.5, 20.5]])
+    index = torch.full((3,), 1)
+    wanted = pixel_rays(cameras, index, torch.from_numpy(at).float()).directions.numpy()
+    np.testing.assert_allclose(unit_rays(cameras, 1, at), wanted, atol=1e-5)
+    assert unit_rays(cameras, 1, np.zeros((0, 2))).shape == (0, 3)
+
+
+def test_what_is_masked_out_shows_no_line(tmp_path: Path) -> None:
+    cameras = pinhole_cameras(np.array([[0.0, -0.5, 0.1]]), np.zeros((1, 3)))
+    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(hanging(0.0, 0.0))]))
+    whole = line_maps(scene.images, cameras, (0,), CONFIG)
+    valid = np.ones((180, 240), np.uint8)
+    valid[:, :120] = 0
+    valid.tofile(tmp_path / "valid.u8")
+    half = line_maps(replace(scene, images=type(scene.images)(tmp_path, scene.images.sizes_px)).images,
+                     cameras, (0,), CONFIG)  # fmt: skip
+    assert (half.pixel % 240 >= 120).all()
+    assert set(half.pixel.tolist()) == {p for p in whole.pixel.tolist() if p % 240 >= 120}

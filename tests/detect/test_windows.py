@@ -1,0 +1,95 @@
+"""Windows cover a line's direction past all cameras; pieces of one wire become one again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.drawn import HALF, hanging, pinhole_cameras, two_passes
+
+from plnerf.detect.config import JoinConfig, SweepConfig
+from plnerf.detect.config_lines import WindowConfig
+from plnerf.detect.directions import Direction
+from plnerf.detect.join import joined
+from plnerf.detect.views import project_point, views_of
+from plnerf.detect.windows import Window, box_around, windows_along
+
+CONFIG = WindowConfig()
+
+
+@pytest.mark.parametrize("azimuth_rad", [0.0, 0.7, 2.0])
+def test_a_window_keeps_what_cameras_see(azimuth_rad: float) -> None:
+    views = views_of(two_passes(4))
+    origin = np.array([0.1, -0.2, 0.3])
+    window = Window(origin, azimuth_rad, 0.7, np.full(2, -1.0), np.full(2, 1.0), np.array([1, 4, 6]))
+    mine = window.seen_by(views)
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (60, 3))
+    np.testing.assert_allclose(window.to_scene(window.of_scene(points)), points, atol=1e-12)
+    seen = 0
+    for k, n in enumerate(window.views):
+        for point in points:
+            u, v, depth = project_point(views, n, *point)
+            again = project_point(mine, k, *window.of_scene(point[None])[0])
+            if depth > 0:
+                seen += 1
+                assert again[:2] == pytest.approx((u, v), abs=1e-8)
+                assert again[2] * window.half == pytest.approx(depth)
+    assert seen > 20
+    assert mine.starts.tolist() == [0, 240 * 180, 2 * 240 * 180]
+
+
+def long_track(count: int) -> np.ndarray:
+    x = 2.0 * np.arange(count)
+    return np.stack([x, np.full(count, -5.0), np.full(count, 10.0)], 1)
+
+
+def test_windows_overlap_by_half_and_cover_the_track() -> None:
+    centres = long_track(200)
+    views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
+    windows = list(windows_along(Direction(0.0, 0.0, 1.0), views, CONFIG))
+    length = CONFIG.spacings * 2.0
+    assert all(2 * window.half == pytest.approx(length) for window in windows)
+    middles = np.array([window.origin[0] for window in windows])
+    assert (np.diff(middles) <= length / 2 + 1e-9).all() and len(windows) > 8
+    assert middles[0] - length / 2 <= 0.0 and middles[-1] + length / 2 >= centres[-1, 0]
+    for window in windows:  # cost per window does not grow with the line
+        assert len(window.views) <= 3 * CONFIG.spacings + 2
+        low, high = (
+            window.half * window.low[1] + window.origin[2],
+            window.half * window.high[1] + window.origin[2],
+        )
+        assert low == pytest.approx(10.0 - CONFIG.below * length)
+        assert high == pytest.approx(10.0 + CONFIG.above * length)
+
+
+def test_cameras_around_a_place_have_one_window_as_wide_as_their_orbit() -> None:
+    angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    centres = np.stack([20 * np.cos(angle), 20 * np.sin(angle), np.full(36, 15.0)], 1)
+    views = views_of(pinhole_cameras(centres, np.zeros((36, 3))))
+    (window,) = windows_along(Direction(0.4, 0.0, 1.0), views, CONFIG)
+    assert window.half >= 20 and len(window.views) == 36
+
+
+def test_the_box_is_as_wide_as_told() -> None:
+    config = SweepConfig(cell=0.02)
+    box = box_around(np.array([-0.3, -0.2]), np.array([0.1, 0.5]), config)
+    assert len(box.x) == config.planes and box.x[0] == -box.x[-1] and -1 < box.x[0] < -0.9
+    last = np.array(box.low) + box.cell * (np.array(box.shape) - 1)
+    assert (
+        box.low == (-0.3, -0.2) and (last >= [0.1 - 1e-9, 0.5 - 1e-9]).all() and (last < [0.14, 0.54]).all()
+    )
+
+
+def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:
+    whole = hanging(0.02, 0.1)
+    shown = replace(whole.evidence, seen_m=((0.0, 2 * HALF),))
+    known = replace(whole, covariance=np.diag([1e-6] * 5 + [0.0]), evidence=shown)
+    a, b = known.between(0.0, 1.2 * HALF), known.between(0.7 * HALF, 2 * HALF)
+    (one,) = joined([a, b], JoinConfig())
+    assert one.base.length_m == pytest.approx(2 * HALF)
+    s = np.linspace(0, 2 * HALF, 20)
+    np.testing.assert_allclose(one.at(s), whole.at(s), atol=1e-9)
+    assert one.worst_sigma() < a.worst_sigma() + b.worst_sigma()
+    first, second = known.between(0.0, HALF), known.between(0.9 * HALF, 2 * HALF)
+    assert len(joined([first, second], JoinConfig())) == 2  # they overlap by the width of a support
+    beside = replace(b, theta=b.theta + np.array([0.2, 0.2, 0, 0, 0, 0]))
+    assert len(joined([a, beside], JoinConfig())) == 2
