@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from plnerf.detect.config import EvidenceConfig
+from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.errors import ConfigError
 from plnerf.survey.config_spans import KinkConfig
 

@@ -16,7 +16,8 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Generator, Tensor
 
-from plnerf.detect.config import DEFAULT, RidgeConfig
+from plnerf.detect.config import DEFAULT
+from plnerf.detect.config_lines import RidgeConfig
 from plnerf.detect.ridges import hessian, ridge_map
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
