@@ -20,6 +20,7 @@ def survey(
     voltage_kv: float | None = None,
     thresholds: Path | None = None,
     clearance_m: float | None = None,
+    line_azimuth: float | None = None,
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
@@ -31,11 +32,14 @@ def survey(
         voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
         thresholds: Table of required clearances (TOML); NERC FAC-003-4 when left out.
         clearance_m: A distance in metres to be kept from everything, in place of a table's.
+        line_azimuth: Of the line, in degrees clockwise from north (the world's +y), where wires are to be
+            found in images; found too when left out.
         settings: Settings of the survey.
     """
     said = {"voltage_kv": voltage_kv, "thresholds": thresholds, "clearance_m": clearance_m}
     given = {name: value for name, value in said.items() if value is not None}
-    config = replace(settings, clearance=replace(settings.clearance, **given))  # type: ignore[arg-type]  # each by its name
+    clearance = replace(settings.clearance, **given)  # type: ignore[arg-type]  # each by its name
+    config = replace(settings, clearance=clearance, detect=settings.detect.along(line_azimuth))
     if not survey_shown(Console(), source, out, config):
         sys.exit(3)
 

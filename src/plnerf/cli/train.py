@@ -20,6 +20,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     downscale: int = 1,
     resume: bool = False,
     seed: int = 0,
+    line_azimuth: float | None = None,
     device: Device = "auto",
     backend: BackendName = "auto",
     settings: AsOptions,
@@ -35,6 +36,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
         downscale: Integer factor by which images are made smaller.
         resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
         seed: Decides the initial weights and every random draw.
+        line_azimuth: Of the line, in degrees clockwise from north (the world's +y); found in the images
+            when left out.
         device: Where to train.
         backend: Implementation of the ops: numba on a CPU, triton on a CUDA device, plain torch anywhere.
         settings: Settings of the run.
@@ -43,7 +46,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     from plnerf.pipeline import resume_run, train_scene
 
     report = RunConsole(out, Console())
-    if resume and settings != settings_of(preset):
+    if resume and (line_azimuth is not None or settings != settings_of(preset)):
         raise ConfigError(
             "--resume goes on with the run's own settings, so it takes no others. Change them in "
             f"{out / 'config.json'}, or train anew into another folder."
@@ -53,8 +56,9 @@ def train(  # noqa: PLR0913 (an argument is an option)
     else:
         budget = 300.0 if seconds is None and steps is None else seconds
         train_scene(
-            scene, out, preset=preset, model=settings.model, train=settings.train, detect=settings.detect,
-            steps=steps, seconds=budget, downscale=downscale, seed=seed, device=device, backend=backend,
+            scene, out, preset=preset, model=settings.model, train=settings.train,
+            detect=settings.detect.along(line_azimuth), steps=steps, seconds=budget, downscale=downscale,
+            seed=seed, device=device, backend=backend,
             report=report,
         )  # fmt: skip
 

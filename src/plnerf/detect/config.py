@@ -4,7 +4,7 @@ Letters and frames as in `sweep.py`: the scene frame, whose unit is about half o
 are in nats.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from plnerf.detect.config_lines import (
     DirectionConfig,
@@ -278,6 +278,12 @@ class DetectConfig:
     certainty: CertaintyConfig = field(default_factory=CertaintyConfig)
     ridges: RidgeConfig = field(default_factory=RidgeConfig)
     """Of the maps that choose detail pixels where `train.detail_map` is "ridge"."""
+
+    def along(self, azimuth_deg: float | None) -> "DetectConfig":
+        """The same for a line whose azimuth is known, in degrees clockwise from north; None: as it is."""
+        if azimuth_deg is None:
+            return self
+        return replace(self, directions=replace(self.directions, azimuth_deg=azimuth_deg))
 
 
 DEFAULT = DetectConfig()
