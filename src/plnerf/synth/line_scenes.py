@@ -113,11 +113,11 @@ GRID = SceneConfig(
     ),
     CaptureConfig(
         passes=(
-            Grid("along", (-24.0, 24.0), 9.0, 5, 23.0),
-            Grid("across", (-22.0, 22.0), 10.0, 6, 24.0, 12.0, crosses=True),
+            Grid("along", (-23.0, 23.0), 4.5, 5, 21.0),
+            Grid("across", (-21.0, 21.0), 4.5, 9, 22.0, 8.0, crosses=True),
         ),
-        focal_px=600.0,
-        views_per_pass=40,
+        focal_px=500.0,
+        views_per_pass=60,
         filmed_m=(-26.0, 26.0),
         seen_px=1.0,
     ),

@@ -102,7 +102,7 @@ def _capture(rng: np.random.Generator, span: SpanConfig) -> CaptureConfig:
     )
     pattern = rng.choice(["sides", "two sides", "zigzag", "oblique", "orbit", "grid", "climb"])
     focal = float(rng.uniform(380.0, 560.0))
-    if pattern in ("oblique", "grid"):
+    if pattern == "oblique":
         focal = float(rng.uniform(560.0, 820.0))
     legs = _legs(rng, str(pattern), span, (low, high))
     poses_off = rng.random() < 0.35
@@ -178,10 +178,11 @@ def _legs(
             ),
         )
     if pattern == "grid":
-        along, wide, up = (-filmed_m[0], filmed_m[1]), value(7.0, 11.0), tall + value(7.0, 11.0)
+        along, up = (-filmed_m[0], filmed_m[1]), tall + value(6.0, 9.0)
+        wide = 0.5 * left.across_m + value(2.0, 3.5)  # what is farther out shows no wire
         return (
-            Grid("along", along, wide, int(rng.integers(4, 7)), up),
-            Grid("across", along, wide, int(rng.integers(4, 7)), up + 1.0, value(0.0, 18.0), crosses=True),
+            Grid("along", along, wide, int(rng.integers(3, 5)), up),
+            Grid("across", along, wide, int(rng.integers(6, 9)), up + 1.0, value(0.0, 12.0), crosses=True),
         )
     return (
         Orbit("climb", about, radius, 4.0, tall + 4.0, bearing, value(20.0, 70.0), 0.85 * tall),
