@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from plnerf.detect.detect import detect_wires
 from plnerf.field.guides import scene_points
@@ -30,7 +31,7 @@ def main(folders: list[str]) -> None:
             sys.exit(f"{folder} has no truth.json: give scenes that `plnerf synth` made.")
         frame = LineFrame.of_scene(scene.frames)
         true = json.loads(scene.truth.read_text())["conductors"]
-        axes = [frame.from_world(np.array(wire["polyline"])) for wire in true]
+        axes = [frame.from_world(dense(np.array(wire["polyline"]))) for wire in true]
         found: dict[str, float] = {}
         rows = []
         for wire in detected:
@@ -48,10 +49,17 @@ def main(folders: list[str]) -> None:
 
 
 def mean_distance(points: np.ndarray, axis: np.ndarray) -> float:
-    """Mean distance across of a wire's points from a true axis, where both are."""
-    both = points[(points[:, 0] >= axis[:, 0].min()) & (points[:, 0] <= axis[:, 0].max())]
-    y, z = (np.interp(both[:, 0], axis[:, 0], axis[:, k]) for k in (1, 2))
-    return float(np.hypot(both[:, 1] - y, both[:, 2] - z).mean()) if len(both) else np.inf
+    """Mean distance of a wire's points from a true axis, of those that lie beside it."""
+    apart, nearest = cKDTree(axis).query(points)
+    beside = (nearest > 0) & (nearest < len(axis) - 1)
+    return float(apart[beside].mean()) if beside.any() else np.inf
+
+
+def dense(polyline: np.ndarray, step_m: float = 0.01) -> np.ndarray:
+    """A polyline with vertices so close that the nearest one is the distance."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(polyline, axis=0), axis=1))])
+    places = np.arange(0.0, along[-1], step_m)
+    return np.stack([np.interp(places, along, polyline[:, k]) for k in range(3)], 1)
 
 
 if __name__ == "__main__":

@@ -29,8 +29,7 @@ structures found, for the wires whose both ends a structure holds; the number of
 stated, since an end is open; the worst error of a height above ground, and of the distance to the nearest
 plant, in metres, with how many of their stated standard deviations that is.
 
-The finder needs the direction of the line, and takes it from the cameras' track unless transforms.json names
-`line_axis`, `span_min` and `span_max`; those of `plnerf synth` do, so that these scenes say where to search.
+Nothing says where a line runs: directions and places are found in the images.
 """
 
 
