@@ -11,7 +11,7 @@ from tests.support.spans import on, span, wire
 from plnerf.capture.similarity import Similarity
 from plnerf.errors import SurveyError
 from plnerf.scene.transforms import flip_camera_axes
-from plnerf.score.align import Cameras, align, cameras_of, true_cameras
+from plnerf.score.align import Cameras, align, cameras_of, is_unscaled, true_cameras
 from plnerf.score.truth import Truth
 
 TRUTH = span(wire(0.0, name="A"), wire(3.0, name="B"))
@@ -63,6 +63,19 @@ def test_the_scale_is_told_but_not_taken_out() -> None:
     assert how.scale == pytest.approx(1.02) and "1.02000 times as far apart" in how.words
     assert 0.05 < how.off_m < 0.3
     assert found.wires[0].span_m.value == pytest.approx(TRUTH.moved(MOTION).wires[0].span_m.value)
+
+
+def test_a_truth_without_a_scale_takes_the_survey_s() -> None:
+    cameras, motion = flight(bent=True), Similarity(0.3, MOTION.R, MOTION.shift)
+    found, how = align(TRUTH, cameras, carried(cameras, motion), scaled=True)
+    assert_same(found, TRUTH.moved(motion))
+    assert how.scale == pytest.approx(0.3) and how.off_m < 1e-9 and "scaled by 9 cameras" in how.words
+
+
+def test_a_truth_says_whether_it_has_a_scale(tmp_path: Path) -> None:
+    for unit, unscaled in (("m", False), ("unscaled", True), (None, False)):
+        (tmp_path / "truth.json").write_text(json.dumps({} if unit is None else {"unit": unit}))
+        assert is_unscaled(tmp_path / "truth.json") == unscaled
 
 
 def test_a_truth_that_leans_keeps_its_wires_where_they_are() -> None:

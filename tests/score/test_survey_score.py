@@ -369,6 +369,32 @@ def test_a_truth_in_another_frame_is_moved_by_its_cameras(folder: Path, tiny_sce
     assert content["aligned"]["scale"] == pytest.approx(1) and len(content["clearances"]["ground"]) == 3
 
 
+def test_an_unscaled_survey_is_compared_with_an_unscaled_truth(folder: Path, tiny_scene: Path) -> None:
+    """The truth is in units three times as long, and its cameras say so."""
+    truth = folder.parent.parent / "truth.json"
+    score_files(folder, truth=truth)
+    before = json.loads((folder / "survey.score.json").read_text())["conductors"]["wires"]
+    data = json.loads(truth.read_text())
+    del data["ground"]
+    for one in data["conductors"]:
+        one["polyline"] = (np.array(one["polyline"]) / 3).tolist()
+    data |= {"unit": "unscaled", "poses": []}
+    for name, T in cameras_of(tiny_scene).items():
+        there = T.copy()
+        there[:3, 3] /= 3
+        data["poses"].append({"name": name, "T_world_camera": flip_camera_axes(there).tolist()})
+    truth.write_text(json.dumps(data))
+    found = json.loads((folder / "survey.json").read_text())
+    found["frame"]["unit"] = "unscaled"
+    (folder / "survey.json").write_text(json.dumps(found))
+    done = score_files(folder, truth=truth, by_cameras=tiny_scene)
+    assert "was turned, shifted and scaled by 12 cameras" in done.text
+    after = json.loads((folder / "survey.score.json").read_text())["conductors"]["wires"]
+    for one, other in zip(after, before, strict=True):
+        assert one["sag_m"] == pytest.approx(other["sag_m"], abs=1e-5)
+        assert one["worst_m"] == pytest.approx(other["worst_m"], abs=1e-5)
+
+
 def row_of(data: dict) -> dict:
     return data["lines"][0]["spans"][0]["wires"][0]
 

@@ -2,9 +2,10 @@
 
     y = R x + t      x in the truth's world, y in the survey's; metres in both, so that no scale is fitted
 
-A wrong scale of the survey thus stays an error of its wires, and is reported.  Each camera counts with its
-centre and with points as far away as the wires are: on a straight flight the viewing directions fix the
-rotation about it.
+A wrong scale of the survey thus stays an error of its wires, and is reported.  Only where the truth itself
+is unscaled, as of wires hung in photos that nothing georeferences, the scale is fitted too.  Each camera
+counts with its centre and with points as far away as the wires are: on a straight flight the viewing
+directions fix the rotation about it.
 """
 
 import json
@@ -37,18 +38,28 @@ class Alignment:
     """Root mean square of how far they are apart."""
     scale: float
     """How many times as far apart the survey's cameras are as the true ones."""
+    scaled: bool = False
+    """Whether the truth was scaled by that; lengths are then in the unit of the survey's world."""
 
     @property
     def words(self) -> str:
         """As a sentence."""
+        if self.scaled:
+            return (
+                f"The truth, which is unscaled, was turned, shifted and scaled by {self.cameras} cameras, "
+                f"which are {self.off_m:.4f} units off after that (root mean square)."
+            )
         return (
             f"The truth was turned and shifted by {self.cameras} cameras, which are {self.off_m:.3f} m off "
             f"after that (root mean square); in the survey they are {self.scale:.5f} times as far apart."
         )
 
 
-def align(truth: Truth, true: Cameras, survey: Cameras) -> tuple[Truth, Alignment]:
-    """The truth in the survey's frame.  Raises SurveyError for fewer than `LEAST_CAMERAS` common images."""
+def align(truth: Truth, true: Cameras, survey: Cameras, *, scaled: bool = False) -> tuple[Truth, Alignment]:
+    """The truth in the survey's frame.  scaled: whether the scale is fitted too.
+
+    Raises SurveyError for fewer than `LEAST_CAMERAS` common images.
+    """
     names = sorted(true.keys() & survey.keys())
     if len(names) < LEAST_CAMERAS:
         raise SurveyError(
@@ -59,12 +70,15 @@ def align(truth: Truth, true: Cameras, survey: Cameras) -> tuple[Truth, Alignmen
     x, y = (np.stack([cameras[name] for name in names]) for cameras in (true, survey))
     wires = cKDTree(np.concatenate([wire.polyline() for wire in truth.wires]))
     away = float(np.median(wires.query(x[:, :3, 3])[0]))
-    fit = fit_similarity(_points(x, away), _points(y, away))
-    rigid = Similarity(1.0, fit.R, _points(y, away).mean(0) - fit.R @ _points(x, away).mean(0))
-    off = rigid(x[:, :3, 3]) - y[:, :3, 3]
     spread = [np.sqrt(((T[:, :3, 3] - T[:, :3, 3].mean(0)) ** 2).sum()) for T in (x, y)]
-    how = Alignment(len(names), float(np.sqrt((off**2).sum(1).mean())), float(spread[1] / spread[0]))
-    return truth.moved(rigid), how
+    apart = float(spread[1] / spread[0])
+    scale = apart if scaled else 1.0
+    here, there = _points(x, away), _points(y, scale * away)
+    R = fit_similarity(here, there).R
+    motion = Similarity(scale, R, there.mean(0) - scale * R @ here.mean(0))
+    off = motion(x[:, :3, 3]) - y[:, :3, 3]
+    how = Alignment(len(names), float(np.sqrt((off**2).sum(1).mean())), apart, scaled)
+    return truth.moved(motion), how
 
 
 def _points(T_world_camera: Float[np.ndarray, "n 4 4"], away_m: float) -> Float[np.ndarray, "m 3"]:
@@ -78,6 +92,11 @@ def _points(T_world_camera: Float[np.ndarray, "n 4 4"], away_m: float) -> Float[
 def cameras_of(scene: Path) -> Cameras:
     """Those of a scene.  Raises SceneError where it cannot be read."""
     return {Path(shot.name).stem: shot.T_world_camera for shot in read_listing(scene).shots}
+
+
+def is_unscaled(truth_at: Path) -> bool:
+    """Whether a truth.json says that nothing gives its lengths a scale."""
+    return bool(json.loads(truth_at.read_text(encoding="utf-8")).get("unit") == "unscaled")
 
 
 def true_cameras(truth_at: Path) -> Cameras:

@@ -12,7 +12,7 @@ from typing import Any
 from plnerf.line.files import read_survey
 from plnerf.scene.files import write_text
 from plnerf.score import point_report, survey_report
-from plnerf.score.align import Alignment, align, cameras_of, true_cameras
+from plnerf.score.align import Alignment, align, cameras_of, is_unscaled, true_cameras
 from plnerf.score.clouds import read_points
 from plnerf.score.config import DEFAULT, ScoreConfig
 from plnerf.score.places import find_points, find_survey, find_truth, points_beside, scene_of
@@ -71,12 +71,15 @@ def score_files(
     content: dict[str, Any] = {"survey": str(judged), "truth": str(truth_at)}
     tables = []
     if by_cameras is not None:
-        known, aligned = align(known, true_cameras(truth_at), cameras_of(by_cameras))
+        known, aligned = align(
+            known, true_cameras(truth_at), cameras_of(by_cameras), scaled=is_unscaled(truth_at)
+        )
         content["aligned"] = asdict(aligned)
         tables.append(f"{aligned.words}\n")
     of_survey, of_points = None, None
     if survey_at is not None:
-        of_survey = score_survey(read_survey(survey_at), known, config.wires)
+        own_unit = aligned is not None and aligned.scaled
+        of_survey = score_survey(read_survey(survey_at), known, config.wires, unscaled=own_unit)
         content |= survey_report.to_json(of_survey, config.wires)
         tables.append(survey_report.markdown(of_survey))
     if points_at is not None:

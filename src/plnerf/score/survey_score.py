@@ -28,12 +28,16 @@ class SurveyScore:
     """Ids of the invented wires that the survey calls certain."""
 
 
-def score_survey(survey: Survey, truth: Truth, config: WireScoreConfig = DEFAULT.wires) -> SurveyScore:
+def score_survey(
+    survey: Survey, truth: Truth, config: WireScoreConfig = DEFAULT.wires, *, unscaled: bool = False
+) -> SurveyScore:
     """Compares a survey with the truth in the survey's LineFrame; truth: in the survey's world.
 
-    Raises SurveyError for an unscaled survey, and where both are in different frames.
+    unscaled: whether the truth has no scale of its own but was brought to the survey's: tolerances are then
+    in units of the LineFrame, of which half of the scene's box has 20.  Raises SurveyError for an unscaled
+    survey otherwise, and where both are in different frames.
     """
-    if survey.frame.unit != "m":
+    if survey.frame.unit != "m" and not unscaled:
         raise SurveyError(
             f"The survey {survey.source} is unscaled, so that its wires cannot be compared with true ones in "
             "metres. Give the photos' positions or control points, and survey again."
