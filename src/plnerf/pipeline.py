@@ -38,6 +38,8 @@ from plnerf.scene.scene import load_scene
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
 from plnerf.survey.run import survey_cloud, survey_run, survey_scene
+from plnerf.synth.hang_config import HangConfig
+from plnerf.synth.hang_scene import hang_in_photos
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
 from plnerf.train.checkpoint import list_checkpoints
@@ -172,7 +174,18 @@ def synthesize_scene(
     options = options or SceneOptions()
     if scene == "span" and options.samples is None:
         options = replace(options, samples=64)
-    return synthesize(out, options.apply(find_scene(scene)), progress=progress)
+    return synthesize(out, options.apply(find_scene(scene, options.seed)), progress=progress)
+
+
+def hang_wires(
+    scene: Path | str, out: Path | str, config: HangConfig | None = None, progress: Tell | None = None
+) -> Path:
+    """Draws exact catenaries into the photos of a scene, into a new folder, which returns.
+
+    The folder holds images/ and truth.json, and no poses: those are to be found anew, by `capture_scene`.
+    progress: called with the stage's name, what is done of it, and of how much.
+    """
+    return hang_in_photos(Path(scene), Path(out), config, progress)
 
 
 def survey(

@@ -22,6 +22,7 @@ COMMANDS = (
     "eval",
     "render",
     "synth",
+    "hang",
     "survey",
     "score",
     "doctor",

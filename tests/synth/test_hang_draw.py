@@ -28,7 +28,7 @@ from plnerf.synth.hang_sights import sights
 
 VIEW = views()[2]
 CONFIG = DrawConfig(samples=9)
-LIGHT = Light(np.array([0.0, 0.6, 0.8]), 0.4, 0.9)
+LIGHT = Light(np.array([0.0, 0.6, 0.8]), 0.4, np.full(3, 0.9))
 WHOLE = (0, 0, WIDTH, HEIGHT)
 
 
@@ -148,7 +148,7 @@ def test_widths_are_those_that_are_drawn() -> None:
     pixel = VIEW.project(one.wire.points(s))[0]
     at = np.flatnonzero(seen.seen[0] & (pixel[:, 0] > 20) & (pixel[:, 0] < 220))
     top, bottom = silhouette(one, pixel[at, 0])
-    slope = (np.gradient(pixel[:, 1]) / np.gradient(pixel[:, 0]))[at]
+    slope = np.gradient(pixel[:, 1])[at] / np.gradient(pixel[:, 0])[at]
     width = (bottom - top) / np.sqrt(1 + slope**2)  # across the wire, not down the column
     np.testing.assert_allclose(0.12 * seen.px_per_unit[0, at], width, rtol=0.01)
 

@@ -16,6 +16,7 @@ from rich.console import Console
 
 from plnerf.bench.config import SPAN_PRESETS, for_the_span
 from plnerf.cli.capture import capture, reconstruct, synth
+from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.survey import doctor, score, survey
@@ -25,7 +26,7 @@ from plnerf.presets._find import presets_by_year
 from plnerf.train.config import Settings
 
 COMMANDS: tuple[Callable[..., Any], ...] = (
-    demo, capture, reconstruct, train, eval, render, synth, survey, score, doctor, bench, compare,
+    demo, capture, reconstruct, train, eval, render, synth, hang, survey, score, doctor, bench, compare,
 )  # fmt: skip
 ABOUT = "From photos of a power line to a radiance field and its measures."
 OF_A_PRESET = (train, bench, compare)

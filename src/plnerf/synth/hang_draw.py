@@ -141,6 +141,22 @@ def _nearest(axis: Axis, at: Int[np.ndarray, "q 2"], box: Box) -> Int[np.ndarray
     return found
 
 
+def _within_pixels(
+    view: PhotoView, at: Int[np.ndarray, "q 2"], inner: Float[np.ndarray, "m 2"]
+) -> Float[np.ndarray, "n 2"]:
+    """Places of m samples in each of q pixels on the plane z = 1.
+
+    The lens is straight within a pixel, to some 1e-5 of its width, and is asked thrice for each.
+    """
+    middle = at + 0.5
+    found = view.plane(np.stack([middle, middle + np.array([0.5, 0.0]), middle + np.array([0.0, 0.5])]))
+    by_x, by_y = 2 * (found[1] - found[0]), 2 * (found[2] - found[0])
+    x, y = (inner - 0.5).T[..., None]
+    plane = found[0][:, None] + x * by_x[:, None] + y * by_y[:, None]
+    flat: Float[np.ndarray, "n 2"] = plane.reshape(-1, 2)
+    return flat
+
+
 def _sampled(
     view: PhotoView,
     axis: Axis,
@@ -154,7 +170,7 @@ def _sampled(
     r, k = axis.hung.wire.diameter_m / 2, config.samples
     cell = (np.arange(k) + 0.5) / k
     inner = np.stack(np.meshgrid(cell, cell), -1).reshape(-1, 2)
-    plane = view.plane((at[:, None, :] + inner).reshape(-1, 2))
+    plane = _within_pixels(view, at, inner)
     v = np.column_stack([plane, np.ones(len(plane))])
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     of = np.repeat(vertex, k * k)

@@ -1,7 +1,7 @@
 """The light on hung wires: a sky that is brighter above than below, a sun, and what metals make of them.
 
 Letters: N surface normal, V direction to the camera, S to the sun, H halfway between V and S; unit vectors
-of the upright world.  Linear light; E is what a white, level, matt surface sends out.
+of the upright world.  Linear light, red green blue; E is what a white, level, matt surface sends out.
 """
 
 from dataclasses import dataclass
@@ -35,26 +35,26 @@ class Light:
     to_sun: Float[np.ndarray, "3"]
     sky: float
     """Share of the sky in the light on level ground."""
-    E: float
+    E: Float[np.ndarray, "3"]
 
     def on(
         self, normal: Float[np.ndarray, "p 3"], to_camera: Float[np.ndarray, "p 3"], material: Material
     ) -> Float[np.ndarray, "p 3"]:
         """What a surface of this material sends to the camera."""
-        sun = self.E * (1 - self.sky) / self.to_sun[2]
+        sun = (1 - self.sky) / self.to_sun[2]
         up = normal[:, 2]
-        ambient = self.E * (self.sky * (1 + up) / 2 + GROUND * (1 - up) / 2)
+        ambient = self.sky * (1 + up) / 2 + GROUND * (1 - up) / 2
         matt = ambient + sun * np.maximum(normal @ self.to_sun, 0.0)
         half = to_camera + self.to_sun
         half /= np.linalg.norm(half, axis=1, keepdims=True)
         strength, exponent = GLOSS[material]
         lit = (normal @ self.to_sun) > 0
         shine = strength * sun * lit * np.maximum((normal * half).sum(1), 0.0) ** exponent
-        found: Float[np.ndarray, "p 3"] = matt[:, None] * np.array(COLOURS[material]) + shine[:, None]
-        return found
+        sent: Float[np.ndarray, "p 3"] = matt[:, None] * np.array(COLOURS[material]) + shine[:, None]
+        return self.E * sent
 
 
-def draw_light(config: DrawConfig, E: float, random: np.random.Generator) -> Light:
+def draw_light(config: DrawConfig, E: Float[np.ndarray, "3"], random: np.random.Generator) -> Light:
     """The sun's place and the sky's share, drawn."""
     azimuth = random.uniform(0, 2 * np.pi)
     elevation = np.radians(random.uniform(*config.sun_elevation_deg))

@@ -37,7 +37,9 @@ from plnerf.synth.hang_views import PhotoView, photo_views
 
 Progress = Callable[[str, int, int], None]
 THINNED = 7
-"""Every so many-th pixel each way is read for the median brightness."""
+"""Every so many-th pixel each way is read for the light's brightness and colour."""
+BRIGHT = (0.95, 0.99)
+"""Quantiles of brightness between which pixels give the light's colour; brighter ones may be clipped."""
 
 
 def hang_in_photos(
@@ -131,10 +133,17 @@ def _up(listing: Listing) -> Float[np.ndarray, "3"]:
     return estimate_up(T[:, :3, :3], T[:, :3, 3])[0]
 
 
-def _white(views: Sequence[PhotoView], config: DrawConfig) -> float:
-    """Linear brightness of a white, level, matt surface: the photos' median is taken to be `grey` of it."""
-    medians = []
+def _white(views: Sequence[PhotoView], config: DrawConfig) -> Float[np.ndarray, "3"]:
+    """Light that a white, level, matt surface sends out: so bright that the photos' median is `grey` of it,
+    and of the colour of their brightest pixels, which are rarely plants."""
+    medians, tints = [], []
     for view in views:
-        some = read_rgb(view.path)[::THINNED, ::THINNED].astype(np.float64)
-        medians.append(float(np.median(to_linear(some) @ LUMINANCE)))
-    return float(np.median(medians)) / config.grey
+        some = to_linear(read_rgb(view.path)[::THINNED, ::THINNED].astype(np.float64)).reshape(-1, 3)
+        bright = some @ LUMINANCE
+        medians.append(np.median(bright))
+        low, high = np.quantile(bright, BRIGHT)
+        chosen = some[(bright >= low) & (bright <= high)].mean(0)
+        tints.append(chosen / max(float(chosen @ LUMINANCE), 1e-6))
+    tint = np.median(tints, 0)
+    white: Float[np.ndarray, 3] = float(np.median(medians)) / config.grey * tint
+    return white
