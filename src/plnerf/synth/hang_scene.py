@@ -35,7 +35,7 @@ from plnerf.synth.hang_photo import (
 from plnerf.synth.hang_truth import truth_of
 from plnerf.synth.hang_views import PhotoView, photo_views
 
-Progress = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], object]
 THINNED = 7
 """Every so many-th pixel each way is read for the light's brightness and colour."""
 BRIGHT = (0.95, 0.99)
