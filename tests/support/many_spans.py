@@ -24,7 +24,11 @@ PHASES: tuple[tuple[float, float, Kind], ...] = (
     (-5.0, 18.0, "phase"), (0.0, 18.3, "phase"), (5.0, 18.0, "phase"), (0.0, 24.0, "shield"),
 )  # fmt: skip
 """y, height above the foot and kind of a line's wires."""
-LOW: tuple[tuple[float, float, Kind], ...] = ((-1.2, 12.0, "phase"), (1.2, 12.0, "phase"), (0.0, 12.6, "phase"))
+LOW: tuple[tuple[float, float, Kind], ...] = (
+    (-1.2, 12.0, "phase"),
+    (1.2, 12.0, "phase"),
+    (0.0, 12.6, "phase"),
+)
 FRAME = LineFrame(
     np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]), 1.0, np.array([40.0, -7.5, 101.25]), "m",
     "EPSG:25832", np.array([8.1234567, 49.7654321, 212.4]), scene_per_unit=0.05,

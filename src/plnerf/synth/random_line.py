@@ -79,6 +79,8 @@ def draw_other(rng: np.random.Generator, first: LineConfig) -> LineConfig:
         drawn = _lattice(rng, double=False, lowest_m=highest + 2.5)
     else:
         drawn = _pole(rng, height_m=float(rng.uniform(6.0, 8.5)))
+    lengths: tuple[float, ...]
+    structures: tuple[StructureConfig, ...] = ()
     if style == "tee":
         route = Route.of(first)
         foot = np.array(route.feet[first.main + int(rng.integers(2))])
@@ -90,7 +92,7 @@ def draw_other(rng: np.random.Generator, first: LineConfig) -> LineConfig:
         half = first.lengths_m[first.main] / 2
         middle = np.array(unit(first.azimuth_deg)) * rng.uniform(-0.4, 0.4) * half
         middle = middle + np.array(unit(azimuth)) * rng.uniform(-4.0, 4.0)
-        lengths, main, structures = (drawn.length_m * 0.9, drawn.length_m, drawn.length_m * 1.1), 1, ()
+        lengths, main = (drawn.length_m * 0.9, drawn.length_m, drawn.length_m * 1.1), 1
     return LineConfig(
         drawn.wires, drawn.support, float(azimuth), tuple(float(one) for one in lengths), style, main,
         (float(middle[0]), float(middle[1])), structures,
