@@ -8,7 +8,7 @@ import pytest
 from plnerf.line.hang import hang
 from plnerf.synth.capture import View, look
 from plnerf.synth.flight_config import CaptureConfig
-from plnerf.synth.seen import MIN_IMAGES, STEP_M, seen_stretches, shown, stretches
+from plnerf.synth.seen import MIN_IMAGES, STEP_M, observable_stretches, seen_stretches, shown, stretches
 from plnerf.synth.tiles import strips, tiles_of
 
 CAPTURE = CaptureConfig(width_px=120, height_px=80, focal_px=100.0)
@@ -65,6 +65,29 @@ def test_what_is_hidden_is_left_out_to_within_the_tolerance() -> None:
     ((first, low), (high, last)) = seen_stretches([WIRE], VIEWS, masks, CAPTURE)[0]
     assert (first, last) == (0.0, 40.012)
     assert 12 <= low <= 12 + 2.6 * 0.36 and 17 - 2.6 * 0.36 <= high <= 17
+
+
+THICK = replace(WIRE, diameter_m=0.6)
+"""1.7 px wide at 34 m."""
+BELOW = [View(f"{i:04d}", "right", look(np.pi / 2, pitch, 0.0), np.array([x, -34.0, 10.0 - rise]))
+         for i, (x, rise, pitch) in enumerate((x, rise, np.arctan(rise / 34.0))
+                                              for x in (0.0, 0.5, 1.0) for rise in (0.0, 8.0))]  # fmt: skip
+
+
+def observed(views: list[View], wire=THICK) -> list[tuple[float, float]]:
+    masks = [drawn(view, points[(np.abs(pixels(view, points) - [60, 40]) < [60, 40]).all(1)])
+             for view in views for points in [wire.polyline(0.02)]]  # fmt: skip
+    (found,) = observable_stretches([wire], views, masks, CAPTURE)
+    return found
+
+
+def test_what_six_wide_images_from_two_heights_show_is_observable() -> None:
+    """Planes through the wire differ by atan(8 / 34) = 13 degrees."""
+    ((low, high),) = observed(BELOW)
+    assert low < 1.5 and high > 38.0
+    assert observed(BELOW[:5]) == []  # five images
+    assert observed([replace(view, centre=BELOW[0].centre) for view in BELOW[::2]] * 2) == []  # one height
+    assert observed(BELOW, replace(WIRE, diameter_m=0.4)) == []  # 1.2 px
 
 
 def test_shown_agrees_with_brute_force() -> None:

@@ -75,29 +75,25 @@ def observable_stretches(
     capture: CaptureConfig,
 ) -> list[list[tuple[float, float]]]:
     """For each wire its stretches (s from, s to) that images show well enough to measure: OBSERVABLE_RULE."""
-    found = []
-    for wire in wires:
-        s = _evenly(wire.base.length_m, COARSE_STEP_M)
-        points = wire.points(s)
-        along = np.gradient(points, axis=0)
-        along /= np.linalg.norm(along, axis=1, keepdims=True)
-        side = np.cross(along, [0.0, 0.0, 1.0])
-        side /= np.linalg.norm(side, axis=1, keepdims=True)
-        above = np.cross(side, along)
-        thick = np.full(len(s), 2 * radius_m(wire))
-        angles = np.full((len(views), len(s)), np.nan)
-        for i, (view, mask) in enumerate(zip(views, masks, strict=True)):
-            wide = width_px(points, thick, view, capture) >= OBSERVABLE_PX
-            if not wide.any():
-                continue
-            use = wide & (shown(points, view, mask, capture) > 0)
-            sight = points - view.centre
-            turned = np.arctan2((sight * above).sum(1), (sight * side).sum(1))
-            angles[i, use] = np.degrees(turned[use]) % 180.0
-        enough = np.isfinite(angles).sum(0) >= OBSERVABLE_IMAGES
-        enough[enough] = _spread_deg(angles[:, enough]) >= OBSERVABLE_DEG
-        found.append(stretches(s, enough))
-    return found
+    grids = [_evenly(wire.base.length_m, COARSE_STEP_M) for wire in wires]
+    parts = [wire.points(s) for wire, s in zip(wires, grids, strict=True)]
+    points, along = np.concatenate(parts), np.concatenate([np.gradient(part, axis=0) for part in parts])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    side = np.cross(along, [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    above = np.cross(side, along)
+    thick = np.repeat([2 * radius_m(wire) for wire in wires], [len(s) for s in grids])
+    angles = np.full((len(views), len(points)), np.nan)
+    for i, (view, mask) in enumerate(zip(views, masks, strict=True)):
+        wide = np.flatnonzero(width_px(points, thick, view, capture) >= OBSERVABLE_PX)
+        use = wide[shown(points[wide], view, mask, capture) > 0]
+        sight = points[use] - view.centre
+        turned = np.arctan2((sight * above[use]).sum(1), (sight * side[use]).sum(1))
+        angles[i, use] = np.degrees(turned) % 180.0
+    enough = np.isfinite(angles).sum(0) >= OBSERVABLE_IMAGES
+    enough[enough] = _spread_deg(angles[:, enough]) >= OBSERVABLE_DEG
+    cuts = np.cumsum([len(s) for s in grids])[:-1]
+    return [stretches(s, part) for s, part in zip(grids, np.split(enough, cuts), strict=True)]
 
 
 def _spread_deg(angles: Float[np.ndarray, "v k"]) -> Float[np.ndarray, " k"]:

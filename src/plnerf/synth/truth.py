@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from plnerf.line.catenary import lowest
@@ -23,6 +24,8 @@ POLYLINE_STEP_M = 0.25
 MASK_COVERAGE = 0.1  # of a pixel's area, seen
 CLEARANCE_RANGE_M = 40.0  # around mid-span; further off, along the span and so far across:
 CLEARANCE_ACROSS_M = 18.0
+AXIS_STEP_M = 0.02  # of the points that clearances are measured to
+COARSE = 25  # every so many points of an axis say which leaves may be the nearest
 
 Stretches = Sequence[tuple[float, float]]
 
@@ -158,9 +161,18 @@ def _beside(site: Site, plant: Plant) -> bool:
 
 def _vegetation(site: Site) -> list[dict[str, object]]:
     """Every plant; near ones with their clearance: the least distance from leaf to conductor surface."""
-    axes = [wire.polyline(0.02) for wire in site.wires]
+    axes = [wire.polyline(AXIS_STEP_M) for wire in site.wires]
     radii = np.repeat([radius_m(wire) for wire in site.wires], [len(axis) for axis in axes])
+    owners = np.cumsum([len(axis) for axis in axes])
     tree = cKDTree(np.concatenate(axes))
+    coarse = cKDTree(np.concatenate([axis[np.r_[0 : len(axis) : COARSE, len(axis) - 1]] for axis in axes]))
+
+    def nearest_to(leaves: Float[np.ndarray, "n 3"]) -> tuple[float, int]:
+        """Least distance from a leaf to an axis, and the index of the axis's point."""
+        about = coarse.query(leaves)[0]  # at most half a coarse step too far
+        distance, nearest = tree.query(leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01])
+        best = int(np.argmin(distance))
+        return float(distance[best]), int(nearest[best])
 
     def entry(plant: Plant) -> dict[str, object]:
         found: dict[str, object] = {
@@ -170,11 +182,9 @@ def _vegetation(site: Site) -> list[dict[str, object]]:
             "height_m": plant.height_m,
         }
         if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M or _beside(site, plant):
-            distance, nearest = tree.query(plant_meshes(plant)[1].vertices)
-            best = int(np.argmin(distance))
-            owners = np.cumsum([len(axis) for axis in axes])
-            owner = int(np.searchsorted(owners, nearest[best], side="right"))
-            found["clearance_m"] = round(float(distance[best] - radii[nearest[best]]), 4)
+            distance, nearest = nearest_to(plant_meshes(plant)[1].vertices)
+            owner = int(np.searchsorted(owners, nearest, side="right"))
+            found["clearance_m"] = round(distance - float(radii[nearest]), 4)
             found["nearest_conductor"] = site.wires[owner].name
         return found
 
