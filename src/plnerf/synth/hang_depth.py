@@ -64,7 +64,7 @@ class Depth:
 
 
 def photo_depths(
-    views: Sequence[PhotoView], config: HangDepthConfig, progress: Callable[[int, int], None]
+    views: Sequence[PhotoView], config: HangDepthConfig, progress: Callable[[int, int], object]
 ) -> list[Depth]:
     """The depth of every photo.  Raises SceneError where hardly any of them can be matched."""
     smalls = []
