@@ -12,6 +12,7 @@ from tests.support.synth_spans import assert_same_site
 
 from plnerf.errors import ConfigError
 from plnerf.line.curve import vertical_sag
+from plnerf.synth import seen
 from plnerf.synth.build import build_site, stand
 from plnerf.synth.capture import plan_flight
 from plnerf.synth.check import check_cameras, support_meshes
@@ -254,6 +255,27 @@ def test_draws_differ_from_seed_to_seed_and_return_with_it() -> None:
         [scene.capture.pose_noise_m > 0 for scene in scenes],
     ):
         assert 2 <= sum(map(bool, some)) <= 28
+
+
+def test_drawn_flights_show_enough_of_the_line_to_measure_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were nothing hidden: of most scenes 10 m of wire or more are observable."""
+
+    def in_image(points, view, mask, capture):
+        local = (points - view.centre) @ view.R_world_camera
+        half = np.array([capture.width_px, capture.height_px]) / 2
+        pixel = local[:, :2] / np.maximum(local[:, 2:], 1e-9) * capture.focal_px
+        return ((local[:, 2] > 0.05) & (np.abs(pixel) < half).all(1)).astype(np.int64)
+
+    monkeypatch.setattr(seen, "shown", in_image)
+    lengths = []
+    for seed in range(20):
+        site = stand(drawn(seed).span)
+        views = plan_flight(site, drawn(seed).capture)
+        none = [np.zeros((1, 1), dtype=np.bool_)] * len(views)
+        wires = [wire for span in site.lines[0].spans for wire in span.wires]
+        found = seen.observable_stretches(wires, views, none, drawn(seed).capture)
+        lengths.append(sum(high - low for stretches in found for low, high in stretches))
+    assert np.mean(np.array(lengths) > 10.0) >= 0.6
 
 
 def test_the_random_scene_is_named_by_its_seed() -> None:

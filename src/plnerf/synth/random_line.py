@@ -110,10 +110,10 @@ def draw_wind(rng: np.random.Generator, wires: tuple[WireConfig, ...]) -> tuple[
 
 def _lattice(rng: np.random.Generator, *, double: bool, lowest_m: float | None = None) -> Drawn:
     """Three phases in a triangle, or two circuits of three above each other; often with a shield wire."""
-    length, string = float(rng.uniform(36.0, 64.0)), float(rng.uniform(0.7, 1.2))
+    length, string = float(rng.uniform(34.0, 58.0)), float(rng.uniform(0.7, 1.2))
     low = float(rng.uniform(8.5, 12.5)) if lowest_m is None else lowest_m + 0.04 * length
     step, reach = float(rng.uniform(1.5, 2.6)), float(rng.uniform(1.8, 3.0))
-    sag, thick = length * float(rng.uniform(0.018, 0.038)), float(rng.uniform(0.014, 0.036))
+    sag, thick = length * float(rng.uniform(0.018, 0.038)), float(rng.uniform(0.018, 0.038))
     bundle = 2 if rng.random() < 0.2 else 1
     gap, colour = float(rng.uniform(0.3, 0.45)), _colour(rng)
     if double:
@@ -145,7 +145,7 @@ def _pole(rng: np.random.Generator, height_m: float | None = None) -> Drawn:
     """Two to four wires on pins of one crossarm, and often a neutral below."""
     length = float(rng.uniform(30.0, 50.0))
     top = float(rng.uniform(8.5, 11.0)) if height_m is None else height_m
-    sag, thick = length * float(rng.uniform(0.012, 0.022)), float(rng.uniform(0.010, 0.020))
+    sag, thick = length * float(rng.uniform(0.012, 0.022)), float(rng.uniform(0.012, 0.022))
     sag = min(sag, 0.12 * top)
     count, colour = int(rng.integers(2, 5)), _colour(rng)
     reach = float(rng.uniform(0.9, 1.4))

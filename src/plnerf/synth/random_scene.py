@@ -12,10 +12,9 @@ from plnerf.synth.build import furnish, stand
 from plnerf.synth.capture import plan_flight
 from plnerf.synth.check import check_cameras, check_growth
 from plnerf.synth.config import ImageConfig, PlantsConfig, SceneConfig, SpanConfig, TerrainConfig
-from plnerf.synth.flight_config import CaptureConfig, Grid, Leg, Orbit, Pass
+from plnerf.synth.random_flight import draw_capture
 from plnerf.synth.random_line import draw_line, draw_other, draw_spans, draw_wind
 
-IMAGES = 48
 TRIES = 200  # of draws that cannot stand or be flown another one is made
 
 
@@ -56,7 +55,7 @@ def _draw(seed: int, rng: np.random.Generator) -> SceneConfig:
         span = replace(span, others=(draw_other(rng, span.line),))
     terrain, houses = _terrain(rng, roads=not bends and not span.others)
     span = replace(span, terrain=terrain, houses=houses, plants=_plants(rng, open_land=bool(span.others)))
-    return SceneConfig(f"random-{seed}", span, _capture(rng, span), _image(rng))
+    return SceneConfig(f"random-{seed}", span, draw_capture(rng, span), _image(rng))
 
 
 def _terrain(rng: np.random.Generator, *, roads: bool) -> tuple[TerrainConfig, int]:
@@ -92,102 +91,6 @@ def _plants(rng: np.random.Generator, *, open_land: bool) -> PlantsConfig:
         conifers=float(rng.uniform(0.0, 0.8)) if rng.random() < 0.6 else 0.0,
         near=near,
         near_across_m=(0.0, 8.0),
-    )
-
-
-def _capture(rng: np.random.Generator, span: SpanConfig) -> CaptureConfig:
-    half = span.span_length_m / 2
-    low, high = (
-        half * float(rng.uniform(0.75, 1.25 if more else 0.98)) for more in (span.before_m, span.after_m)
-    )
-    pattern = rng.choice(["sides", "two sides", "zigzag", "oblique", "orbit", "grid", "climb"])
-    focal = float(rng.uniform(380.0, 560.0))
-    if pattern == "oblique":
-        focal = float(rng.uniform(560.0, 820.0))
-    legs = _legs(rng, str(pattern), span, (low, high))
-    poses_off = rng.random() < 0.35
-    return CaptureConfig(
-        focal_px=focal,
-        passes=legs,
-        views_per_pass=IMAGES // len(legs),
-        filmed_m=(-low, high),
-        pose_noise_m=float(rng.uniform(0.0, 0.02)) if poses_off else 0.0,
-        pose_noise_deg=float(rng.uniform(0.0, 0.06)) if poses_off else 0.0,
-        seen_px=1.0,
-    )
-
-
-def _legs(
-    rng: np.random.Generator, pattern: str, span: SpanConfig, filmed_m: tuple[float, float]
-) -> tuple[Leg, ...]:
-    right = min(span.wires, key=lambda wire: wire.across_m)
-    left = max(span.wires, key=lambda wire: wire.across_m)
-    top = max(span.wires, key=lambda wire: wire.height_m)
-    clear = span.support.height_m - top.height_m + max(one.raised_m for one in span.structures)
-
-    def value(low: float, high: float) -> float:
-        return float(rng.uniform(low, high))
-
-    def beside(name: str, far: float, above: float, toward: float, pitch: float) -> Pass:
-        """Forth on the right or back on the left, so that the line is always on the camera's left."""
-        side, sign = (right, -1.0) if name == "right" else (left, 1.0)
-        start, end = (-1.0, 1.0) if name == "right" else (1.0, -1.0)
-        return Pass(name, side.name, sign * far, above, start, end, toward, pitch, zigzag_m=value(0.2, 0.8))
-
-    about = len(span.before_m) + int(rng.integers(2))
-    bearing, radius = value(0.0, 360.0), value(9.5, 13.0)
-    tall = span.support.height_m
-    if pattern in ("sides", "two sides"):
-        legs: list[Leg] = [
-            beside(name, value(2.4, 4.5), value(0.0, 1.6), value(32.0, 55.0), value(-14.0, 2.0))
-            for name in ("right", "left")
-        ]
-        if pattern == "sides":
-            up = top.height_m - right.height_m + clear + value(2.0, 3.5)
-            over = Pass(
-                "above", right.name, value(-1.0, 0.5), up, -1.0, 1.0, value(5.0, 25.0), value(-34.0, -22.0),
-                zigzag_m=value(0.2, 1.0),
-            )  # fmt: skip
-            legs.append(over)
-        return tuple(legs)
-    if pattern == "zigzag":
-        up, wide, period = clear + value(2.5, 4.5), value(3.0, 6.0), value(14.0, 26.0)
-        forth = Pass(
-            "forth", top.name, 0.0, up, -1.0, 1.0, value(-15.0, 15.0), value(-48.0, -30.0),
-            zigzag_m=wide, zigzag_period_m=period,
-        )  # fmt: skip
-        back = replace(forth, name="back", above_m=up + value(0.5, 2.0), start=1.0, end=-1.0, zigzag_m=-wide)
-        return forth, replace(back, toward_deg=value(-15.0, 15.0), pitch_deg=value(-48.0, -30.0))
-    if pattern == "oblique":
-        return (
-            beside("right", value(7.0, 12.0), value(3.0, 8.0), value(55.0, 80.0), value(-32.0, -16.0)),
-            beside("left", value(7.0, 12.0), value(3.0, 8.0), value(55.0, 80.0), value(-32.0, -16.0)),
-        )
-    if pattern == "orbit":
-        return (
-            Orbit("low", about, radius, 0.7 * tall, 0.95 * tall, bearing, 360.0, 0.85 * tall),
-            Orbit(
-                "high",
-                about,
-                radius + value(0.0, 3.0),
-                tall + 2.0,
-                tall + 5.0,
-                bearing + 90.0,
-                -360.0,
-                0.8 * tall,
-            ),
-        )
-    if pattern == "grid":
-        along, up = (-filmed_m[0], filmed_m[1]), tall + value(6.0, 9.0)
-        wide = 0.5 * left.across_m + value(2.0, 3.5)  # what is farther out shows no wire
-        return (
-            Grid("along", along, wide, int(rng.integers(3, 5)), up),
-            Grid("across", along, wide, int(rng.integers(6, 9)), up + 1.0, value(0.0, 12.0), crosses=True),
-        )
-    return (
-        Orbit("climb", about, radius, 4.0, tall + 4.0, bearing, value(20.0, 70.0), 0.85 * tall),
-        beside("right", value(2.4, 4.5), value(0.0, 1.6), value(32.0, 55.0), value(-14.0, 2.0)),
-        beside("left", value(2.4, 4.5), value(1.0, 2.5), value(32.0, 55.0), value(-20.0, -2.0)),
     )
 
 
