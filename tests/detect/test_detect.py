@@ -238,11 +238,19 @@ def test_two_lines_that_cross_are_both_found(tmp_path: Path) -> None:
     assert len(certain) == 4
 
 
-def test_an_azimuth_that_is_told_is_the_only_one_searched(three: tuple[Scene, tuple[Wire, ...]]) -> None:
-    """Clockwise from the world's y: the wires run along x."""
-    told = [replace(COARSE, directions=DirectionConfig(azimuth_deg=deg)) for deg in (93.0, 0.0)]
-    assert_each_once(detect_wires(three[0], told[0]))
-    assert detect_wires(three[0], told[1]) == ()
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0])
+def test_an_azimuth_that_is_known_is_the_only_one_searched(
+    three: tuple[Scene, tuple[Wire, ...]], turn_deg: float
+) -> None:
+    """Clockwise from the world's y.  The wires run along the scene's x, which the world has `turn_deg` from
+    its own x towards its y."""
+    frames = replace(three[0].frames, R_scene_world=turned(turn_deg).T)
+    scene = replace(three[0], frames=frames)
+    known = [
+        replace(COARSE, directions=DirectionConfig(azimuth_deg=deg)) for deg in (93.0 - turn_deg, -turn_deg)
+    ]
+    assert_each_once(detect_wires(scene, known[0]))
+    assert detect_wires(scene, known[1]) == ()
 
 
 def turned(azimuth_deg: float) -> np.ndarray:

@@ -24,7 +24,6 @@ def seen_lines(
     m = count + clutter
     return LineMaps(
         np.zeros(m, np.int64), np.arange(m), np.full(m, 0.9, np.float32),
-        np.concatenate([rays, unit(rng.normal(size=(clutter, 3)))]).astype(np.float32),
         np.concatenate([normals, others]).astype(np.float32),
     )  # fmt: skip
 
@@ -65,7 +64,7 @@ def test_a_direction_that_was_searched_is_not_found_again() -> None:
 
 def test_faint_lines_do_not_vote() -> None:
     maps = seen_lines(40.0, 0.0, seed=5)
-    faint = LineMaps(maps.view, maps.pixel, 0.4 * maps.response, maps.ray, maps.normal)
+    faint = LineMaps(maps.view, maps.pixel, 0.4 * maps.response, maps.normal)
     assert vote(faint, CONFIG).sum() == 0 and vote(maps, CONFIG).sum() > 0
 
 

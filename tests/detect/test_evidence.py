@@ -102,12 +102,13 @@ def test_responses_are_shares_and_an_even_picture_has_none() -> None:
     assert inner.max() < 0.01  # an even slope is no line
 
 
-def test_vanishing_directions_are_where_points_move_along_the_axis() -> None:
-    """A point seen in a pixel at any depth, moved a little along (1, 0, slope), moves that way."""
-    cameras, slope = two_passes(2), 0.2
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.2), (0.6, -0.7, 0.2)])
+def test_vanishing_directions_are_where_points_move_along_a_line(direction: tuple[float, ...]) -> None:
+    """A point seen in a pixel at any depth, moved a little along a direction, moves that way."""
+    cameras = two_passes(2)
     for i in range(len(cameras)):
         w, h = (int(side) for side in cameras.size_px[i])
-        towards = vanishing_directions(cameras, i, (h, w), np.array([1.0, 0.0, slope]))
+        towards = vanishing_directions(cameras, i, (h, w), np.array(direction))
         assert towards.shape == (h, w, 2)
         np.testing.assert_allclose(np.linalg.norm(towards, axis=-1), 1, atol=1e-5)
         for u, v in ((20, 30), (200, 100), (120, 170)):
@@ -115,7 +116,7 @@ def test_vanishing_directions_are_where_points_move_along_the_axis() -> None:
                 plane = torch.tensor([u + 0.5, v + 0.5]) - cameras.principal_px[i]
                 ray = torch.cat([plane / cameras.focal_px[i], torch.ones(1)]) * depth
                 point = cameras.centre[i] + cameras.R_scene_camera[i] @ ray
-                step = 0.002 * torch.tensor([1.0, 0.0, slope])
+                step = 0.002 * torch.tensor(direction)
                 pixels, _ = project(cameras, torch.stack([point - step, point + step]))
                 moved = (pixels[i, 1] - pixels[i, 0]).numpy()
                 np.testing.assert_allclose(moved / np.linalg.norm(moved), towards[v, u], atol=2e-3)

@@ -21,7 +21,6 @@ from plnerf.survey.wire_points import (
     along_any,
     direction_of,
     ridge_pixels,
-    towards_in_image,
     wire_points,
 )
 from plnerf.train.loop import train
@@ -137,18 +136,6 @@ def test_pixels_of_several_directions_are_those_of_each(run: TrainedRun) -> None
     )
     assert one and other and one != other and both == one | other
     assert not len(ridge_pixels(run.scene, 1, np.zeros((0, 3)), every)[1])
-
-
-def test_a_direction_in_the_image_is_that_of_two_points_on_it(run: TrainedRun) -> None:
-    cameras = run.scene.cameras
-    direction = np.array([0.6, -0.7, 0.2])
-    towards = towards_in_image(cameras, 2, (32, 48), direction)
-    (fx, fy), (cx, cy) = cameras.focal_px[2].tolist(), cameras.principal_px[2].tolist()
-    ray = np.array([(30.5 - cx) / fx, (9.5 - cy) / fy, 1.0]) @ cameras.R_scene_camera[2].double().numpy().T
-    near = cameras.centre[2].double().numpy() + 2.0 * ray
-    pixels, _ = project(cameras, torch.from_numpy(near + np.array([[-1e-3], [1e-3]]) * direction).float())
-    step = np.diff(pixels[2].double().numpy(), axis=0)[0]
-    assert step / np.linalg.norm(step) == pytest.approx(towards[9, 30], abs=0.02)
 
 
 def test_wires_are_grouped_by_direction_whichever_end_comes_first() -> None:

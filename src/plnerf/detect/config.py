@@ -266,10 +266,10 @@ class DetectConfig:
     directions: DirectionConfig = field(default_factory=DirectionConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
     coarse: SweepConfig = field(default_factory=lambda: SweepConfig(planes=24, cell=0.008))
-    """Of the whole volume of a window: where wires hang at all."""
+    """Of the coarse sweep through all of a window."""
     odds: OddsConfig = field(default_factory=OddsConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
-    """Of the part of the volume in which wires were found."""
+    """Of the fine sweep around the wires that the coarse one found."""
     narrow: NarrowConfig = field(default_factory=NarrowConfig)
     refit: RefitConfig = field(default_factory=RefitConfig)
     search: SearchConfig = field(default_factory=SearchConfig)

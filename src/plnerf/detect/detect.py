@@ -26,6 +26,7 @@ from plnerf.detect.window_search import find_lines
 from plnerf.detect.windows import Window, windows_along
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
+from plnerf.scene.orientation import heading
 from plnerf.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
@@ -39,6 +40,7 @@ def detect_wires(
 
     In `LineFrame.of_scene(scene.frames)`.  Each is one conductor over a stretch in which it is one catenary,
     its base along its own direction; both ends are open.  The steps of `progress` are images and directions.
+    Raises SceneError where an azimuth is given and the scene has no north.
     """
     images, most = len(scene.train), config.directions.most
     steps = (images + most) * 2
@@ -90,14 +92,13 @@ def _next_direction(
     config: DetectConfig,
 ) -> Direction | None:
     """The direction in which most lines run that are not found yet; None where images agree on none."""
-    free = maps.of(taken[views.starts[maps.view] + maps.pixel] == 0)
-    votes, told = vote(free, config.directions), config.directions.azimuth_deg
-    if told is not None:
-        north = scene.frames.direction_to_scene(
-            np.array([np.sin(np.radians(told)), np.cos(np.radians(told)), 0.0])
-        )
-        azimuth = float(np.arctan2(north[1], north[0])) % np.pi
-        return None if azimuths else given(azimuth, votes, config.directions)
+    known_deg = config.directions.azimuth_deg
+    if known_deg is not None and azimuths:
+        return None
+    votes = vote(maps.of(taken[views.starts[maps.view] + maps.pixel] == 0), config.directions)
+    if known_deg is not None:
+        x, y, _ = heading(scene.frames, known_deg)
+        return given(float(np.arctan2(y, x)) % np.pi, votes, config.directions)
     direction = strongest(votes, azimuths, config.directions)
     return direction if direction.excess >= config.directions.min_excess else None
 

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float32, Int
 
 from plnerf.detect.config_lines import LineMapConfig
 from plnerf.detect.ridges import Ridges, find_ridges
-from plnerf.rays.lens import undistort_plane
+from plnerf.rays.rays import pixel_rays
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.images import ImageStore
 
@@ -33,8 +33,6 @@ class LineMaps:
     """Row by row in its view's image."""
     response: Float32[np.ndarray, " m"]
     """0 to 1."""
-    ray: Float32[np.ndarray, "m 3"]
-    """Unit vector from the camera through the pixel."""
     normal: Float32[np.ndarray, "m 3"]
     """Unit normal of the plane through the camera's centre and the line."""
 
@@ -63,14 +61,16 @@ def line_maps(
         tangent = ridges.tangent_rad[rows, columns]
         at = np.stack([columns, rows], 1) + 0.5
         on = np.stack([np.cos(tangent), np.sin(tangent)], 1)
-        before, beyond = (unit_rays(cameras, i, at + side * on) for side in (-1, 1))
-        normal = unit(np.cross(before, beyond))
+        camera = torch.full((len(at),), i)
+        before, beyond = (
+            pixel_rays(cameras, camera, torch.from_numpy(at + side * on).float()).directions.double().numpy()
+            for side in (-1, 1)
+        )
         return LineMaps(
             np.full(len(rows), view),
             rows * keep.shape[1] + columns,
             ridges.strength[rows, columns],
-            unit(before + beyond).astype(np.float32),
-            normal.astype(np.float32),
+            unit(np.cross(before, beyond)).astype(np.float32),
         )
 
     parts = []
@@ -104,16 +104,6 @@ def middles(ridges: Ridges, config: LineMapConfig) -> Bool[np.ndarray, "h w"]:
             )  # fmt: skip
             middle &= strength >= (np.abs(beside) if k <= config.beside_px else -sign * beside)
     return middle
-
-
-def unit_rays(cameras: Cameras, i: int, pixels: np.ndarray) -> np.ndarray:
-    """Unit vectors of the scene frame through pixels (m, 2) of a camera, without its lens's distortion."""
-    plane = (torch.from_numpy(pixels).double() - cameras.principal_px[i]) / cameras.focal_px[i]
-    lens = cameras.distortion[i].double()
-    if lens.any():
-        plane = undistort_plane(plane, lens.expand(len(pixels), -1))
-    rays = np.concatenate([plane.numpy(), np.ones((len(plane), 1))], 1)
-    return unit(rays) @ cameras.R_scene_camera[i].double().numpy().T
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

@@ -63,7 +63,7 @@ class Stretch:
     wire_px: float | None
     """Width of a wire in the view that magnifies it most; None where the scene is unscaled."""
     seen_share: float
-    """Of the stretch's points, by one view or more."""
+    """Share of the places along the stretch that one view or more sees."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from plnerf.detect.evidence import line_response
+from plnerf.detect.evidence import line_response, vanishing_directions
 from plnerf.line.frame import LineFrame
 from plnerf.line.survey import WirePoints
 from plnerf.line.wire import Wire
@@ -130,7 +130,7 @@ def ridge_pixels(
     picture = scene.images.image(i)
     response = np.zeros(picture.shape[:2], np.float32)
     for direction in directions:
-        towards = towards_in_image(scene.cameras, i, picture.shape[:2], direction)
+        towards = vanishing_directions(scene.cameras, i, picture.shape[:2], direction)
         np.maximum(response, line_response(picture, towards, config.evidence), out=response)
     response = np.where(scene.images.valid(i), response, 0)
     flat = np.flatnonzero(response > config.min_response)
@@ -138,25 +138,6 @@ def ridge_pixels(
     row, column = np.divmod(flat, picture.shape[1])
     place = torch.from_numpy(np.stack([column + 0.5, row + 0.5], 1)).float()
     return torch.full((len(flat),), i), place
-
-
-def towards_in_image(
-    cameras: Cameras, i: int, shape: tuple[int, ...], direction: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "h w 2"]:
-    """Unit vectors of the image direction in which a line along a direction of the scene runs through each
-    pixel.
-
-    The lens is left out: it turns directions by a degree or two, which a second derivative does not notice.
-    """
-    ax, ay, az = (float(v) for v in direction @ cameras.R_scene_camera[i].double().numpy())
-    fx, fy = (float(v) for v in cameras.focal_px[i])
-    cx, cy = (float(v) for v in cameras.principal_px[i])
-    h, w = shape
-    u, v = np.meshgrid((np.arange(w) + 0.5 - cx) / fx, (np.arange(h) + 0.5 - cy) / fy)
-    # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
-    dx, dy = fx * (ax - u * az), fy * (ay - v * az)
-    length = np.maximum(np.hypot(dx, dy), 1e-9)
-    return np.stack([dx / length, dy / length], -1).astype(np.float32)
 
 
 def _shows(cameras: Cameras, i: int, points: Float[np.ndarray, "n 3"]) -> bool:
