@@ -1,5 +1,6 @@
 """A line along the span responds where it is, whatever the light; a line across does not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
 
+from plnerf.detect import evidence
 from plnerf.detect.config_lines import EvidenceConfig
-from plnerf.detect.evidence import line_evidence, line_response, vanishing_directions
+from plnerf.detect.evidence import Vanishing, line_evidence, line_response, vanishing
+from plnerf.detect.reduction import tiles
 from plnerf.scene.cameras import project
 from plnerf.scene.images import ImageStore
 
@@ -20,10 +23,10 @@ CONFIG = EvidenceConfig()
 X = np.array([1.0, 0.0, 0.0])
 
 
-def along(angle_deg: float, shape: tuple[int, int] = (SIZE, SIZE)) -> np.ndarray:
-    """The same direction at every pixel."""
+def along(angle_deg: float) -> Vanishing:
+    """The same direction at every pixel: of a line that runs across the view."""
     angle = np.deg2rad(angle_deg)
-    return np.full((*shape, 2), [np.cos(angle), np.sin(angle)], dtype=np.float32)
+    return Vanishing((float(np.cos(angle)), float(np.sin(angle)), 0.0), (100.0, 100.0), (48.0, 48.0))
 
 
 def line_picture(angle_deg: float, thick: int = 2, ground: int = 120, contrast: int = 60) -> np.ndarray:
@@ -82,23 +85,23 @@ def test_a_line_across_does_not_respond(angle_deg: float, across_deg: float) -> 
 @settings(max_examples=10, deadline=None)
 def test_more_light_on_all_changes_nothing_and_polarity_does_not_count(seed: int, more: int) -> None:
     image = np.random.default_rng(seed).integers(50, 200, (40, 50, 3), dtype=np.uint8)
-    response = line_response(image, along(20.0, (40, 50)), CONFIG)
+    response = line_response(image, along(20.0), CONFIG)
     assert response.max() > 0.1
     np.testing.assert_allclose(
-        line_response(image + np.uint8(more), along(20.0, (40, 50)), CONFIG), response, atol=1e-3
+        line_response(image + np.uint8(more), along(20.0), CONFIG), response, atol=1e-3
     )
-    np.testing.assert_allclose(line_response(255 - image, along(20.0, (40, 50)), CONFIG), response, atol=1e-3)
-    np.testing.assert_allclose(line_response(image, -along(20.0, (40, 50)), CONFIG), response, atol=1e-3)
+    np.testing.assert_allclose(line_response(255 - image, along(20.0), CONFIG), response, atol=1e-3)
+    np.testing.assert_allclose(line_response(image, along(200.0), CONFIG), response, atol=1e-3)
 
 
 def test_responses_are_shares_and_an_even_picture_has_none() -> None:
     image = np.random.default_rng(3).integers(0, 256, (60, 50, 3), dtype=np.uint8)
-    response = line_response(image, along(0.0, (60, 50)), CONFIG)
+    response = line_response(image, along(0.0), CONFIG)
     assert response.dtype == np.float32 and response.min() >= 0 and response.max() <= 1
     even = np.full((60, 50, 3), 77, np.uint8)
-    assert line_response(even, along(0.0, (60, 50)), CONFIG).max() < 1e-5  # round-off
+    assert line_response(even, along(0.0), CONFIG).max() < 1e-5  # round-off
     slope = np.repeat(np.broadcast_to(np.arange(50, dtype=np.uint8) * 4, (60, 50))[..., None], 3, -1)
-    inner = line_response(np.ascontiguousarray(slope), along(90.0, (60, 50)), CONFIG)[:, 20:30]
+    inner = line_response(np.ascontiguousarray(slope), along(90.0), CONFIG)[:, 20:30]
     assert inner.max() < 0.01  # an even slope is no line
 
 
@@ -108,7 +111,7 @@ def test_vanishing_directions_are_where_points_move_along_a_line(direction: tupl
     cameras = two_passes(2)
     for i in range(len(cameras)):
         w, h = (int(side) for side in cameras.size_px[i])
-        towards = vanishing_directions(cameras, i, (h, w), np.array(direction))
+        towards = vanishing(cameras, i, np.array(direction)).towards((h, w))
         assert towards.shape == (h, w, 2)
         np.testing.assert_allclose(np.linalg.norm(towards, axis=-1), 1, atol=1e-5)
         for u, v in ((20, 30), (200, 100), (120, 170)):
@@ -138,3 +141,34 @@ def test_evidence_is_flat_over_the_chosen_images_and_blind_where_masked(tmp_path
     half = int(sizes[0]) // 2
     assert each[0][:half].max() > 0 and masked[:half].max() == 0
     np.testing.assert_array_equal(masked[half:], each[0][half:])
+
+
+def test_a_thin_line_in_a_large_photo_responds_in_its_blocks() -> None:
+    """Pixel by pixel it is looked at, and nothing is averaged away: a line of one pixel in blocks of four."""
+    picture = np.random.default_rng(5).normal(120, 3, (400, 600)).clip(0, 255).astype(np.uint8)
+    cv2.line(picture, (0, 50), (599, 350), 150, 1, cv2.LINE_AA)
+    angle = np.degrees(np.arctan2(300, 599))
+    image = np.repeat(picture[..., None], 3, -1)
+    response = line_response(image, along(angle), replace(CONFIG, most_px=150))
+    assert response.shape == (100, 150)
+    y, x = np.mgrid[:100, :150]
+    far = np.abs((4 * y + 2 - 50) * np.cos(np.radians(angle)) - (4 * x + 2) * np.sin(np.radians(angle)))
+    columns = (response * (far < 4)).max(0)[8:-8]
+    assert (columns > 0.5).mean() > 0.95
+    assert response[far > 12].max() < 0.35
+
+
+def test_tiles_change_nothing() -> None:
+    image = np.random.default_rng(2).integers(0, 256, (200, 333, 3), dtype=np.uint8)
+    lines = Vanishing((0.9, 0.2, 0.1), (300.0, 310.0), (160.0, 90.0))
+    small = line_response(image, lines, replace(CONFIG, most_px=112))
+    assert small.shape == (67, 111)
+    parts = [(tile.inner[0].stop, tile.inner[1].stop) for tile in tiles((200, 333), 111, 0)]
+    assert parts == [(111, 111), (111, 222), (111, 333), (200, 111), (200, 222), (200, 333)]
+    np.testing.assert_allclose(small, _in_one_tile(image, lines, replace(CONFIG, most_px=112)), atol=1e-3)
+
+
+def _in_one_tile(image: np.ndarray, lines: Vanishing, config: EvidenceConfig) -> np.ndarray:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evidence, "tiles", lambda shape, side, margin: tiles(shape, 999, 0))
+        return line_response(image, lines, config)

@@ -12,6 +12,7 @@ from plnerf.detect.config_lines import LineMapConfig
 from plnerf.detect.line_maps import line_maps
 
 CONFIG = LineMapConfig()
+MOST_PX = 1280
 
 
 @pytest.mark.parametrize("lens", [(0.0,) * 5, (-0.05, 0.02, 0.001, -0.002, 0.003)], ids=["pinhole", "lens"])
@@ -20,7 +21,7 @@ def test_the_planes_hold_the_line(tmp_path: Path, lens: tuple[float, ...]) -> No
     plain = two_passes(4)
     cameras = replace(plain, distortion=torch.tensor(lens).repeat(len(plain), 1))
     scene = scene_of(tmp_path, cameras, draw(cameras, [straight], noise=1.0))
-    maps = line_maps(scene.images, cameras, scene.train, CONFIG)
+    maps = line_maps(scene.images, cameras, scene.train, MOST_PX, CONFIG)
     strong = maps.of(maps.response > 0.6)
     assert len(np.unique(strong.view)) == len(scene.train) and len(strong.view) > 100 * len(scene.train)
     assert np.median(np.abs(strong.normal[:, 0])) < np.sin(np.radians(1.5))  # the line runs along x
@@ -35,11 +36,23 @@ def test_the_planes_hold_the_line(tmp_path: Path, lens: tuple[float, ...]) -> No
 def test_what_is_masked_out_shows_no_line(tmp_path: Path) -> None:
     cameras = pinhole_cameras(np.array([[0.0, -0.5, 0.1]]), np.zeros((1, 3)))
     scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(hanging(0.0, 0.0))]))
-    whole = line_maps(scene.images, cameras, (0,), CONFIG)
+    whole = line_maps(scene.images, cameras, (0,), MOST_PX, CONFIG)
     valid = np.ones((180, 240), np.uint8)
     valid[:, :120] = 0
     valid.tofile(tmp_path / "valid.u8")
     half = line_maps(replace(scene, images=type(scene.images)(tmp_path, scene.images.sizes_px)).images,
-                     cameras, (0,), CONFIG)  # fmt: skip
+                     cameras, (0,), MOST_PX, CONFIG)  # fmt: skip
     assert (half.pixel % 240 >= 120).all()
     assert set(half.pixel.tolist()) == {p for p in whole.pixel.tolist() if p % 240 >= 120}
+
+
+def test_a_reduced_photo_shows_the_same_planes(tmp_path: Path) -> None:
+    """Blocks of two pixels: half the size, the same lines in space."""
+    straight = polyline(hanging(0.02, 0.05, 0.0))
+    plain = two_passes(2)
+    cameras = plain.at_size(2 * plain.size_px - 1)  # 479 x 359: the last blocks are half empty
+    scene = scene_of(tmp_path, cameras, draw(cameras, [straight], noise=1.0, thick=3))
+    maps = line_maps(scene.images, cameras, scene.train, 240, CONFIG)
+    strong = maps.of(maps.response > 0.6)
+    assert len(strong.view) > 100 * len(scene.train) and strong.pixel.max() < 240 * 180
+    assert np.median(np.abs(strong.normal[:, 0])) < np.sin(np.radians(1.5))

@@ -123,13 +123,16 @@ def scene_of(folder: Path, cameras: Cameras, pictures: list[np.ndarray], box: np
     folder.mkdir(parents=True, exist_ok=True)
     np.concatenate([picture.reshape(-1, 3) for picture in pictures]).tofile(folder / "images.u8")
     n = len(cameras)
+    images = ImageStore(folder, cameras.size_px.numpy())
     return Scene(
         root=folder,
         names=tuple(f"{i:04d}.png" for i in range(n)),
         cameras=cameras,
         frames=FRAMES,
         box=box,
-        images=ImageStore(folder, cameras.size_px.numpy()),
+        images=images,
+        photos=images,
+        photo_sizes_px=cameras.size_px.numpy(),
         train=tuple(range(n)),
         test=(n - 1,),
         wire_masks={},

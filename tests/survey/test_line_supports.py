@@ -21,7 +21,7 @@ from plnerf.line.ends import Attached, Open
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line
 from plnerf.line.wire import Wire
-from plnerf.scene.images import ImageStore
+from plnerf.scene.photos import PhotoFiles
 from plnerf.survey.attach import hung_between, lines_of, numbered, trimmed
 from plnerf.survey.chains import find_chains, wires_of
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
@@ -70,9 +70,16 @@ def filmed(centres: np.ndarray, targets: np.ndarray) -> Photos:
     frame = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", None, scene_per_unit=1.0)
     cameras = frame.cameras(pinhole_cameras(centres, targets))
     names = tuple(str(k) for k in range(len(cameras)))
-    images = ImageStore.__new__(ImageStore)  # no picture is read
+    images = PhotoFiles(())  # no picture is read
     return Photos(
-        frame, cameras, images, names, tuple(range(len(names))), np.array([[-50.0] * 3, [200.0] * 3])
+        frame,
+        cameras,
+        images,
+        images,
+        cameras.size_px.numpy(),
+        names,
+        tuple(range(len(names))),
+        np.array([[-50.0] * 3, [200.0] * 3]),
     )
 
 

@@ -120,12 +120,12 @@ def test_a_direction_can_be_given(capture: Path, tmp_path: Path) -> None:
     config = replace(CONFIG, choose=replace(CHOOSE, groups=1, azimuth_deg=40.0))
     folder = hang_in_photos(capture, tmp_path / "out", config)
     for wire in json.loads((folder / "truth.json").read_text())["conductors"]:
-        np.testing.assert_allclose(wire["direction"], [np.cos(np.radians(40)), np.sin(np.radians(40))])
+        np.testing.assert_allclose(wire["direction"], [np.sin(np.radians(40)), np.cos(np.radians(40))])
 
 
 def test_one_track_fixes_no_wire_along_it(tmp_path: Path) -> None:
     scene = write_capture(tmp_path / "scene", tracks=(0.0,), each=6)
-    config = replace(CONFIG, choose=replace(CHOOSE, azimuth_deg=0.0, groups=1))
+    config = replace(CONFIG, choose=replace(CHOOSE, azimuth_deg=90.0, groups=1))
     with pytest.raises(SceneError, match="from sides that differ by 10 degrees"):
         hang_in_photos(scene, tmp_path / "out", config)
     assert not (tmp_path / "out").exists()

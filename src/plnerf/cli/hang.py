@@ -31,7 +31,7 @@ def hang(  # noqa: PLR0913 (an argument is an option)
         seed: Decides every random draw.
         groups: Groups of parallel wires, each in a direction of its own.
         wires: Least and greatest number of wires of a group.
-        azimuth: Direction of the first group, degrees anticlockwise from x; drawn when left out.
+        azimuth: Of the first group, in degrees clockwise from north (the world's +y); drawn when left out.
         depth: Distances from the cameras, as shares of the scene's depth.
         width: Widths in the nearest tenth of where wires are seen, in pixels.
         sag: Sag as a share of the span.

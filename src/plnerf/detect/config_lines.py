@@ -105,6 +105,14 @@ class EvidenceConfig:
     min_bend: float = 0.004
     """Least contrast of a neighbourhood, of the full brightness; noise and compression bend that much in a
     clear sky."""
+    most_px: int = 1280
+    """Longest side of the maps that are searched.  Larger photos are looked at pixel by pixel, and of each
+    block of pixels the strongest response is kept."""
+
+    @property
+    def margin_px(self) -> int:
+        """Around a part of an image, the pixels that its responses depend on."""
+        return math.ceil(4 * (max(self.scales_px) + self.contrast_px))
 
     def __post_init__(self) -> None:
         lengths = (*self.scales_px, self.along_px, self.contrast_px)
@@ -114,6 +122,7 @@ class EvidenceConfig:
             "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
             self,
         )
+        check(self.most_px >= 32, "detect.evidence needs most_px of 32 or more", self)
         check(0 <= self.beside_px <= self.echo_px, "detect.evidence needs 0 <= beside_px <= echo_px", self)
 
 

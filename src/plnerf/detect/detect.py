@@ -38,9 +38,10 @@ def detect_wires(
 ) -> tuple[Wire, ...]:
     """The wires that the training images show, certain and uncertain, in the order in which they were found.
 
-    In `LineFrame.of_scene(scene.frames)`.  Each is one conductor over a stretch in which it is one catenary,
-    its base along its own direction; both ends are open.  The steps of `progress` are images and directions.
-    Raises SceneError where an azimuth is given and the scene has no north.
+    Photos are looked at in their full size, whatever the resolution that the scene is trained at.  The wires
+    are in `LineFrame.of_scene(scene.frames)`.  Each is one conductor over a stretch in which it is one
+    catenary, its base along its own direction; both ends are open.  The steps of `progress` are images and
+    directions.  Raises SceneError where an azimuth is given and the scene has no north.
     """
     images, most = len(scene.train), config.directions.most
     steps = (images + most) * 2
@@ -49,8 +50,9 @@ def detect_wires(
         if progress is not None:
             progress(done, steps)
 
-    views = views_of(scene.cameras[list(scene.train)])
-    maps = line_maps(scene.images, scene.cameras, scene.train, config.lines, report)
+    cameras, most_px = scene.photo_cameras, config.evidence.most_px
+    views = views_of(cameras[list(scene.train)], most_px)
+    maps = line_maps(scene.photos, cameras, scene.train, most_px, config.lines, report)
     taken = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
     wires, azimuths = list[Wire](), list[float]()
     while len(azimuths) < most:
@@ -119,7 +121,7 @@ def _in_window(
     others, taken = pixels
     mine = window.seen_by(views)
     images = [scene.train[k] for k in window.views]
-    responses = line_evidence(scene.images, scene.cameras, images, direction.vector, config.evidence)
+    responses = line_evidence(scene.photos, scene.photo_cameras, images, direction.vector, config.evidence)
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
     responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
     search = Search(mine, responses, middles_of_planes(config.search.planes), config)

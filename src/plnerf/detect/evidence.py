@@ -4,35 +4,93 @@ All lines in one direction of space meet in one point of an image, their vanishi
 pixel to it is the only one a wire can have there, but for its sag.  A wire is a ridge across that direction:
 the second derivative of the brightness is large across it and small along it.
 
-Letters: images of h x w pixels.
+Letters: images of h x w pixels, H x W blocks.
 """
 
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from plnerf.detect.config_lines import EvidenceConfig
+from plnerf.detect.reduction import reduction, strongest_of_blocks, tiles, valid_blocks
 from plnerf.detect.ridges import gradient, hessian
 from plnerf.scene.cameras import Cameras
-from plnerf.scene.images import ImageStore
+from plnerf.scene.photos import Pictures
+
+
+@dataclass(frozen=True)
+class Vanishing:
+    """Which way a line along a direction of space runs at each pixel of an image.
+
+    The lens is left out: it turns directions by a degree or two, which a second derivative does not notice.
+    """
+
+    along: tuple[float, float, float]
+    """The direction in camera axes."""
+    focal: tuple[float, float]
+    principal: tuple[float, float]
+
+    def towards(
+        self, shape: tuple[int, ...], corner: tuple[int, int] = (0, 0), k: int = 1
+    ) -> Float32[np.ndarray, "h w 2"]:
+        """Unit vectors (x, y) at the middles of blocks of k x k pixels.
+
+        shape: rows and columns of blocks; corner: row and column of the first pixel.
+        """
+        (ax, ay, az), (fx, fy), (cx, cy) = self.along, self.focal, self.principal
+        rows, columns = (at + k * (np.arange(n) + 0.5) for at, n in zip(corner, shape, strict=True))
+        u, v = np.meshgrid((columns - cx) / fx, (rows - cy) / fy)
+        # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
+        dx, dy = fx * (ax - u * az), fy * (ay - v * az)
+        length = np.maximum(np.hypot(dx, dy), 1e-9)
+        return np.stack([dx / length, dy / length], -1).astype(np.float32)
+
+
+def vanishing(cameras: Cameras, i: int, direction: Float[np.ndarray, "3"]) -> Vanishing:
+    """For image i and a direction of the scene."""
+    ax, ay, az = (direction @ cameras.R_scene_camera[i].double().numpy()).tolist()
+    fx, fy = (float(v) for v in cameras.focal_px[i])
+    cx, cy = (float(v) for v in cameras.principal_px[i])
+    return Vanishing((ax, ay, az), (fx, fy), (cx, cy))
 
 
 def line_response(
-    image: UInt8[np.ndarray, "h w 3"],
-    towards: Float[np.ndarray, "h w 2"],
-    config: EvidenceConfig,
-) -> Float[np.ndarray, "h w"]:
-    """Response of each pixel, 0 to 1, to a line in the given direction (unit vectors x, y).
+    image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, config: EvidenceConfig
+) -> Float32[np.ndarray, "H W"]:
+    """Response of each block of k x k pixels, 0 to 1, to a line in the given direction.
 
     The second derivative across the direction less the one along it and less the first derivative across it,
-    of either sign, at the best of a few scales (Lindeberg's normalisation), in units of the neighbourhood's;
-    0 beside the ridge's middle.
+    of either sign, at the best of a few scales (Lindeberg's normalisation), at the image's own resolution;
+    the strongest of a block is averaged along the line, in units of the neighbourhood's; 0 beside the ridge's
+    middle.  k is 1 in images of up to `most_px`.
     """
+    h, w = image.shape[:2]
+    k = reduction((w, h), config.most_px)
+    best = np.empty((-(-h // k), -(-w // k)), np.float32)
+    for tile in tiles((h, w), config.most_px // k * k, config.margin_px):
+        corner = (tile.outer[0].start, tile.outer[1].start)
+        bend = _bend(image[tile.outer], lines, corner, config)[tile.within]
+        rows, columns = (slice(part.start // k, -(-part.stop // k)) for part in tile.inner)
+        best[rows, columns] = strongest_of_blocks(bend, k)
+    towards = lines.towards(best.shape, k=k)
+    c, s = towards[..., 0], towards[..., 1]
+    best = _average_along(best, c, s, config)
+    strength = np.abs(best)
+    response = np.clip(strength / (config.full_response * _around(best, config)), 0, 1)
+    return np.where(_is_ridge(best, c, s, config), response, 0).astype(np.float32)
+
+
+def _bend(
+    image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, corner: tuple[int, int], config: EvidenceConfig
+) -> Float32[np.ndarray, "h w"]:
+    """How much each pixel bends as a line does, with its sign, no more than a few times what others do."""
     grey = image.astype(np.float32).mean(-1) / 255
+    towards = lines.towards(grey.shape, corner)
     c, s = towards[..., 0], towards[..., 1]
     best = np.zeros_like(grey)
     for sigma in config.scales_px:
@@ -44,10 +102,7 @@ def line_response(
         bend = np.maximum(size, 0) * np.sign(across) * np.float32(sigma ** (config.gamma - 2))
         np.copyto(best, bend, where=np.abs(bend) > np.abs(best))
     limit = config.max_bend * _around(best, config)
-    best = _average_along(np.clip(best, -limit, limit), c, s, config)
-    strength = np.abs(best)
-    response = np.clip(strength / (config.full_response * _around(best, config)), 0, 1)
-    return np.where(_is_ridge(best, c, s, config), response, 0).astype(np.float32)
+    return np.clip(best, -limit, limit)
 
 
 def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
@@ -57,23 +112,26 @@ def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
 
 
 def line_evidence(
-    store: ImageStore,
+    photos: Pictures,
     cameras: Cameras,
     images: Sequence[int],
     direction: Float[np.ndarray, "3"],
     config: EvidenceConfig,
     progress: Callable[[int], None] | None = None,
 ) -> Float32[np.ndarray, " p"]:
-    """Responses of the chosen images to lines along a direction of the scene frame.
+    """Responses of the chosen photos to lines along a direction of the scene frame.
 
-    One image after the other in one flat array; masked-out pixels 0.  progress: called with the number of
-    images done.
+    One photo after the other in one flat array, block by block; where any pixel is masked out 0.  progress:
+    called with the number of photos done.
     """
 
     def one(i: int) -> Float32[np.ndarray, " _"]:
-        picture = store.image(i)
-        towards = vanishing_directions(cameras, i, picture.shape[:2], direction)
-        return np.where(store.valid(i), line_response(picture, towards, config), 0).ravel()
+        picture = photos.image(i)
+        response = line_response(picture, vanishing(cameras, i, direction), config)
+        if photos.has_masks:
+            k = reduction(picture.shape[:2], config.most_px)
+            response[~valid_blocks(photos.valid(i), k)] = 0
+        return response.ravel()
 
     maps = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -82,24 +140,6 @@ def line_evidence(
             if progress is not None:
                 progress(done)
     return np.concatenate(maps)
-
-
-def vanishing_directions(
-    cameras: Cameras, i: int, shape: tuple[int, ...], direction: Float[np.ndarray, "3"]
-) -> Float32[np.ndarray, "h w 2"]:
-    """Unit vectors of the image direction in which a line along a direction of the scene runs at each pixel.
-
-    The lens is left out: it turns directions by a degree or two, which a second derivative does not notice.
-    """
-    ax, ay, az = (direction @ cameras.R_scene_camera[i].double().numpy()).tolist()  # in camera axes
-    fx, fy = (float(v) for v in cameras.focal_px[i])
-    cx, cy = (float(v) for v in cameras.principal_px[i])
-    h, w = shape
-    u, v = np.meshgrid((np.arange(w) + 0.5 - cx) / fx, (np.arange(h) + 0.5 - cy) / fy)
-    # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
-    dx, dy = fx * (ax - u * az), fy * (ay - v * az)
-    length = np.maximum(np.hypot(dx, dy), 1e-9)
-    return np.stack([dx / length, dy / length], -1).astype(np.float32)
 
 
 def _shifted(picture: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:

@@ -17,10 +17,11 @@ import torch
 from jaxtyping import Bool, Float32, Int
 
 from plnerf.detect.config_lines import LineMapConfig
+from plnerf.detect.reduction import mean_of_blocks, reduction, valid_blocks
 from plnerf.detect.ridges import Ridges, find_ridges
 from plnerf.rays.rays import pixel_rays
 from plnerf.scene.cameras import Cameras
-from plnerf.scene.images import ImageStore
+from plnerf.scene.photos import Pictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,28 +43,36 @@ class LineMaps:
 
 
 def line_maps(
-    store: ImageStore,
+    photos: Pictures,
     cameras: Cameras,
     images: tuple[int, ...],
+    most_px: int,
     config: LineMapConfig,
     progress: Callable[[int], None] | None = None,
 ) -> LineMaps:
-    """The thin lines in the chosen images; none where pixels are masked out.
+    """The thin lines in the chosen photos; none where pixels are masked out.
 
-    progress: called with the number of images done.
+    most_px: photos whose longer side has more pixels are reduced to blocks (`reduction.py`), which count as
+    pixels then.  progress: called with the number of photos done.
     """
 
     def one(view: int) -> LineMaps:
         i = images[view]
-        ridges = find_ridges(store.image(i), config.ridges)
-        keep = middles(ridges, config) & store.valid(i)
+        picture = photos.image(i)
+        k = reduction(picture.shape[:2], most_px)
+        ridges = find_ridges(mean_of_blocks(picture, k), config.ridges)
+        keep = middles(ridges, config)
+        if photos.has_masks:
+            keep &= valid_blocks(photos.valid(i), k)
         rows, columns = np.nonzero(keep)
         tangent = ridges.tangent_rad[rows, columns]
         at = np.stack([columns, rows], 1) + 0.5
         on = np.stack([np.cos(tangent), np.sin(tangent)], 1)
         camera = torch.full((len(at),), i)
         before, beyond = (
-            pixel_rays(cameras, camera, torch.from_numpy(at + side * on).float()).directions.double().numpy()
+            pixel_rays(cameras, camera, torch.from_numpy(k * (at + side * on)).float())
+            .directions.double()
+            .numpy()
             for side in (-1, 1)
         )
         return LineMaps(

@@ -8,6 +8,7 @@ from typing import NamedTuple, no_type_check
 import numpy as np
 from jaxtyping import Float, Int
 
+from plnerf.detect.reduction import reduction
 from plnerf.ops.kernel_cache import njit
 from plnerf.scene.cameras import Cameras
 
@@ -27,16 +28,18 @@ class Views(NamedTuple):
     starts: Int[np.ndarray, " n"]
 
 
-def views_of(cameras: Cameras) -> Views:
-    """Cameras as arrays."""
+def views_of(cameras: Cameras, most_px: int | None = None) -> Views:
+    """Cameras as arrays; most_px: of images reduced to blocks, which count as pixels (`reduction.py`)."""
     R_camera_scene = np.ascontiguousarray(cameras.R_scene_camera.double().numpy().transpose(0, 2, 1))
-    sizes = cameras.size_px.numpy()
+    full = cameras.size_px.numpy()
+    k = np.array([reduction((int(w), int(h)), most_px) if most_px else 1 for w, h in full]).reshape(-1, 1)
+    sizes = -(-full // k)
     starts = np.concatenate([[0], np.cumsum(sizes.prod(1))[:-1]]).astype(np.int64)
     return Views(
         R_camera_scene,
         cameras.centre.double().numpy(),
-        cameras.focal_px.double().numpy(),
-        cameras.principal_px.double().numpy(),
+        cameras.focal_px.double().numpy() / k,
+        cameras.principal_px.double().numpy() / k,
         cameras.distortion.double().numpy(),
         sizes,
         starts,

@@ -5,7 +5,7 @@ top-left corner is (0, 0) and the first pixel's centre is (0.5, 0.5).  Lengths a
 changes here: ``transforms.py`` does that.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import torch
@@ -22,13 +22,13 @@ class Cameras:
     centre: Float[Tensor, "n 3"]
     """Camera centres in the scene frame."""
     focal_px: Float[Tensor, "n 2"]
-    """fx, fy at the training resolution."""
+    """fx, fy at the resolution of `size_px`: in a scene, that of training."""
     principal_px: Float[Tensor, "n 2"]
-    """cx, cy at the training resolution."""
+    """cx, cy at the same resolution."""
     distortion: Float[Tensor, "n 5"]
     """k1 k2 p1 p2 k3, of OpenCV's model; they act on z = 1 coordinates, so no resolution enters."""
     size_px: Int[Tensor, "n 2"]
-    """Width and height at the training resolution, int64."""
+    """Width and height, int64."""
 
     @cached_property
     def distorted(self) -> bool:
@@ -41,6 +41,15 @@ class Cameras:
     def __getitem__(self, index: slice | list[int] | Tensor) -> "Cameras":
         """The chosen cameras, in the order of ``index``."""
         return Cameras(*(getattr(self, field.name)[index] for field in fields(self)))
+
+    def at_size(self, size_px: Int[Tensor, "n 2"]) -> "Cameras":
+        """The same cameras for images of other sizes (width, height)."""
+        if torch.equal(size_px, self.size_px):
+            return self
+        ratio = size_px / self.size_px
+        return replace(
+            self, focal_px=self.focal_px * ratio, principal_px=self.principal_px * ratio, size_px=size_px
+        )
 
     def to(self, device: torch.device | str) -> "Cameras":
         """The same cameras on another device."""

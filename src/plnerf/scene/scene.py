@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from plnerf.errors import SceneError
 from plnerf.scene.build_store import Progress, open_store, reduced_sizes_px
@@ -19,6 +19,7 @@ from plnerf.scene.formats import read_listing
 from plnerf.scene.images import ImageStore
 from plnerf.scene.listing import Listing, some
 from plnerf.scene.orientation import cameras_box, frames_for
+from plnerf.scene.photos import PhotoFiles, Pictures
 from plnerf.scene.transforms import Frames
 
 HOLD_OUT_EVERY = 8
@@ -37,6 +38,10 @@ class Scene:
     box: Float[np.ndarray, "2 3"]
     """Lowest and highest corner of what the capture is about, scene frame."""
     images: ImageStore
+    photos: Pictures
+    """The images at their full size."""
+    photo_sizes_px: Int[np.ndarray, "n 2"]
+    """Width and height of the photos."""
     train: tuple[int, ...]
     test: tuple[int, ...]
     """Held-out images: never trained on."""
@@ -50,6 +55,11 @@ class Scene:
     """"nerfstudio", "instant-ngp" or "colmap"."""
     left_out: tuple[str, ...]
     """Images that the source lists and that are not used (no file, or no pose)."""
+
+    @property
+    def photo_cameras(self) -> Cameras:
+        """The cameras with the intrinsics of the photos at their full size."""
+        return self.cameras.at_size(torch.from_numpy(self.photo_sizes_px))
 
     def in_frames(self, frames: Frames, box: Float[np.ndarray, "2 3"]) -> "Scene":
         """The same capture in other frames of the same world, with this box; pixels and masks stay.
@@ -84,6 +94,7 @@ def load_scene(
     source = Path(source)
     listing = read_listing(source)
     store = store or _temporary_folder()
+    sizes = reduced_sizes_px(listing.shots, 1)
     if listing.left_out:
         warnings.warn(
             f"Left out, having no file or no pose: {len(listing.left_out)} of the "
@@ -100,13 +111,16 @@ def load_scene(
         crs=listing.crs,
         origin=listing.origin,
     )
+    images = open_store(listing.shots, listing.root, store, downscale=downscale, progress=progress)
     return Scene(
         root=listing.root,
         names=tuple(shot.name for shot in listing.shots),
         cameras=scene_cameras(listing, frames, downscale),
         frames=frames,
         box=cameras_box(frames.to_scene(T_world_camera[:, :3, 3])),
-        images=open_store(listing.shots, listing.root, store, downscale=downscale, progress=progress),
+        images=images,
+        photos=images if downscale == 1 else PhotoFiles(listing.shots),
+        photo_sizes_px=sizes,
         train=train,
         test=test,
         wire_masks={i: shot.wire_mask for i, shot in enumerate(listing.shots) if shot.wire_mask is not None},

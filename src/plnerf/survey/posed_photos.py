@@ -5,28 +5,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras, project
-from plnerf.scene.images import ImageStore
+from plnerf.scene.photos import Pictures
 from plnerf.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
 class Photos:
-    """The training images of a scene, with their poses and lenses."""
+    """The training images of a scene, with their poses and lenses, at the resolution of training."""
 
     frame: LineFrame
     cameras: Cameras
     """All of the scene's, in the LineFrame, float64."""
-    images: ImageStore
+    images: Pictures
+    full: Pictures
+    """The same at their full size."""
+    full_sizes_px: Int[np.ndarray, "n 2"]
     names: tuple[str, ...]
     train: tuple[int, ...]
     """Indices of the images that a survey may use."""
     box: Float[np.ndarray, "2 3"]
     """Lowest and highest corner of what the capture is about, LineFrame."""
+
+    def full_size(self) -> "Photos":
+        """The same with the photos at their full size."""
+        cameras = self.cameras.at_size(torch.from_numpy(self.full_sizes_px))
+        return replace(self, cameras=cameras, images=self.full)
+
+    @property
+    def reduced(self) -> float:
+        """How many pixels of the photos make one here, along the side: the median."""
+        return float(np.median(self.full_sizes_px / self.cameras.size_px.numpy()))
 
     def within(self, points: Float[np.ndarray, "n 3"], farthest: float) -> Bool[np.ndarray, " n"]:
         """Which points are no background: within `farthest` half sides of the box from its middle."""
@@ -68,6 +81,6 @@ def photos_of(scene: Scene) -> Photos:
     """Enters the LineFrame."""
     frame = LineFrame.of_scene(scene.frames)
     return Photos(
-        frame, frame.cameras(scene.cameras), scene.images, scene.names, scene.train,
-        frame.from_scene(scene.box.astype(np.float64)),
+        frame, frame.cameras(scene.cameras), scene.images, scene.photos, scene.photo_sizes_px,
+        scene.names, scene.train, frame.from_scene(scene.box.astype(np.float64)),
     )  # fmt: skip

@@ -29,6 +29,7 @@ from plnerf.survey.kinds import with_kinds
 from plnerf.survey.lidar.find import find_lines
 from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
+from plnerf.survey.no_wires import why_none
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.span_refits import refine_spans
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
@@ -114,6 +115,8 @@ def _of_images(
     every = [wire for line in lines for wire in line.wires]
     as_detected = [replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)]
     cloud, more = classified(surface, ground, every, supports.points, config.classify)
+    if not every:
+        findings = (why_none(found, photos, surface, config.refine.diameter_m), *findings)
     survey = Survey(
         photos.frame, lines, cloud, source, made, findings=(*_about(found, lines), *findings, *more),
         detected=tuple(as_detected), wire_points=points,
@@ -140,10 +143,8 @@ def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:
     """What a reader must know of the wires that were detected."""
     findings = []
     spans = [span for line in lines for span in line.spans]
-    if not spans:
-        findings.append(harms("wires", "The images show no wire whose place the views fix."))
     left = len(found) - sum(len(span.wires) for span in spans)
-    if left:
+    if spans and left:
         findings.append(note("wires", f"The views do not fix the place of {left} more that may be wires."))
     unseen = sum(one is None for span in spans for one in span.structures)
     if unseen:

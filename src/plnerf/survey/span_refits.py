@@ -1,4 +1,4 @@
-"""The refit of all spans to the images, each for itself, with the images that show it.
+"""The refit of all spans to the photos at their full size, each for itself, with those that show it.
 
 So time and memory grow with the number of spans, and images far from a span neither cost nor count there.
 """
@@ -20,7 +20,9 @@ def refine_spans(
     config: RefineConfig,
     progress: Callable[[int, int], None],
 ) -> tuple[tuple[Chain, ...], float]:
-    """The chains with refitted curves, and the pose residual of the images in px: the spans' median."""
+    """The chains with refitted curves, and the pose residual in px of the training's images: the spans'
+    median."""
+    full = photos.full_size()
     spans = [span for chain in chains for span in chain]
     wires: list[Wire] = []
     residuals = []
@@ -31,7 +33,7 @@ def refine_spans(
 
         places = np.linspace(0.0, 1.0, config.samples)
         points = np.concatenate([wire.points(places * wire.base.length_m) for wire in span.wires])
-        refined = refine_wires(photos.of(points), span.wires, config, report)
+        refined = refine_wires(full.of(points), span.wires, config, report)
         wires += refined.wires
-        residuals.append(refined.pose_residual_px)
+        residuals.append(refined.pose_residual_px / photos.reduced)
     return with_wires(chains, wires), float(np.median(residuals)) if residuals else 0.0

@@ -10,13 +10,14 @@ returned in the LineFrame, which has the same axes.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from plnerf.detect.evidence import line_response, vanishing_directions
+from plnerf.detect.evidence import line_response, vanishing
 from plnerf.line.frame import LineFrame
 from plnerf.line.survey import WirePoints
 from plnerf.line.wire import Wire
@@ -129,9 +130,10 @@ def ridge_pixels(
     """Camera and centre of the strongest pixels on ridges of an image that run in one of the directions."""
     picture = scene.images.image(i)
     response = np.zeros(picture.shape[:2], np.float32)
+    pixels = replace(config.evidence, most_px=max(picture.shape))  # all that the field was shown
     for direction in directions:
-        towards = vanishing_directions(scene.cameras, i, picture.shape[:2], direction)
-        np.maximum(response, line_response(picture, towards, config.evidence), out=response)
+        lines = vanishing(scene.cameras, i, direction)
+        np.maximum(response, line_response(picture, lines, pixels), out=response)
     response = np.where(scene.images.valid(i), response, 0)
     flat = np.flatnonzero(response > config.min_response)
     flat = flat[np.argsort(-response.flat[flat], kind="stable")][: config.max_per_view]

@@ -41,7 +41,8 @@ class _Candidate:
     a: Float[np.ndarray, "3"]
     b: Float[np.ndarray, "3"]
     sag: float
-    azimuth: float
+    turn: float
+    """Of its horizontal direction, from x towards y, in [0, pi)."""
     observable: float
     """Length of what photos fix."""
 
@@ -81,7 +82,7 @@ def choose_wires(place: Place, random: np.random.Generator) -> list[HungWire]:
         best = max(one.observable for one in usable)
         good = [one for one in usable if one.observable >= place.choose.good_share * best]
         first = good[int(random.integers(len(good)))]
-        taken.append(first.azimuth)
+        taken.append(first.turn)
         found += _group(place, first, group + 1, random)
     if not found:
         choose = place.choose
@@ -105,16 +106,16 @@ def _candidate(
     plane = view.plane(pixel)
     z = random.uniform(*choose.depth) * min(float(depth.at(plane)[0]), depth.typical)
     x = np.append(plane[0], 1.0) * z @ view.R_world_camera.T + view.centre
-    azimuth = random.uniform(0, np.pi) if azimuth_deg is None else np.radians(azimuth_deg) % np.pi
+    turn = random.uniform(0, np.pi) if azimuth_deg is None else np.radians(90.0 - azimuth_deg) % np.pi
     sag_share, slope, beyond = (
         random.uniform(*choose.sag),
         random.uniform(-SLOPE, SLOPE),
         random.uniform(*BEYOND),
     )
-    turned = [abs((azimuth - other + np.pi / 2) % np.pi - np.pi / 2) for other in taken]
+    turned = [abs((turn - other + np.pi / 2) % np.pi - np.pi / 2) for other in taken]
     if turned and min(turned) < np.radians(choose.turned_deg):
         return None
-    u = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    u = np.array([np.cos(turn), np.sin(turn), 0.0])
     spread = float(np.ptp(np.array([one.centre for one in place.views]) @ u))
     reach = 3 * place.typical + spread
     s = np.linspace(-reach, reach, 4 * choose.stations)
@@ -130,11 +131,11 @@ def _candidate(
     a, b = x + low * u, x + high * u
     a[2] += rise - slope * length * share
     b[2] += rise + slope * length * (1 - share)
-    return _judged(place, a, b, sag_share * length, float(azimuth))
+    return _judged(place, a, b, sag_share * length, float(turn))
 
 
 def _judged(
-    place: Place, a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], sag: float, azimuth: float
+    place: Place, a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], sag: float, turn: float
 ) -> _Candidate | None:
     if np.linalg.norm((b - a)[:2]) < 0.2 * place.typical:
         return None
@@ -143,7 +144,7 @@ def _judged(
     if not seen.inside.any() or np.nanmin(seen.ratio) < TOO_NEAR:
         return None
     length = float(_good(seen, place.choose).mean() * wire.length_m)
-    return _Candidate(a, b, sag, azimuth, length)
+    return _Candidate(a, b, sag, turn, length)
 
 
 def _good(seen: Sights, choose: ChooseConfig) -> Bool[np.ndarray, " n"]:
@@ -160,7 +161,7 @@ def _group(place: Place, first: _Candidate, group: int, random: np.random.Genera
     choose = place.choose
     count = int(random.integers(choose.wires[0], choose.wires[1] + 1))
     material = place.draw.material or MATERIALS[int(random.integers(len(MATERIALS)))]
-    n = np.array([-np.sin(first.azimuth), np.cos(first.azimuth), 0.0])
+    n = np.array([-np.sin(first.turn), np.cos(first.turn), 0.0])
     lean = random.uniform(-np.pi / 3, np.pi / 3)
     side = (np.cos(lean) * n + np.sin(lean) * np.array([0.0, 0.0, 1.0])) * place.typical
     found: list[HungWire] = []
@@ -173,7 +174,7 @@ def _group(place: Place, first: _Candidate, group: int, random: np.random.Genera
         sag = first.sag * (1.0 if rank == 0 else random.uniform(0.92, 1.08))
         low, high = np.log(choose.width_px)
         width_px = float(np.exp(random.uniform(low, high)))
-        one = _judged(place, first.a + offset * side, first.b + offset * side, sag, first.azimuth)
+        one = _judged(place, first.a + offset * side, first.b + offset * side, sag, first.turn)
         if one is None or one.observable < choose.kept_share * first.observable:
             continue
         wire = hang(one.a, one.b, sag)

@@ -63,7 +63,7 @@ class ChooseConfig:
     wires: tuple[int, int] = (2, 4)
     """Least and greatest number of wires of a group."""
     azimuth_deg: float | None = None
-    """Direction of the first group in degrees, anticlockwise from the world's x axis; None: drawn."""
+    """Azimuth of the first group in degrees, clockwise from north (the world's +y); None: drawn."""
     depth: tuple[float, float] = (0.6, 0.9)
     """Distances from the cameras, as shares of the scene's typical depth."""
     width_px: tuple[float, float] = (3.0, 8.0)
