@@ -78,6 +78,12 @@ from plnerf.train.settings import from_json, to_json
         (DirectionConfig, {"azimuth_deg": math.inf}),
         (DirectionConfig, {"most": 0}),
         (WindowConfig, {"spacings": 0.0}),
+        (WindowConfig, {"spacings": 41.0}),
+        (NarrowConfig, {"settle": 6}),
+        (OddsConfig, {"coarsest": 1.5}),
+        (OddsConfig, {"enough_px": 0.0}),
+        (EvidenceConfig, {"most_px": 8}),
+        (SearchConfig, {"stretches": 0}),
         (JoinConfig, {"min_overlap": 0.0}),
     ],
 )

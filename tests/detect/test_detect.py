@@ -304,7 +304,7 @@ def test_a_wire_that_ends_is_not_drawn_out(tmp_path: Path) -> None:
     "pair", [(hanging(0.0, 0.08), hanging(0.0, 0.0)), (hanging(-0.06, 0.05), hanging(0.06, 0.05))]
 )
 def test_a_pair_is_two_above_or_beside_each_other(tmp_path: Path, pair: tuple[Wire, ...]) -> None:
-    assert_each_once(detect_wires(drawn(tmp_path, two_passes(6), pair), COARSE), pair)
+    assert_each_once(detect_wires(drawn(tmp_path, two_passes(8), pair), COARSE), pair)
 
 
 def test_at_most_as_many_in_a_window_as_told(three: tuple[Scene, tuple[Wire, ...]]) -> None:
@@ -393,4 +393,4 @@ def test_twins_a_few_pixels_apart_are_two(tmp_path: Path) -> None:
     pair = (hanging(0.0, 0.062), hanging(0.0, 0.038))
     # Above each other: the passes look across.
     assert np.abs(pair[0].theta[2] - pair[1].theta[2]) < 8.1 * PIXEL
-    assert_each_once(detect_wires(drawn(tmp_path, two_passes(6), pair), COARSE), pair)
+    assert_each_once(detect_wires(drawn(tmp_path, two_passes(8), pair), COARSE), pair)

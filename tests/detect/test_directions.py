@@ -73,3 +73,17 @@ def test_an_azimuth_that_is_known_gets_the_slope_that_lines_have() -> None:
     told = given(np.radians(60.0), vote(maps, CONFIG), CONFIG)
     assert told.azimuth_rad == np.radians(60.0)
     assert np.degrees(told.slope_rad) == pytest.approx(10.0, abs=np.degrees(CONFIG.sag_rad))
+
+
+def test_a_level_plane_says_nothing_of_the_azimuth() -> None:
+    """It holds a direction of every azimuth: a thousand of them weigh no more than the lines do."""
+    rng = np.random.default_rng(7)
+    lines, normals = seen_lines(40.0, 0.0, seed=5, clutter=0), rng.normal([0, 0, 1], 0.02, (1000, 3))
+    level = LineMaps(
+        np.zeros(1000, np.int64), np.arange(1000), np.full(1000, 0.9, np.float32),
+        unit(normals).astype(np.float32),
+    )  # fmt: skip
+    votes = vote(level, CONFIG).sum(1)
+    assert votes.max() < 1.5 * votes.min()
+    both = strongest(vote(level, CONFIG) + vote(lines, CONFIG), [], CONFIG)
+    assert turn_between(both.azimuth_rad, np.radians(40.0)) <= 2 * STEP and both.excess > 0.5

@@ -28,7 +28,7 @@ def at_pixels(views: Views, odds: Odds, columns: np.ndarray, rows: np.ndarray) -
     out = []
     for u, v in zip(columns, rows, strict=True):
         point = ((u + 0.5 - w / 2) / w, (v + 0.5 - h / 2) / w, 1.0)
-        column_odds(views, odds, point, 0.0, 0.0, total, seen)
+        column_odds(views, odds, point, 0.0, 0.0, total, seen, np.zeros(len(total)))
         assert seen[0] == 1
         out.append(total[0])
     return np.array(out)
@@ -108,7 +108,7 @@ def test_a_column_is_point_by_point_what_the_views_see(lens: bool) -> None:
     odds = unclaimed(odds_of(responses, views, CONFIG), responses, others, views, CONFIG)
     total, seen = np.zeros(9), np.zeros(9, np.int64)
     for x, y, reach in rng.uniform([-0.8, -0.2, 0.0], [0.8, 0.2, 0.02], (20, 3)):
-        column_odds(views, odds, (x, y, -0.3), 0.07, reach, total, seen)
+        column_odds(views, odds, (x, y, -0.3), 0.07, reach, total, seen, np.zeros(len(total)))
         expected = [by_definition(views, odds, (x, y, -0.3 + 0.07 * k), reach) for k in range(9)]
         np.testing.assert_allclose(total, [one[0] for one in expected], atol=1e-6)
         assert seen.tolist() == [one[1] for one in expected]
@@ -118,9 +118,12 @@ def by_definition(
     views: Views, odds: Odds, point: tuple[float, float, float], reach: float
 ) -> tuple[float, int]:
     total, seen = 0.0, 0
+    depths = [project_point(views, n, *point)[2] for n in range(len(views.R))]
+    finest = max((views.focal[n, 0] / depth for n, depth in enumerate(depths) if depth > 0), default=0.0)
+    needed = CONFIG.coarsest * min(finest, CONFIG.enough_px / max(reach, 1e-9))
     for n in range(len(views.R)):
         u, v, depth = project_point(views, n, *point)
-        if depth < 0:
+        if depth < 0 or views.focal[n, 0] / depth < needed:
             continue
         seen += 1
         radius = max(reach * views.focal[n, 0] / depth, odds.sharp_px)
@@ -133,3 +136,25 @@ def by_definition(
         elif odds.ridge[pixel] > STEPS * radius:
             total += MISSED
     return total, seen
+
+
+def test_what_is_too_far_away_to_show_a_wire_does_not_speak_against_it() -> None:
+    """One view from 1 away has a ridge, nine from `far` have none."""
+    for far, counted in ((0.9 / CONFIG.coarsest, 10), (1.1 / CONFIG.coarsest, 1)):
+        near, w = one_view(64, 48), 64
+        back = np.array([[0.0, 0.0, -far + 1.0]] * 9)
+        views = Views(
+            np.repeat(near.R, 10, 0), np.concatenate([near.centre, back]), np.repeat(near.focal, 10, 0),
+            np.repeat(near.principal, 10, 0), np.zeros((10, 5)), np.repeat(near.sizes, 10, 0),
+            w * 48 * np.arange(10),
+        )  # fmt: skip
+        responses = np.zeros(10 * w * 48, np.float32)
+        responses[24 * w + 32] = 1
+        odds = odds_of(responses, views, CONFIG)
+        total, seen, finest = np.zeros(1), np.zeros(1, np.int64), np.zeros(1)
+        column_odds(views, odds, (0.5 / w, 0.5 / w, 1.0), 0.0, 0.0, total, seen, finest)
+        assert seen[0] == counted and finest[0] == w
+        assert (total[0] > 1) == (counted == 1)
+        # Within a reach of many pixels of the nearest, those from afar resolve enough.
+        column_odds(views, odds, (0.5 / w, 0.5 / w, 1.0), 0.0, CONFIG.enough_px / 16, total, seen, finest)
+        assert seen[0] == 10

@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plnerf.detect.candidate import Candidate, common_ends, hang_alike, hangs, select_wires
+from plnerf.detect.candidate import (
+    Candidate,
+    common_ends,
+    hang_alike,
+    hangs,
+    leaders,
+    select_wires,
+    without_gaps,
+)
 from plnerf.detect.config import SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
 from plnerf.detect.narrow import curve_point
@@ -80,6 +88,37 @@ def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     assert [id(one) for one in found] == [id(one) for one in (best, twin, other)]
     for none in ([road], []):
         assert select_wires(none, LENGTH, SELECT, SEARCH) == []
+
+
+def test_pieces_of_the_next_span_bend_as_the_best_does() -> None:
+    """Each in another place of its parabola; a leader of each span, the best first."""
+    best, twin = line(odds=900.0, planes=45), line(y=0.1, odds=800.0, planes=45)
+    piece, beside = line(rise=0.6, sag=0.045, odds=500.0, planes=40), line(0.1, 0.6, 0.045, 400.0, 40)
+    short = line(rise=-0.6, sag=0.045, odds=500.0, planes=int(SELECT.min_share_bent * PLANES))
+    bent = line(rise=0.6, sag=0.1, odds=500.0, planes=40)
+    lines = [beside, short, bent, twin, piece, best]
+    found = select_wires(lines, LENGTH, SELECT, SEARCH)
+    assert [id(one) for one in found] == [id(one) for one in (beside, twin, piece, best)]
+    first = leaders(lines, LENGTH, SELECT, SEARCH)
+    assert [id(one) for one in first] == [id(one) for one in (best, piece)]
+    assert leaders([line(sag=0.0)], LENGTH, SELECT, SEARCH) == []
+
+
+def test_what_the_views_do_not_fix_leads_nothing_beside_what_they_fix() -> None:
+    far, wire = line(sag=0.09, odds=2000.0), replace(line(odds=600.0), fixed=True)
+    assert leaders([far, wire], LENGTH, SELECT, SEARCH) == [wire]
+    assert select_wires([far, wire], LENGTH, SELECT, SEARCH) == [wire]
+    assert leaders([far, line(odds=600.0)], LENGTH, SELECT, SEARCH)[0] is far
+
+
+def test_the_background_between_twins_is_no_third() -> None:
+    pixel, pair = 0.01, [line(y=0.0), line(y=0.08, odds=800.0)]
+    gap, strong = line(y=0.042, odds=500.0), line(y=0.042, odds=850.0)
+    assert without_gaps([*pair, gap], pixel, SEARCH) == pair
+    assert without_gaps([*pair, strong], pixel, SEARCH) == [*pair, strong]
+    for other in (line(y=0.06, odds=500.0), line(y=0.12, odds=500.0)):
+        assert without_gaps([*pair, other], pixel, SEARCH) == [*pair, other]
+    assert without_gaps([*pair, gap], pixel / 2, SEARCH) == [*pair, gap]  # 8 px to either side
 
 
 def test_wires_that_hang_alike_end_where_the_longest_does() -> None:

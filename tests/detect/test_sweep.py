@@ -58,7 +58,7 @@ def test_a_planted_curve_comes_first(q: tuple[int, ...], seed: int) -> None:
 def test_curves_of_the_same_shape_are_found_from_the_shape() -> None:
     true = [(5, 6, 20, 25, 3), (12, 13, 20, 25, 3), (12, 13, 24, 29, 4)]
     shape = np.array([0, BOX.cell, 0, 5 * BOX.cell, 3 * BOX.cell])
-    found = in_cells(candidates_like(shape, planted(*true), BOX, CONFIG))
+    found = in_cells(candidates_like(shape, 0.5, planted(*true), BOX, CONFIG))
     first = found[:12]
     for q in true:
         assert np.abs(first - q).max(1).min() < 1.01
@@ -120,6 +120,6 @@ def test_the_best_are_each_kept_once(curves: list[tuple[int, ...]], most: int) -
     kept, values = best_distinct(np.array(curves), score, most)
     assert len({tuple(q) for q in kept.tolist()}) == len(kept) == min(most, len(set(curves)))
     assert (np.diff(values) <= 0).all() and values[0] == score.max()
-    far = well_apart(kept, 100)
+    far = well_apart(kept, 1, 100)
     assert (far[0] == kept[0]).all()
-    np.testing.assert_array_equal(well_apart(kept, 1), far[:1])
+    np.testing.assert_array_equal(well_apart(kept, 1, 1), far[:1])

@@ -61,6 +61,13 @@ def test_windows_overlap_by_half_and_cover_the_track() -> None:
         assert high == pytest.approx(10.0 + CONFIG.above * length)
 
 
+def test_a_flight_that_is_hardly_longer_than_a_window_is_one() -> None:
+    for count, windows in ((33, 1), (60, 5)):
+        centres = long_track(count)
+        views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
+        assert len(list(windows_along(Direction(0.0, 0.0, 1.0), views, CONFIG))) == windows
+
+
 def test_cameras_around_a_place_have_one_window_as_wide_as_their_orbit() -> None:
     angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     centres = np.stack([20 * np.cos(angle), 20 * np.sin(angle), np.full(36, 15.0)], 1)

@@ -5,11 +5,13 @@ Letters as in `sweep.py`; planes are those of the fit.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
 
 from plnerf.detect.config import SearchConfig, SelectConfig
+from plnerf.detect.narrow import curve_point
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,8 @@ class Candidate:
     """First and last plane of the stretch with the largest odds."""
     ends: tuple[int, int] = (0, 0)
     """First and last plane of the longer stretch with hardly any evidence against it."""
+    fixed: bool = False
+    """Whether the views fix its place where it was seen."""
 
     @property
     def planes(self) -> int:
@@ -40,26 +44,80 @@ class Candidate:
 def select_wires(
     lines: Sequence[Candidate], length: float, select: SelectConfig, search: SearchConfig
 ) -> list[Candidate]:
-    """The lines that hang: like the best of them, or with much evidence over most of the span."""
+    """The lines that hang like the best of them, or with much evidence beside it."""
     best = best_hanging(lines, length, select)
     if best is None:
         return []
 
     def is_wire(line: Candidate) -> bool:
-        share, clear = line.planes / search.planes, line.odds >= select.min_odds
         if line.ends[0] == line.ends[1]:
             return False
         if hang_alike(best, line, length, select):
-            return clear or share >= select.min_share_similar
-        return hangs(line, length, select) and clear and share >= select.min_share
+            return line.odds >= select.min_odds or line.planes / search.planes >= select.min_share_similar
+        return hangs_beside(best, line, length, select, search)
 
     return [line for line in lines if is_wire(line)]
 
 
+def leaders(
+    lines: Sequence[Candidate], length: float, select: SelectConfig, search: SearchConfig
+) -> list[Candidate]:
+    """Of each way in which lines hang, the one with the highest odds; the best of all first.
+
+    A window may show several spans, whose wires are pieces of other parabolas.
+    """
+    best = best_hanging(lines, length, select)
+    if best is None:
+        return []
+    found = [best]
+    beside = [line for line in lines if hangs_beside(best, line, length, select, search)]
+    for line in sorted(beside, key=lambda line: -line.odds):
+        if not any(hang_alike(leader, line, length, select) for leader in found):
+            found.append(line)
+    return found
+
+
+def hangs_beside(
+    best: Candidate, line: Candidate, length: float, select: SelectConfig, search: SearchConfig
+) -> bool:
+    """Whether a line that hangs unlike the best has enough evidence to be a wire nevertheless.
+
+    It needs less of the window where it bends as the best does: wires of one tension bend alike in every
+    span.
+    """
+    share = select.min_share_bent if sag_ratio(best, line) <= select.max_sag_ratio else select.min_share
+    enough = line.odds >= select.min_odds and line.planes >= share * search.planes
+    return enough and line.fixed >= best.fixed and hangs(line, length, select)
+
+
 def best_hanging(lines: Sequence[Candidate], length: float, config: SelectConfig) -> Candidate | None:
-    """The line with the highest odds of those that hang."""
+    """The line with the highest odds of those that hang, or of those among them whose place is fixed.
+
+    What is far away looks alike from all along a flight: it may have more odds than a wire, and hangs as
+    nothing does.
+    """
     hanging = [line for line in lines if hangs(line, length, config)]
-    return max(hanging, key=lambda line: line.odds) if hanging else None
+    return max(hanging, key=lambda line: (line.fixed, line.odds)) if hanging else None
+
+
+def without_gaps(lines: Sequence[Candidate], pixel: float, config: SearchConfig) -> list[Candidate]:
+    """The lines without those that run in the middle between two stronger ones: the background between twins.
+
+    pixel: width of one where lines hang.
+    """
+
+    def apart_px(line: Candidate, theta: Float[np.ndarray, "5"]) -> float:
+        s = np.linspace(*line.seen, 9) / (config.planes - 1)
+        one, other = (np.stack(curve_point(curve, s)) for curve in (line.theta, theta))
+        return float(np.hypot(*(one - other)).mean()) / pixel
+
+    def is_gap(line: Candidate) -> bool:
+        near = [one for one in lines if one.odds > line.odds and apart_px(line, one.theta) <= config.gap_px]
+        return any(
+            apart_px(line, (a.theta + b.theta) / 2) <= config.middle_px for a, b in combinations(near, 2)
+        )
+
+    return [line for line in lines if not is_gap(line)]
 
 
 def hangs(line: Candidate, length: float, config: SelectConfig) -> bool:
@@ -71,9 +129,14 @@ def hangs(line: Candidate, length: float, config: SelectConfig) -> bool:
 def hang_alike(a: Candidate, b: Candidate, length: float, config: SelectConfig) -> bool:
     """Whether two lines have about the same slope and sag."""
     slopes = [(line.theta[[1, 3]] - line.theta[[0, 2]]) / length for line in (a, b)]
-    low, high = sorted((a.theta[4], b.theta[4]))
     similar = np.abs(slopes[0] - slopes[1]).max() < config.max_slope_difference
-    return bool(similar and 0 < high <= config.max_sag_ratio * low)
+    return bool(similar and sag_ratio(a, b) <= config.max_sag_ratio)
+
+
+def sag_ratio(a: Candidate, b: Candidate) -> float:
+    """The larger sag as a multiple of the smaller one; infinite where one does not hang."""
+    low, high = sorted((float(a.theta[4]), float(b.theta[4])))
+    return high / low if low > 0 else np.inf
 
 
 def common_ends(

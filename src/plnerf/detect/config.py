@@ -32,16 +32,22 @@ class OddsConfig:
     """Standard deviation of the neighbourhood whose density of ridges counts, beyond the radius itself."""
     min_density: float = 0.02
     """Least density of ridges: however empty a sky, one ridge says no more than this."""
+    coarsest: float = 0.25
+    """Resolution below which a view does not count, as a share of that of the view that resolves best: from
+    so much farther away a wire is too thin, and one that is not seen there is no less likely."""
+    enough_px: float = 4.0
+    """No view needs to resolve better than so many pixels to the reach within which a wire is looked for."""
     muffled_px: int = 4
     """Within this distance of other wires' ridges a weaker ridge is hidden: its absence is no evidence."""
 
     def __post_init__(self) -> None:
         check(
-            0 < self.shown < 1 and 0 < self.min_density <= 1 and 0 < self.min_response <= 1,
-            "detect.odds needs shown, min_density and min_response between 0 and 1",
+            0 < self.shown < 1 and min(self.min_density, self.min_response, self.coarsest) > 0
+            and max(self.min_density, self.min_response, self.coarsest) <= 1,
+            "detect.odds needs shown, min_density, min_response and coarsest between 0 and 1",
             self,
         )
-        radii, positive = self.radii_px, (*self.radii_px, self.sharp_px, self.around_px)
+        radii, positive = self.radii_px, (*self.radii_px, self.sharp_px, self.around_px, self.enough_px)
         check(
             bool(radii) and min(positive) > 0 and list(radii) == sorted(radii) and self.muffled_px >= 0,
             "detect.odds needs positive radii, radii_px in increasing order, and muffled_px of 0 or more",
@@ -71,6 +77,8 @@ class SweepConfig:
     """Coarse curves that are kept of those that begin in one cell."""
     beam: int = 20000
     """Coarse curves that are refined."""
+    apart: int = 1
+    """Of curves within so many cells of each other the best is proposed."""
     max_candidates: int = 600
     """Curves that a sweep proposes."""
     min_plane: float = -5.0
@@ -81,8 +89,10 @@ class SweepConfig:
     def __post_init__(self) -> None:
         check(self.cell > 0, "detect.sweep needs a cell wider than 0", self)
         check(
-            self.planes >= 2 and self.beam >= 16 and min(self.max_candidates, self.min_views) >= 1,
-            "detect.sweep needs 2 planes, a beam of 16, 1 candidate and 1 view or more",
+            self.planes >= 2
+            and self.beam >= 16
+            and min(self.max_candidates, self.min_views, self.apart) >= 1,
+            "detect.sweep needs 2 planes, a beam of 16, 1 candidate, 1 view and 1 cell apart or more",
             self,
         )
         check(
@@ -99,6 +109,8 @@ class NarrowConfig:
 
     cells: tuple[float, ...] = (2.0, 1.0, 0.5, 0.25, 0.125)
     """Widths of the cells, one after another, in units of `sweep.cell`."""
+    settle: int = 2
+    """How many of the widths all curves of a sweep are moved in; the others are for the best of them."""
     reach: int = 2
     """Cells to each side by which ends are moved."""
     sags: int = 2
@@ -108,8 +120,11 @@ class NarrowConfig:
 
     def __post_init__(self) -> None:
         check(
-            bool(self.cells) and min(self.cells) > 0 and min(self.reach, self.sags, self.move_cost) >= 0,
-            "detect.narrow needs cells wider than 0, and reach, sags and move_cost of 0 or more",
+            0 < self.settle <= len(self.cells)
+            and min(self.cells) > 0
+            and min(self.reach, self.sags, self.move_cost) >= 0,
+            "detect.narrow needs cells wider than 0, settle of 1 or more of them, and reach, sags and "
+            "move_cost of 0 or more",
             self,
         )
 
@@ -161,15 +176,25 @@ class SearchConfig:
     sharpness_px: tuple[float, ...] = (0.75, 1.5, 3.0)
     """Radii within which a ridge may be a wire's; the one that suits the first line best is used from then
     on."""
-    min_mean: float = 0.14
+    min_mean: float = 0.25
     """Nats for each time that a view sees the line in a plane.  Beside other wires' ridges hardly a view
     speaks against a curve, and chance ridges add up there."""
     faint: float = 5.0
     """Nats against a line beyond an end that do not end it."""
+    most_alike: int = 100
+    """Curves that are tried of those which hang just as the best does, and of those which hang similarly."""
     fruitless: int = 4
     """Batches without a line after which a sweep is exhausted."""
     max_sweeps: int = 5
     """Sweeps at most."""
+    gap_px: float = 6.0
+    """Twin conductors are up to twice as far apart between which what lies behind them looks like a third,"""
+    middle_px: float = 1.0
+    """which is seen so near to their middle."""
+    stretches: int = 3
+    """How often a line is fitted to the stretch that shows it: a window may hold more spans than one."""
+    least_planes: int = 8
+    """Shortest stretch that a line is fitted to alone."""
     refits: int = 2
     """How often all lines are fitted again once the others are known."""
     max_lines: int = 40
@@ -177,8 +202,11 @@ class SearchConfig:
 
     def __post_init__(self) -> None:
         check(
-            self.planes >= 2 and min(self.batch, self.fruitless, self.max_lines) >= 1,
-            "detect.search needs 2 planes or more, and batch, fruitless and max_lines of 1 or more",
+            self.planes >= 2
+            and min(self.batch, self.fruitless, self.max_lines, self.stretches, self.least_planes) >= 1
+            and self.most_alike >= 0,
+            "detect.search needs 2 planes or more, batch, fruitless, max_lines, stretches and least_planes "
+            "of 1 or more, and most_alike of 0 or more",
             self,
         )
         check(
@@ -205,6 +233,8 @@ class SelectConfig:
     """Fraction of the planes that must show a wire which hangs unlike the best."""
     min_share_similar: float = 0.4
     """The same for one that hangs like the best but has less than `min_odds`."""
+    min_share_bent: float = 0.2
+    """The same for one that bends as the best does in another place: the best of another span."""
     min_sag: float = 0.001
     """Least sag as a fraction of the length.  A wire hangs; edges of roads do not."""
     sag_sigmas: float = 3.0
@@ -265,8 +295,9 @@ class DetectConfig:
     lines: LineMapConfig = field(default_factory=LineMapConfig)
     directions: DirectionConfig = field(default_factory=DirectionConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
-    coarse: SweepConfig = field(default_factory=lambda: SweepConfig(planes=24, cell=0.008))
-    """Of the coarse sweep through all of a window."""
+    coarse: SweepConfig = field(default_factory=lambda: SweepConfig(planes=32, halvings=3, apart=6))
+    """Of the coarse sweep through all of a window, which need not tell neighbours apart: a strong line has so
+    many curves near it that there would be none of others."""
     odds: OddsConfig = field(default_factory=OddsConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
     """Of the fine sweep around the wires that the coarse one found."""

@@ -130,12 +130,14 @@ class EvidenceConfig:
 class DirectionConfig:
     """The vote for directions (`directions.py`)."""
 
-    min_response: float = 0.5
-    """Response from which on a pixel votes."""
+    min_response: float = 0.7
+    """Response from which on a pixel votes: texture responds less."""
     step_rad: float = math.radians(2.0)
     """Width of a bin."""
     max_slope_rad: float = math.radians(30.0)
     """Steepest lines that are looked for."""
+    smooth_rad: float = math.radians(10.0)
+    """Azimuths over which votes are averaged."""
     sag_rad: float = math.radians(5.0)
     """A wire's slope differs by so much from its chord's, up and down."""
     azimuth_deg: float | None = None
@@ -152,7 +154,7 @@ class DirectionConfig:
     searched."""
 
     def __post_init__(self) -> None:
-        angles = (self.step_rad, self.sag_rad, self.apart_rad, self.peak_rad)
+        angles = (self.step_rad, self.smooth_rad, self.sag_rad, self.apart_rad, self.peak_rad)
         check(
             min(angles) > 0 and self.step_rad < 0.2 and self.step_rad <= self.max_slope_rad < math.pi / 2,
             "detect.directions needs angles above 0, a step_rad below 0.2 and a max_slope_rad below pi / 2",
@@ -174,8 +176,10 @@ class DirectionConfig:
 class WindowConfig:
     """Windows along a direction, and the volume of each that is searched (`windows.py`)."""
 
-    spacings: float = 40.0
-    """Greatest length of a window, in distances between one image and the next."""
+    whole: float = 40.0
+    """A flight of so many distances between one image and the next is one window;"""
+    spacings: float = 25.0
+    """windows of a longer one are as long as so many."""
     margin: float = 0.1
     """A direction is searched beyond the first and the last camera, as a fraction of their distance."""
     aside: float = 0.5
@@ -191,9 +195,9 @@ class WindowConfig:
 
     def __post_init__(self) -> None:
         check(
-            self.spacings > 0
+            0 < self.spacings <= self.whole
             and min(self.aside, self.below, self.above, self.room, self.near) > 0
             and self.margin >= 0,
-            "detect.windows needs positive lengths, and a margin of 0 or more",
+            "detect.windows needs positive lengths, whole not below spacings, and a margin of 0 or more",
             self,
         )

@@ -79,8 +79,8 @@ def compile_kernels() -> None:
     search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
     volume = sweep(views, search.odds, box, DEFAULT.sweep)
     candidates(volume, box, DEFAULT.sweep)
-    candidates_like(np.zeros(5), volume, box, DEFAULT.sweep)
-    search.score(np.zeros((1, 5)), x)
+    candidates_like(np.zeros(5), 0.5, volume, box, DEFAULT.sweep)
+    search.score(np.zeros((1, 5)), x, 0.1)
     search.best(np.zeros((1, 5)), -np.inf)
     search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))
 

@@ -40,11 +40,18 @@ class Direction:
 
 
 def vote(maps: LineMaps, config: DirectionConfig) -> Float[np.ndarray, "a e"]:
-    """Votes for each azimuth and slope, weighted by the responses of those that respond clearly."""
+    """Votes for each azimuth and slope, of those that respond clearly.
+
+    Each has the weight of its response, divided among all the azimuths that it may vote for: a plane that
+    lies nearly level holds a direction of every azimuth, and says next to nothing of which.
+    """
     clear = maps.response >= config.min_response
-    normal, weight = maps.normal[clear], maps.response[clear]
+    normal, weight = maps.normal[clear].astype(np.float64), maps.response[clear].astype(np.float64)
     upward = np.where(normal[:, 2] < 0, -1.0, 1.0)[:, None] * normal
     azimuths, slopes = bins(config)
+    level = np.tan(config.max_slope_rad) * upward[:, 2] / np.maximum(np.hypot(*upward[:, :2].T), 1e-12)
+    share = 2 / np.pi * np.arcsin(np.minimum(level, 1.0))  # of azimuths in which its slope is not too steep
+    weight /= np.maximum(share, 1 / len(azimuths))
     edges = np.append(slopes - config.step_rad / 2, slopes[-1] + config.step_rad / 2)
     votes = np.zeros((len(azimuths), len(slopes)))
     for k, azimuth in enumerate(azimuths):
@@ -59,11 +66,13 @@ def strongest(
     """The direction with most votes; not near azimuths that were searched before."""
     azimuths, slopes = bins(config)
     around = _with_sag(votes, config)
-    usual = float(np.median(around.max(1)))
+    # Steep planes of few views vote for single bins, which by chance may be any near the direction.
+    width = max(1, round(config.smooth_rad / config.step_rad))
+    best = uniform_filter1d(around.max(1), width, mode="wrap")
+    usual = float(np.median(best))
     for azimuth in searched:
         turn = np.abs((azimuths - azimuth + np.pi / 2) % np.pi - np.pi / 2)
-        around[turn < config.apart_rad] = 0.0
-    best = around.max(1)
+        best[turn < config.apart_rad] = 0.0
     k = int(best.argmax())
     turn = (azimuths - azimuths[k] + np.pi / 2) % np.pi - np.pi / 2
     votes_near = np.where(np.abs(turn) <= config.peak_rad, np.maximum(best - usual, 0.0), 0.0)

@@ -4,6 +4,7 @@ Exhaustive in each step: coordinate by coordinate, curves get stuck halfway, bec
 the sag trade against each other.  Letters as in `sweep.py`.
 """
 
+from collections.abc import Sequence
 from typing import no_type_check
 
 import numpy as np
@@ -28,11 +29,12 @@ def narrow(
     odds: Odds,
     curves: Float[np.ndarray, "c 5"],
     x: Float[np.ndarray, " i"],
+    widths: Sequence[float],
     config: DetectConfig,
 ) -> Float[np.ndarray, "c 5"]:
-    """The best curves near the given ones, in finer and finer cells."""
+    """The best curves near the given ones, in cells of finer and finer widths (units of the sweep's cell)."""
     moves = config.narrow.reach, config.narrow.sags, config.narrow.move_cost
-    for width in config.narrow.cells:
+    for width in widths:
         curves = narrowed(views, odds, curves, x, config.sweep.cell * width, moves, config.sweep.min_views)
     return curves
 
@@ -50,13 +52,13 @@ def narrowed(views, odds, curves, x, cell, moves, min_views):
     out = curves.copy()
     for c in prange(len(curves)):
         near = np.zeros((planes, side, side), np.float32)
-        total, seen = np.zeros(side), np.zeros(side, np.int64)
+        total, seen, finest = np.zeros(side), np.zeros(side, np.int64), np.zeros(side)
         for i in range(planes):
             y, z = curve_point(curves[c], s[i])
             low = z - reach * cell
             for j in range(side):
                 column_odds(
-                    views, odds, (x[i], y + (j - reach) * cell, low), cell, 0.5 * cell, total, seen
+                    views, odds, (x[i], y + (j - reach) * cell, low), cell, 0.5 * cell, total, seen, finest
                 )  # fmt: skip
                 for k in range(side):
                     if seen[k] >= min_views:
@@ -89,9 +91,9 @@ def curve_odds(views, odds, curves, x, reach):
     """Log odds of each curve in each plane, and the number of views that see it there: (c, i, 2)."""
     out = np.zeros((len(curves), len(x), 2))
     for c in prange(len(curves)):
-        total, seen = np.zeros(1), np.zeros(1, np.int64)
+        total, seen, finest = np.zeros(1), np.zeros(1, np.int64), np.zeros(1)
         for i in range(len(x)):
             y, z = curve_point(curves[c], i / (len(x) - 1))
-            column_odds(views, odds, (x[i], y, z), 0.0, reach, total, seen)
+            column_odds(views, odds, (x[i], y, z), 0.0, reach, total, seen, finest)
             out[c, i, 0], out[c, i, 1] = total[0], seen[0]
     return out

@@ -44,6 +44,10 @@ class Odds(NamedTuple):
     radii_px: Float[np.ndarray, " l"]
     missed: float
     """Nats, for the absence of a ridge: log(1 - P)."""
+    coarsest: float
+    """Resolution below which a view does not count, as a share of that of the view that resolves best."""
+    enough_px: float
+    """No view needs to resolve better than that the reach is so many pixels."""
 
 
 def odds_of(responses: Float[np.ndarray, " p"], views: Views, config: OddsConfig) -> Odds:
@@ -67,7 +71,7 @@ def odds_of(responses: Float[np.ndarray, " p"], views: Views, config: OddsConfig
     shown = np.log(config.shown / density + (1 - config.shown))
     return Odds(
         ridge, ridge, shown, np.array(starts), np.array(blocks), config.sharp_px, np.array(radii),
-        float(np.log(1 - config.shown)),
+        float(np.log(1 - config.shown)), config.coarsest, config.enough_px,
     )  # fmt: skip
 
 
@@ -105,44 +109,50 @@ def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray,
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def column_odds(views, odds, point, step, reach, total, seen):
+def column_odds(views, odds, point, step, reach, total, seen, finest):
     """Into total (k,): log odds of a wire within reach of each point (x, y, z + k step) of a column.
 
-    Into seen (k,): the number of views that see the point.  Each view's numbers are read once for the whole
-    column, which makes this seven times as fast as point by point.
+    Into seen (k,): the number of views that count there: of those that see the point, the ones that resolve
+    it nearly as well as the best, which goes into finest (k,) in pixels per unit.  Each view's numbers are
+    read once for the whole column, which makes this several times as fast as point by point.
     """
     x, y, z = point
     radii, missed = odds.radii_px, odds.missed
-    total[:], seen[:] = 0, 0
-    for n in range(len(views.R)):
-        R, centre = views.R[n], views.centre[n]
-        dx, dy, dz = x - centre[0], y - centre[1], z - centre[2]
-        first_u = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
-        first_v = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
-        first_depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
-        step_u, step_v, step_depth = R[0, 2] * step, R[1, 2] * step, R[2, 2] * step
-        lens, (w, h), (fx, fy), (cx, cy) = (
-            views.distortion[n], views.sizes[n], views.focal[n], views.principal[n]
-        )  # fmt: skip
-        straight = lens[0] == 0 and lens[1] == 0 and lens[2] == 0 and lens[3] == 0 and lens[4] == 0
-        start, block, blocks = views.starts[n], odds.starts[n], odds.blocks[n]
-        for k in range(len(total)):
-            depth = first_depth + k * step_depth
-            if depth <= NEAREST:
-                continue
-            u, v = (first_u + k * step_u) / depth, (first_v + k * step_v) / depth
-            if not straight:
-                u, v = distort(lens, u, v)
-            column, row = u * fx + cx, v * fy + cy
-            if not (0 <= column < w and 0 <= row < h):
-                continue
-            seen[k] += 1
-            radius, level = max(reach * fx / depth, odds.sharp_px), 0
-            while level + 1 < len(radii) and radii[level] < 0.7 * radius:
-                level += 1
-            i, j = int(column), int(row)
-            pixel = start + j * w + i
-            if odds.free[pixel] <= STEPS * radius:
-                total[k] += odds.shown[level, block + j // BLOCK * blocks + i // BLOCK]
-            elif odds.ridge[pixel] > STEPS * radius:
-                total[k] += missed
+    total[:], seen[:], finest[:] = 0, 0, 0
+    enough = odds.enough_px / max(reach, 1e-9)
+    for again in range(2):
+        for n in range(len(views.R)):
+            R, centre = views.R[n], views.centre[n]
+            dx, dy, dz = x - centre[0], y - centre[1], z - centre[2]
+            first_u = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
+            first_v = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
+            first_depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
+            step_u, step_v, step_depth = R[0, 2] * step, R[1, 2] * step, R[2, 2] * step
+            lens, (w, h), (fx, fy), (cx, cy) = (
+                views.distortion[n], views.sizes[n], views.focal[n], views.principal[n]
+            )  # fmt: skip
+            straight = lens[0] == 0 and lens[1] == 0 and lens[2] == 0 and lens[3] == 0 and lens[4] == 0
+            start, block, blocks = views.starts[n], odds.starts[n], odds.blocks[n]
+            for k in range(len(total)):
+                depth = first_depth + k * step_depth
+                if depth <= NEAREST or fx < depth * odds.coarsest * finest[k]:
+                    continue
+                u, v = (first_u + k * step_u) / depth, (first_v + k * step_v) / depth
+                if not straight:
+                    u, v = distort(lens, u, v)
+                column, row = u * fx + cx, v * fy + cy
+                if not (0 <= column < w and 0 <= row < h):
+                    continue
+                if not again:
+                    finest[k] = max(finest[k], min(fx / depth, enough))
+                    continue
+                seen[k] += 1
+                radius, level = max(reach * fx / depth, odds.sharp_px), 0
+                while level + 1 < len(radii) and radii[level] < 0.7 * radius:
+                    level += 1
+                i, j = int(column), int(row)
+                pixel = start + j * w + i
+                if odds.free[pixel] <= STEPS * radius:
+                    total[k] += odds.shown[level, block + j // BLOCK * blocks + i // BLOCK]
+                elif odds.ridge[pixel] > STEPS * radius:
+                    total[k] += missed

@@ -8,9 +8,11 @@ from jaxtyping import Float, UInt8
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.narrow import curve_odds, narrow
+from plnerf.detect.narrow import curve_odds, curve_point, narrow
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.refit import mask_ridges, refit
+from plnerf.detect.sweep import Box
+from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
 
 
@@ -36,10 +38,34 @@ class Search:
         """From the first plane to the last."""
         return float(self.x[-1] - self.x[0])
 
-    def score(self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"]) -> Float[np.ndarray, " c"]:
-        """Odds of curves known to the width of the first of the narrowing cells."""
-        width = self.config.sweep.cell * self.config.narrow.cells[0]
-        return stretches(curve_odds(self.views, self.odds, curves, x, width)[:, :, 0])[0]
+    def settled(
+        self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"]
+    ) -> Float[np.ndarray, "c 5"]:
+        """Each curve at the best place nearby, in the widest of the narrowing cells and on few planes.
+
+        The sweep's cells blur what the nearest views show: the order of its curves says little before this.
+        """
+        widths = self.config.narrow.cells[: self.config.narrow.settle]
+        return narrow(self.views, self.odds, curves, x, widths, self.config)
+
+    def shifted(self, theta: Float[np.ndarray, "5"], s: float, box: Box) -> Float[np.ndarray, "c 5"]:
+        """A curve shifted to each cell of a box, of which those with most odds: wires that hang just alike.
+
+        s: where along it the curve is to lie in the cells.  A cell shows next to nothing of a wire that is
+        near to some cameras; the curve itself, where its shape is known, shows all.
+        """
+        j, k = (part.ravel() for part in np.meshgrid(*(np.arange(n) for n in box.shape), indexing="ij"))
+        y, z = curve_point(theta, s)
+        dy, dz = box.low[0] + box.cell * j - y, box.low[1] + box.cell * k - z
+        curves = theta + np.stack([dy, dy, dz, dz, np.zeros(len(dy))], 1)
+        odds = self.score(curves, box.x, box.cell / 2)
+        return curves[np.argsort(-odds, kind="stable")[: self.config.search.most_alike]]
+
+    def score(
+        self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"], reach: float
+    ) -> Float[np.ndarray, " c"]:
+        """Odds of curves that are known to a reach."""
+        return stretches(curve_odds(self.views, self.odds, curves, x, reach)[:, :, 0])[0]
 
     def best(
         self,
@@ -53,8 +79,14 @@ class Search:
         """
         batch = self.config.search.batch
         if len(curves) > batch:
-            curves = curves[np.argsort(-self.score(curves, self.x), kind="stable")[:batch]]
-        near = narrow(self.views, self.odds, curves, self.x, self.config)
+            reach = self.config.sweep.cell * self.config.narrow.cells[0]
+            curves = curves[np.argsort(-self.score(curves, self.x, reach), kind="stable")[:batch]]
+        # From narrow cells on too: wide ones may lead away a curve that is known well already.
+        cells = self.config.narrow.cells
+        near = np.concatenate([
+            narrow(self.views, self.odds, curves, self.x, widths, self.config)
+            for widths in (cells, cells[self.config.narrow.settle :])
+        ])
         total = stretches(curve_odds(self.views, self.odds, near, self.x, 0.0)[:, :, 0])[0]
         left = np.where(self.masks > 0, np.float32(0), self.responses)
         for n in np.argsort(-total, kind="stable"):
@@ -83,18 +115,43 @@ class Search:
         self, curve: Float[np.ndarray, "5"], left: Float[np.ndarray, " p"], least: float
     ) -> Candidate | None:
         """The line that a curve becomes when it is fitted to ridges; None where its odds are too low."""
-        search = self.config.search
-        line = refit(self.views, left, curve, self.x, self.config.odds.min_response, self.config.refit)
-        if line is None:
-            return None
-        of_plane, seen = self._of_plane(line, self.odds.sharp_px)
-        odds, first, last = stretches(of_plane[None])[:, 0]
+        search, last_plane = self.config.search, len(self.x) - 1
+        line, piece = None, (0, last_plane)
+        for _ in range(search.stretches):
+            line = self._refit(curve, left, piece)
+            if line is None:
+                return None
+            curve = line.theta
+            of_plane, seen = self._of_plane(line, self.odds.sharp_px)
+            odds, first, last = stretches(of_plane[None])[:, 0]
+            shown = (int(first), int(last))
+            if shown == piece or last - first < search.least_planes:
+                break
+            piece = shown
+        assert line is not None
         if odds < max(least, search.min_mean * seen[int(first) : int(last) + 1].sum()):
             return None
         softer, _ = self._of_plane(line, 2 * self.odds.sharp_px)
         _, begin, end = stretches(softer[None])[:, 0]
         extent = extended(softer, int(begin), int(end), search.faint)
-        return replace(line, odds=float(odds), seen=(int(first), int(last)), ends=extent)
+        line = replace(line, odds=float(odds), seen=(int(first), int(last)), ends=extent)
+        return replace(line, fixed=is_certain(line, self.views, self.x, self.config.certainty))
+
+    def _refit(
+        self, curve: Float[np.ndarray, "5"], left: Float[np.ndarray, " p"], piece: tuple[int, int]
+    ) -> Candidate | None:
+        """The curve fitted to ridges in a piece of the window, from plane to plane, and extrapolated.
+
+        Beyond the piece the line may be another span's, or nothing, and ridges near the curve are chance.
+        """
+        s = [plane / (len(self.x) - 1) for plane in piece]
+        T = transport_matrix(s[0], s[1])
+        x, config = self.x[piece[0] : piece[1] + 1], self.config
+        line = refit(self.views, left, T @ curve, x, config.odds.min_response, config.refit)
+        if line is None:
+            return None
+        back = np.linalg.inv(T)
+        return replace(line, theta=back @ line.theta, covariance=back @ line.covariance @ back.T)
 
     def _of_plane(
         self, line: Candidate, sharp_px: float

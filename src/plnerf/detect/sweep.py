@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from plnerf.detect.config import SweepConfig
+from plnerf.detect.narrow import curve_point
 from plnerf.detect.odds import Odds, column_odds
 from plnerf.detect.views import Views
 from plnerf.ops.kernel_cache import njit, prange
@@ -35,7 +36,7 @@ def sweep(views: Views, odds: Odds, box: Box, config: SweepConfig) -> Float32[np
 def candidates(
     volume: Float32[np.ndarray, "i j k"], box: Box, config: SweepConfig
 ) -> Float[np.ndarray, "c 5"]:
-    """The curves of any shape with the highest odds, best first, none within a cell of another."""
+    """The curves of any shape with the highest odds, best first, none within `apart` cells of another."""
     pyramid = [volume]
     for _ in range(config.halvings):
         pyramid.append(halved(pyramid[-1], config.min_plane))
@@ -50,7 +51,7 @@ def candidates(
     for finer in pyramid[-2::-1]:
         curves, score = refine(finer, 2 * curves)
         curves, score = best_distinct(curves, score, len(curves) // 4)
-    return _scene_units(well_apart(curves, config.max_candidates), box)
+    return _scene_units(well_apart(curves, config.apart, config.max_candidates), box)
 
 
 def best_of_each_start(score: Float32[np.ndarray, "j d k m"], most: int) -> Int[np.ndarray, " n"]:
@@ -68,18 +69,25 @@ def best_of_each_start(score: Float32[np.ndarray, "j d k m"], most: int) -> Int[
 
 
 def candidates_like(
-    theta: Float[np.ndarray, "5"], volume: Float32[np.ndarray, "i j k"], box: Box, config: SweepConfig
+    theta: Float[np.ndarray, "5"],
+    s: float,
+    volume: Float32[np.ndarray, "i j k"],
+    box: Box,
+    config: SweepConfig,
 ) -> Float[np.ndarray, "c 5"]:
-    """The same for curves of the shape of theta, or nearly: all wires of a span hang much alike."""
+    """The same for curves of the shape of theta, or nearly: all wires of a span hang much alike.
+
+    s: where along them they must lie in the box; a piece of a curve may leave it elsewhere.
+    """
     _, ny, nz = volume.shape
-    y_A, y_B, z_A, z_B, b = theta
-    shape = np.rint(np.array([0, y_B - y_A, 0, z_B - z_A, b]) / box.cell).astype(np.int64)
+    y, z = curve_point(theta, s)
+    shape = np.rint((theta - np.array([y, y, z, z, 0.0])) / box.cell).astype(np.int64)
     j, k = (part.ravel() for part in np.meshgrid(np.arange(ny), np.arange(nz), indexing="ij"))
     curves = shape + np.stack([j, j, k, k, np.zeros_like(j)], 1)
     for most in (config.beam // 4, config.beam // 16):
         curves, score = refine(volume, curves)
         curves, score = best_distinct(curves, score, most)
-    return _scene_units(well_apart(curves, config.max_candidates), box)
+    return _scene_units(well_apart(curves, config.apart, config.max_candidates), box)
 
 
 def halved(volume: Float32[np.ndarray, "i j k"], outside: float) -> Float32[np.ndarray, "i J K"]:
@@ -100,13 +108,13 @@ def best_distinct(
     return curves[order], score[order]
 
 
-def well_apart(curves: Int[np.ndarray, "c 5"], most: int) -> Int[np.ndarray, "d 5"]:
-    """The first of all curves that lie within a cell of each other at both ends and in the middle."""
+def well_apart(curves: Int[np.ndarray, "c 5"], cells: int, most: int) -> Int[np.ndarray, "d 5"]:
+    """The first of all curves that lie within some cells of each other at both ends and in the middle."""
     y_A, y_B, z_A, z_B, b = curves.T
     place = np.stack([y_A, y_B, (y_A + y_B) / 2, z_A, z_B, (z_A + z_B) / 2 - b], 1)
     kept: list[int] = []
     for c in range(len(curves)):
-        if not kept or (np.abs(place[kept] - place[c]).max(1) > 1).all():
+        if not kept or (np.abs(place[kept] - place[c]).max(1) > cells).all():
             kept.append(c)
             if len(kept) == most:
                 break
@@ -126,8 +134,9 @@ def cell_odds(views, odds, box, min_views):
     out = np.zeros((len(x), ny, nz), np.float32)
     for ij in prange(len(x) * ny):
         i, j = ij // ny, ij % ny
-        total, seen = np.zeros(nz), np.zeros(nz, np.int64)
-        column_odds(views, odds, (x[i], low[0] + j * cell, low[1]), cell, 0.5 * cell, total, seen)
+        total, seen, finest = np.zeros(nz), np.zeros(nz, np.int64), np.zeros(nz)
+        foot = (x[i], low[0] + j * cell, low[1])
+        column_odds(views, odds, foot, cell, 0.5 * cell, total, seen, finest)
         for k in range(nz):
             if seen[k] >= min_views:
                 out[i, j, k] = total[k]

@@ -84,7 +84,8 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
     first, last = along.min(), along.max()
     longer = max(config.margin * (last - first), (np.ptp(across) - (last - first)) / 2)
     first, last = first - longer, last + longer
-    length = min(last - first, config.spacings * spacing)
+    whole = last - first <= config.whole * spacing
+    length = last - first if whole else config.spacings * spacing
     count = int(np.ceil((last - first - length) / (length / 2) - 1e-9)) + 1
     for middle in np.linspace(first + length / 2, last - length / 2, count):
         near = np.abs(along - middle) <= (0.5 + config.near) * length
