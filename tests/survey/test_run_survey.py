@@ -117,7 +117,7 @@ def test_a_run_whose_preset_detected_no_wires_is_surveyed_by_detecting_them(run:
     assert run.wires is None
     survey = survey_run(run, SMALL)
     assert survey.wires == () and survey.wire_points is not None
-    assert any("show no wire" in finding.text for finding in survey.findings)
+    assert any("show no line that hangs" in finding.text for finding in survey.findings)
     assert survey.made["preset"] == "pl-nerf, step 3"
 
 
