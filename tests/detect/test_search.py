@@ -16,10 +16,12 @@ from plnerf.detect.candidate import (
     select_wires,
     without_gaps,
 )
-from plnerf.detect.config import SearchConfig, SelectConfig
+from plnerf.detect.config import DetectConfig, SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
 from plnerf.detect.narrow import curve_point
-from plnerf.detect.search import extended, stretches
+from plnerf.detect.search import Search, extended, stretches
+from plnerf.detect.sweep import Box
+from plnerf.detect.views import Views
 from plnerf.detect.window_search import variants
 
 LENGTH = 2.0
@@ -134,6 +136,19 @@ def test_of_three_wires_the_second_outermost_end_counts() -> None:
     """Chance ridges beyond the end deceive one wire, hardly two."""
     three = [replace(line(y=y), ends=ends) for y, ends in ((0.0, (2, 80)), (0.1, (10, 93)), (0.2, (12, 82)))]
     assert [common_ends(one, three, LENGTH, SELECT) for one in three] == [(10, 82)] * 3
+
+
+def test_a_shifted_curve_lies_in_each_cell_once() -> None:
+    x = np.linspace(-1, 1, 4)
+    views = Views(np.eye(3)[None], np.zeros((1, 3)), np.full((1, 2), 8.0), np.full((1, 2), 4.0),
+                  np.zeros((1, 5)), np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
+    search = Search(views, np.zeros(64, np.float32), x, DetectConfig())
+    own, box = line(y=0.3, rise=0.2, sag=0.05).theta, Box(x, (-0.5, -0.2), 0.25, (4, 3))
+    found = search.shifted(own, 0.25, box)
+    places = sorted(tuple(np.round(curve_point(curve, 0.25), 9).tolist()) for curve in found)
+    assert places == [(-0.5 + 0.25 * j, round(-0.2 + 0.25 * k, 9)) for j in range(4) for k in range(3)]
+    for curve in found:  # the shape stays
+        assert [curve[1] - curve[0], curve[3] - curve[2], curve[4]] == pytest.approx([0.0, 0.2, 0.05])
 
 
 def test_variants_meet_the_line_in_three_places() -> None:

@@ -78,7 +78,7 @@ class SweepConfig:
     beam: int = 20000
     """Coarse curves that are refined."""
     apart: int = 1
-    """Of curves within so many cells of each other the best is proposed."""
+    """Of curves that lie within so many cells of each other, only the best is proposed."""
     max_candidates: int = 600
     """Curves that a sweep proposes."""
     min_plane: float = -5.0
@@ -110,7 +110,7 @@ class NarrowConfig:
     cells: tuple[float, ...] = (2.0, 1.0, 0.5, 0.25, 0.125)
     """Widths of the cells, one after another, in units of `sweep.cell`."""
     settle: int = 2
-    """How many of the widths all curves of a sweep are moved in; the others are for the best of them."""
+    """All curves of a sweep are moved in the widest cells, of so many widths; the best in the others too."""
     reach: int = 2
     """Cells to each side by which ends are moved."""
     sags: int = 2
@@ -188,11 +188,12 @@ class SearchConfig:
     max_sweeps: int = 5
     """Sweeps at most."""
     gap_px: float = 6.0
-    """Twin conductors are up to twice as far apart between which what lies behind them looks like a third,"""
+    """A line is the background between twin conductors only if it is so near to both of them,"""
     middle_px: float = 1.0
-    """which is seen so near to their middle."""
+    """and so near to their middle."""
     stretches: int = 3
-    """How often a line is fitted to the stretch that shows it: a window may hold more spans than one."""
+    """Fits of a line, at most: each to the stretch in which the one before was seen, since a window may hold
+    several spans."""
     least_planes: int = 8
     """Shortest stretch that a line is fitted to alone."""
     refits: int = 2
@@ -296,11 +297,11 @@ class DetectConfig:
     directions: DirectionConfig = field(default_factory=DirectionConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
     coarse: SweepConfig = field(default_factory=lambda: SweepConfig(planes=32, halvings=3, apart=6))
-    """Of the coarse sweep through all of a window, which need not tell neighbours apart: a strong line has so
-    many curves near it that there would be none of others."""
+    """Of the sweep through all of a window, which need not tell neighbours apart: a strong line has so many
+    curves near it that there would be none of others."""
     odds: OddsConfig = field(default_factory=OddsConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
-    """Of the fine sweep around the wires that the coarse one found."""
+    """Of the sweep around the wires that were found so."""
     narrow: NarrowConfig = field(default_factory=NarrowConfig)
     refit: RefitConfig = field(default_factory=RefitConfig)
     search: SearchConfig = field(default_factory=SearchConfig)

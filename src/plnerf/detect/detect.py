@@ -38,7 +38,7 @@ def detect_wires(
 ) -> tuple[Wire, ...]:
     """The wires that the training images show, certain and uncertain, in the order in which they were found.
 
-    Photos are looked at in their full size, whatever the resolution that the scene is trained at.  The wires
+    Photos are read at their full size, whatever the resolution that the scene is trained at.  The wires
     are in `LineFrame.of_scene(scene.frames)`.  Each is one conductor over a stretch in which it is one
     catenary, its base along its own direction; both ends are open.  The steps of `progress` are images and
     directions.  Raises SceneError where an azimuth is given and the scene has no north.

@@ -88,7 +88,7 @@ def line_response(
 def _bend(
     image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, corner: tuple[int, int], config: EvidenceConfig
 ) -> Float32[np.ndarray, "h w"]:
-    """How much each pixel bends as a line does, with its sign, no more than a few times what others do."""
+    """The second derivative across the line beyond what edges and texture have, with its sign, limited."""
     grey = image.astype(np.float32).mean(-1) / 255
     towards = lines.towards(grey.shape, corner)
     c, s = towards[..., 0], towards[..., 1]

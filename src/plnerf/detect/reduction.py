@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from plnerf.scene.build_store import reduce_by_area
+
 
 @dataclass(frozen=True)
 class Tile:
@@ -74,4 +76,4 @@ def mean_of_blocks(image: UInt8[np.ndarray, "h w 3"], k: int) -> UInt8[np.ndarra
     below, right = -h % k, -w % k
     padded = cv2.copyMakeBorder(image, 0, below, 0, right, cv2.BORDER_REPLICATE)
     size = (padded.shape[1] // k, padded.shape[0] // k)
-    return cv2.resize(padded, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+    return reduce_by_area(padded, size)

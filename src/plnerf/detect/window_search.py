@@ -1,4 +1,4 @@
-"""The lines in one window: coarse in all of its volume, then fine around those that hang.
+"""The lines in one window: in all of its volume first, then around those that hang.
 
 The ridges of the best curve are taken out of the maps before the next is searched, so that no ridge counts
 for two.  Lines that do not hang are found too, and left out at the end: edges of roads and tracks would

@@ -10,7 +10,7 @@ from plnerf.survey.posed_photos import Photos
 from plnerf.survey.surface import Surface
 
 POINTS = 2000
-"""Of a surface, to which distances are measured."""
+"""Distances are measured to so many points of a surface."""
 THIN_PX = 1.0
 """A wire that is narrower hardly stands out from what lies behind it."""
 
