@@ -393,4 +393,4 @@ def test_twins_a_few_pixels_apart_are_two(tmp_path: Path) -> None:
     pair = (hanging(0.0, 0.062), hanging(0.0, 0.038))
     # Above each other: the passes look across.
     assert np.abs(pair[0].theta[2] - pair[1].theta[2]) < 8.1 * PIXEL
-    assert_each_once(detect_wires(drawn(tmp_path, two_passes(8), pair), COARSE), pair)
+    assert_each_once(detect_wires(drawn(tmp_path, two_passes(6), pair), COARSE), pair)
