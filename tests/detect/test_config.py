@@ -10,14 +10,13 @@ from plnerf.detect.config import (
     CertaintyConfig,
     DetectConfig,
     JoinConfig,
-    NarrowConfig,
     OddsConfig,
     RefitConfig,
     SearchConfig,
     SelectConfig,
-    SweepConfig,
 )
 from plnerf.detect.config_lines import (
+    ChainConfig,
     DirectionConfig,
     EvidenceConfig,
     LineMapConfig,
@@ -43,22 +42,15 @@ from plnerf.train.settings import from_json, to_json
         (OddsConfig, {"radii_px": (3.0, 1.0)}),
         (OddsConfig, {"sharp_px": 0.0}),
         (OddsConfig, {"muffled_px": -1}),
-        (SweepConfig, {"cell": 0.0}),
-        (SweepConfig, {"cell": float("nan")}),
-        (SweepConfig, {"planes": 1}),
-        (SweepConfig, {"beam": 3}),
-        (SweepConfig, {"min_views": 0}),
-        (SweepConfig, {"halvings": -1}),
-        (SweepConfig, {"max_sag": -0.1}),
-        (SweepConfig, {"min_plane": 0.0}),
-        (NarrowConfig, {"cells": ()}),
-        (NarrowConfig, {"cells": (0.5, 0.0)}),
-        (NarrowConfig, {"reach": -1}),
         (RefitConfig, {"windows_px": ()}),
         (RefitConfig, {"windows_px": (4, 0)}),
         (RefitConfig, {"prior": 0.0}),
         (SearchConfig, {"planes": 1}),
-        (SearchConfig, {"batch": 0}),
+        (SearchConfig, {"fruitless": 0}),
+        (SearchConfig, {"reach": 0.0}),
+        (ChainConfig, {"most": 0}),
+        (ChainConfig, {"spare": -0.1}),
+        (ChainConfig, {"least_angle": 1.0}),
         (SearchConfig, {"max_lines": 0}),
         (SearchConfig, {"sharpness_px": ()}),
         (SearchConfig, {"mask_rms": 0.0}),
@@ -79,7 +71,6 @@ from plnerf.train.settings import from_json, to_json
         (DirectionConfig, {"most": 0}),
         (WindowConfig, {"spacings": 0.0}),
         (WindowConfig, {"spacings": 41.0}),
-        (NarrowConfig, {"settle": 6}),
         (OddsConfig, {"coarsest": 1.5}),
         (OddsConfig, {"enough_px": 0.0}),
         (EvidenceConfig, {"most_px": 8}),
@@ -97,11 +88,13 @@ def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -
 def test_every_part_has_a_name_in_the_error_texts() -> None:
     parts = {field.name for field in fields(DetectConfig)}
     assert parts == {
-        "evidence", "odds", "sweep", "narrow", "refit", "search", "select", "certainty", "ridges",
-        "lines", "directions", "windows", "coarse", "join",
+        "evidence", "odds", "chains", "refit", "search", "select", "certainty", "ridges",
+        "lines", "directions", "windows", "join",
     }  # fmt: skip
 
 
 def test_settings_come_back_from_json() -> None:
-    config = replace(DetectConfig(), sweep=SweepConfig(cell=1 / 3), odds=OddsConfig(radii_px=(1.0, 2.0)))
+    config = replace(
+        DetectConfig(), chains=ChainConfig(least_px=100 / 3), odds=OddsConfig(radii_px=(1.0, 2.0))
+    )
     assert from_json(DetectConfig, to_json(config), "here") == config

@@ -124,19 +124,19 @@ def test_vanishing_directions_are_where_points_move_along_a_line(direction: tupl
                 np.testing.assert_allclose(moved / np.linalg.norm(moved), towards[v, u], atol=2e-3)
 
 
-def test_evidence_is_flat_over_the_chosen_images_and_blind_where_masked(tmp_path: Path) -> None:
+def test_evidence_is_that_of_the_chosen_images_and_blind_where_masked(tmp_path: Path) -> None:
     cameras = two_passes(2, wobble=0.0)
     pictures = draw(cameras, [polyline(hanging(0.0, 0.05))])
     scene = scene_of(tmp_path, cameras, pictures)
-    each = [line_evidence(scene.images, cameras, (i,), X, CONFIG) for i in range(4)]
+    each = [line_evidence(scene.images, cameras, (i,), X, CONFIG)[0] for i in range(4)]
     sizes = scene.images.sizes_px.prod(1)
     assert [len(part) for part in each] == sizes.tolist() and all(part.max() > 0.4 for part in each)
     together = line_evidence(scene.images, cameras, (0, 1), X, CONFIG)
-    np.testing.assert_allclose(together, np.concatenate(each[:2]), atol=1e-6)
+    np.testing.assert_allclose(np.stack(together), np.stack(each[:2]), atol=1e-6)
     valid = np.ones(int(sizes.sum()), np.uint8)
     valid[: int(sizes[0]) // 2] = 0
     valid.tofile(tmp_path / "valid.u8")
-    masked = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,), X, CONFIG)
+    (masked,) = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,), X, CONFIG)
     half = int(sizes[0]) // 2
     assert each[0][:half].max() > 0 and masked[:half].max() == 0
     np.testing.assert_array_equal(masked[half:], each[0][half:])

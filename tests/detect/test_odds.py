@@ -6,7 +6,7 @@ import torch
 from tests.support.drawn import two_passes
 
 from plnerf.detect.config import OddsConfig
-from plnerf.detect.odds import BLOCK, STEPS, Odds, column_odds, distances, odds_of, unclaimed
+from plnerf.detect.odds import BLOCK, STEPS, Odds, distances, odds_of, place_odds, unclaimed
 from plnerf.detect.views import Views, project_point, views_of
 from plnerf.scene.cameras import Cameras
 
@@ -22,15 +22,19 @@ def one_view(w: int, h: int) -> Views:
     )  # fmt: skip
 
 
+def at_place(views: Views, odds: Odds, point: tuple[float, float, float], reach: float) -> tuple[float, int]:
+    n = len(views.R)
+    return place_odds(views, odds, point, reach, np.zeros(n, np.int64), np.zeros(n))
+
+
 def at_pixels(views: Views, odds: Odds, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Odds of the one view at pixels' middles, at their sharpest."""
-    (w, h), total, seen = views.sizes[0], np.zeros(1), np.zeros(1, np.int64)
-    out = []
+    (w, h), out = views.sizes[0], []
     for u, v in zip(columns, rows, strict=True):
         point = ((u + 0.5 - w / 2) / w, (v + 0.5 - h / 2) / w, 1.0)
-        column_odds(views, odds, point, 0.0, 0.0, total, seen, np.zeros(len(total)))
-        assert seen[0] == 1
-        out.append(total[0])
+        total, seen = at_place(views, odds, point, 0.0)
+        assert seen == 1
+        out.append(total)
     return np.array(out)
 
 
@@ -69,7 +73,8 @@ def test_beside_others_ridges_nothing_is_known() -> None:
     others = np.zeros((100, 200), bool)
     others[48:53] = True
     first = odds_of(responses.ravel(), views, CONFIG)
-    odds = unclaimed(first, responses.ravel(), others.ravel(), views, CONFIG)
+    left = np.where(others, 0, responses)
+    odds = unclaimed(first, left.ravel(), others.ravel(), views, CONFIG)
     rows = np.array([50, 52 + CONFIG.muffled_px, 53 + CONFIG.muffled_px, 70, 90])
     before, after = (at_pixels(views, one, np.full(5, 100), rows) for one in (first, odds))
     assert before[0] > 1 and after[0] == 0 and after[1] == 0
@@ -99,19 +104,18 @@ def with_lens(cameras: Cameras) -> Cameras:
 
 
 @pytest.mark.parametrize("lens", [False, True])
-def test_a_column_is_point_by_point_what_the_views_see(lens: bool) -> None:
+def test_odds_of_a_place_are_what_the_views_see_there(lens: bool) -> None:
     cameras = two_passes(3)
     views = views_of(with_lens(cameras) if lens else cameras)
     rng = np.random.default_rng(2)
     responses = (rng.random(int(views.sizes.prod(1).sum())) < 0.03).astype(np.float32)
     others = rng.random(len(responses)) < 0.01
-    odds = unclaimed(odds_of(responses, views, CONFIG), responses, others, views, CONFIG)
-    total, seen = np.zeros(9), np.zeros(9, np.int64)
-    for x, y, reach in rng.uniform([-0.8, -0.2, 0.0], [0.8, 0.2, 0.02], (20, 3)):
-        column_odds(views, odds, (x, y, -0.3), 0.07, reach, total, seen, np.zeros(len(total)))
-        expected = [by_definition(views, odds, (x, y, -0.3 + 0.07 * k), reach) for k in range(9)]
-        np.testing.assert_allclose(total, [one[0] for one in expected], atol=1e-6)
-        assert seen.tolist() == [one[1] for one in expected]
+    left = np.where(others, np.float32(0), responses)
+    odds = unclaimed(odds_of(responses, views, CONFIG), left, others, views, CONFIG)
+    for x, y, z, reach in rng.uniform([-0.8, -0.2, -0.3, 0.0], [0.8, 0.2, 0.3, 0.02], (180, 4)):
+        total, seen = at_place(views, odds, (x, y, z), reach)
+        expected = by_definition(views, odds, (x, y, z), reach)
+        assert total == pytest.approx(expected[0], abs=1e-6) and seen == expected[1]
 
 
 def by_definition(
@@ -151,10 +155,8 @@ def test_what_is_too_far_away_to_show_a_wire_does_not_speak_against_it() -> None
         responses = np.zeros(10 * w * 48, np.float32)
         responses[24 * w + 32] = 1
         odds = odds_of(responses, views, CONFIG)
-        total, seen, finest = np.zeros(1), np.zeros(1, np.int64), np.zeros(1)
-        column_odds(views, odds, (0.5 / w, 0.5 / w, 1.0), 0.0, 0.0, total, seen, finest)
-        assert seen[0] == counted and finest[0] == w
-        assert (total[0] > 1) == (counted == 1)
+        point = (0.5 / w, 0.5 / w, 1.0)
+        total, seen = at_place(views, odds, point, 0.0)
+        assert seen == counted and (total > 1) == (counted == 1)
         # Within a reach of many pixels of the nearest, those from afar resolve enough.
-        column_odds(views, odds, (0.5 / w, 0.5 / w, 1.0), 0.0, CONFIG.enough_px / 16, total, seen, finest)
-        assert seen[0] == 10
+        assert at_place(views, odds, point, CONFIG.enough_px / 16)[1] == 10

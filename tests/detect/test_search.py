@@ -18,9 +18,8 @@ from plnerf.detect.candidate import (
 )
 from plnerf.detect.config import DetectConfig, SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
-from plnerf.detect.narrow import curve_point
+from plnerf.detect.parabola import curve_point
 from plnerf.detect.search import Search, extended, stretches
-from plnerf.detect.sweep import Box
 from plnerf.detect.views import Views
 from plnerf.detect.window_search import variants
 
@@ -32,7 +31,7 @@ PLANES = SEARCH.planes
 def line(
     y: float = 0.0, rise: float = 0.1, sag: float = 0.04, odds: float = 900.0, planes: int = PLANES
 ) -> Candidate:
-    theta, covariance = np.array([y, y, 0.1, 0.1 + rise, sag]), np.eye(5) * 1e-6
+    theta, covariance = np.array([y, y, 0.1, 0.1 + rise, sag]), np.eye(5) * 1e-8
     return Candidate(theta, covariance, 0.3, 12, odds, (0, planes), (0, PLANES - 1))
 
 
@@ -74,9 +73,9 @@ def test_alike_is_the_same_slope_and_about_the_same_sag() -> None:
 def test_what_sags_by_no_more_than_its_doubt_does_not_hang() -> None:
     assert hangs(line(sag=0.004), LENGTH, SELECT) and not hangs(line(sag=0.0019), LENGTH, SELECT)
     doubtful = line(sag=0.02)
-    doubtful.covariance[4, 4] = 0.007**2
+    doubtful.covariance[4, 4] = (1.05 * 0.02 / SELECT.sag_sigmas) ** 2
     assert not hangs(doubtful, LENGTH, SELECT)
-    assert hangs(doubtful, LENGTH, replace(SELECT, sag_sigmas=2.0))
+    assert hangs(doubtful, LENGTH, replace(SELECT, sag_sigmas=0.9 * SELECT.sag_sigmas))
 
 
 def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
@@ -138,17 +137,44 @@ def test_of_three_wires_the_second_outermost_end_counts() -> None:
     assert [common_ends(one, three, LENGTH, SELECT) for one in three] == [(10, 82)] * 3
 
 
-def test_a_shifted_curve_lies_in_each_cell_once() -> None:
-    x = np.linspace(-1, 1, 4)
+def a_search() -> Search:
+    """Of one view without a ridge."""
     views = Views(np.eye(3)[None], np.zeros((1, 3)), np.full((1, 2), 8.0), np.full((1, 2), 4.0),
                   np.zeros((1, 5)), np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
-    search = Search(views, np.zeros(64, np.float32), x, DetectConfig())
-    own, box = line(y=0.3, rise=0.2, sag=0.05).theta, Box(x, (-0.5, -0.2), 0.25, (4, 3))
-    found = search.shifted(own, 0.25, box)
-    places = sorted(tuple(np.round(curve_point(curve, 0.25), 9).tolist()) for curve in found)
-    assert places == [(-0.5 + 0.25 * j, round(-0.2 + 0.25 * k, 9)) for j in range(4) for k in range(3)]
-    for curve in found:  # the shape stays
-        assert [curve[1] - curve[0], curve[3] - curve[2], curve[4]] == pytest.approx([0.0, 0.2, 0.05])
+    return Search(views, np.zeros(64, np.float32), np.linspace(-1, 1, 4), DetectConfig())
+
+
+def rated_as(search: Search, rows: list[tuple[float, float, float]], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "rated", lambda curves: np.array(rows).T[:, : len(curves)])
+
+
+def test_of_curves_that_lie_near_each_other_where_they_show_the_best_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search, apart = a_search(), SEARCH.apart
+    near = line(rise=0.1 + 1.9 * apart).theta  # within `apart` over the first half of it
+    curves = np.array([line().theta, near, line(y=2 * apart).theta, line(y=9.0).theta])
+    rated_as(search, [(500.0, 0, 0.5), (900.0, 0, 0.5), (300.0, 0, 1.0), (0.0, 0, 1.0)], monkeypatch)
+    assert search.distinct(curves).tolist() == [near.tolist(), curves[2].tolist()]
+    rated_as(search, [(500.0, 0, 0.5), (900.0, 0, 1.0), (300.0, 0, 1.0), (0.0, 0, 1.0)], monkeypatch)
+    assert search.distinct(curves)[:1].tolist() == [near.tolist()]
+    rated_as(search, [(900.0, 0.5, 1.0), (500.0, 0.5, 1.0), (300.0, 0, 1.0), (0.0, 0, 1.0)], monkeypatch)
+    assert search.distinct(curves).tolist() == [curves[k].tolist() for k in (0, 1, 2)]
+    assert search.ranked(curves)[-1].tolist() == curves[3].tolist()
+
+
+def test_curves_alike_meet_a_curve_where_it_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, leader = a_search(), line(rise=0.2, sag=0.05)
+    own = line(y=0.3, rise=0.1, sag=0.01).theta
+    rated_as(search, [(500.0, 0.1, 0.5)], monkeypatch)
+    of_shape, of_bend = search.alike(leader.theta, own[None])
+    for curve in (of_shape, of_bend):
+        assert curve_point(curve, 0.3) == pytest.approx(curve_point(own, 0.3))
+        assert curve[4] == leader.theta[4]
+    assert [of_shape[1] - of_shape[0], of_shape[3] - of_shape[2]] == pytest.approx([0.0, 0.2])
+    step = 1e-6  # the second one touches it there
+    for one, other in zip(curve_point(of_bend, 0.3 + step), curve_point(own, 0.3 + step), strict=True):
+        assert one == pytest.approx(other, abs=1e-10)
 
 
 def test_variants_meet_the_line_in_three_places() -> None:

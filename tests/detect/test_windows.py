@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from tests.support.drawn import HALF, hanging, pinhole_cameras, two_passes
 
-from plnerf.detect.config import JoinConfig, SweepConfig
+from plnerf.detect.config import JoinConfig
 from plnerf.detect.config_lines import WindowConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.join import joined
 from plnerf.detect.views import project_point, views_of
-from plnerf.detect.windows import Window, box_around, windows_along
+from plnerf.detect.windows import Window, windows_along
 
 CONFIG = WindowConfig()
 
@@ -74,16 +74,6 @@ def test_cameras_around_a_place_have_one_window_as_wide_as_their_orbit() -> None
     views = views_of(pinhole_cameras(centres, np.zeros((36, 3))))
     (window,) = windows_along(Direction(0.4, 0.0, 1.0), views, CONFIG)
     assert window.half >= 20 and len(window.views) == 36
-
-
-def test_the_box_is_as_wide_as_told() -> None:
-    config = SweepConfig(cell=0.02)
-    box = box_around(np.array([-0.3, -0.2]), np.array([0.1, 0.5]), config)
-    assert len(box.x) == config.planes and box.x[0] == -box.x[-1] and -1 < box.x[0] < -0.9
-    last = np.array(box.low) + box.cell * (np.array(box.shape) - 1)
-    assert (
-        box.low == (-0.3, -0.2) and (last >= [0.1 - 1e-9, 0.5 - 1e-9]).all() and (last < [0.14, 0.54]).all()
-    )
 
 
 def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:

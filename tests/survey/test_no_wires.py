@@ -13,10 +13,10 @@ from plnerf.survey.posed_photos import Photos
 from plnerf.survey.surface import Surface
 
 
-def looking_down(height_m: float) -> Photos:
+def looking_down(height_m: float, zigzag: float = 2.0) -> Photos:
     """Six cameras without pictures, 160 px to the unit of depth, at a height above the ground."""
     frame = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", None, scene_per_unit=1.0)
-    centres = np.array([[x, 0.0, height_m] for x in range(6)])
+    centres = np.array([[x, zigzag * (-1) ** x, height_m] for x in range(6)])
     cameras = frame.cameras(pinhole_cameras(centres, centres * [1, 1, 0] + [0, 0.01, 0]))
     images = PhotoFiles(())  # no picture is read
     return Photos(
@@ -47,6 +47,13 @@ def test_wires_too_thin_are_told_by_the_distance(height_m: float, thin: bool) ->
 def test_views_that_are_alike_are_told() -> None:
     finding = why_none([uncertain(hanging(0.1, 0.2))], looking_down(5.0), ground(), 0.03)
     assert "too alike" in finding.text and "another pass" in finding.do
+
+
+@pytest.mark.parametrize(("zigzag", "one"), [(0.0, True), (0.2, True), (2.0, False)])
+def test_a_single_straight_track_is_told(zigzag: float, one: bool) -> None:
+    finding = why_none([], looking_down(20.0, zigzag), ground(), 0.03)
+    assert ("one straight line" in finding.text) == ("another pass" in (finding.do or "")) == one
+    assert not one or "20 m from what they show" in finding.text
 
 
 def test_without_a_surface_nothing_is_claimed() -> None:

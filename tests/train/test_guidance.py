@@ -10,7 +10,7 @@ import torch
 from tests.support.drawn import uncertain
 from tests.support.tiny_run import open_tiny, tiny_config
 
-from plnerf.detect.config import DetectConfig, SweepConfig
+from plnerf.detect.config import ChainConfig, DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.line.base import Base
 from plnerf.line.ends import Evidence, Open
@@ -131,11 +131,11 @@ def test_the_file_of_wires_holds_all_of_them_and_the_settings(
         return (uncertain(sure), sure)
 
     monkeypatch.setattr("plnerf.train.guidance.detect_wires", detect)
-    coarse = dataclasses.replace(config, detect=DetectConfig(sweep=SweepConfig(cell=0.01)))
+    coarse = dataclasses.replace(config, detect=DetectConfig(chains=ChainConfig(least_px=20.0)))
     _, wires, seconds = run_wires(coarse, scene, tmp_path / "run")
     assert asked == [coarse.detect] and len(wires) == 1 and seconds > 0
     data = json.loads((tmp_path / "run" / WIRES).read_text())
-    assert data["settings"] == to_json(coarse.detect) and data["settings"]["sweep"]["cell"] == 0.01
+    assert data["settings"] == to_json(coarse.detect) and data["settings"]["chains"]["least_px"] == 20.0
     assert [row["evidence"]["certain"] for row in data["wires"]] == [False, True]
     assert {path.name for path in (tmp_path / "run").iterdir()} == {WIRES, "scene.json"}
     _, again, seconds = run_wires(coarse, scene, tmp_path / "run")

@@ -1,6 +1,6 @@
 """A line that may be a wire, and which of the lines are wires: those that hang.
 
-Letters as in `sweep.py`; planes are those of the fit.
+Letters as in `parabola.py`; planes are those of the fit.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.detect.config import SearchConfig, SelectConfig
-from plnerf.detect.narrow import curve_point
+from plnerf.detect.parabola import curve_point
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,13 @@
 """What decides which wires are detected in images.
 
-Letters and frames as in `sweep.py`: the scene frame, whose unit is about half of the span's length.  Log odds
-are in nats.
+Letters and frames as in `parabola.py`: a window's frame, whose unit is half its length.  Log odds are in
+nats.
 """
 
 from dataclasses import dataclass, field, replace
 
 from plnerf.detect.config_lines import (
+    ChainConfig,
     DirectionConfig,
     EvidenceConfig,
     LineMapConfig,
@@ -56,80 +57,6 @@ class OddsConfig:
 
 
 @dataclass(frozen=True)
-class SweepConfig:
-    """Planes across the span, and the vote of hanging curves (`sweep.py`)."""
-
-    planes: int = 48
-    """Planes of the sweep."""
-    cell: float = 0.004
-    """Width of a cell across the span, in scene units: 9 cm where the span's longest side is 44 m."""
-    min_views: int = 3
-    """Views that must see a place for it to count."""
-    halvings: int = 2
-    """The vote begins with cells 2^halvings as wide as `cell`."""
-    max_slope: float = 0.25
-    """Largest slope of a chord upwards: 14 degrees."""
-    max_askew: float = 0.05
-    """Largest slope of a chord across the axis: 3 degrees."""
-    max_sag: float = 0.06
-    """Largest sag, as a fraction of the length."""
-    per_start: int = 16
-    """Coarse curves that are kept of those that begin in one cell."""
-    beam: int = 20000
-    """Coarse curves that are refined."""
-    apart: int = 1
-    """Of curves that lie within so many cells of each other, only the best is proposed."""
-    max_candidates: int = 600
-    """Curves that a sweep proposes."""
-    min_plane: float = -5.0
-    """Least log odds of one plane: a wire may be hidden in some, and begin or end anywhere."""
-    max_plane: float = 8.0
-    """Largest log odds of one plane: none outvotes the others."""
-
-    def __post_init__(self) -> None:
-        check(self.cell > 0, "detect.sweep needs a cell wider than 0", self)
-        check(
-            self.planes >= 2
-            and self.beam >= 16
-            and min(self.max_candidates, self.min_views, self.apart) >= 1,
-            "detect.sweep needs 2 planes, a beam of 16, 1 candidate, 1 view and 1 cell apart or more",
-            self,
-        )
-        check(
-            min(self.halvings, self.max_slope, self.max_askew, self.max_sag) >= 0,
-            "detect.sweep needs halvings, max_slope, max_askew and max_sag of 0 or more",
-            self,
-        )
-        check(self.min_plane < 0 < self.max_plane, "detect.sweep needs min_plane < 0 < max_plane", self)
-
-
-@dataclass(frozen=True)
-class NarrowConfig:
-    """The vote again around single curves, in ever smaller cells (`narrow.py`)."""
-
-    cells: tuple[float, ...] = (2.0, 1.0, 0.5, 0.25, 0.125)
-    """Widths of the cells, one after another, in units of `sweep.cell`."""
-    settle: int = 2
-    """All curves of a sweep are moved in the widest cells, of so many widths; the best in the others too."""
-    reach: int = 2
-    """Cells to each side by which ends are moved."""
-    sags: int = 2
-    """Cells to each side by which the sag is moved."""
-    move_cost: float = 1e-3
-    """Nats for each cell moved: of equals the nearest to where the curve was."""
-
-    def __post_init__(self) -> None:
-        check(
-            0 < self.settle <= len(self.cells)
-            and min(self.cells) > 0
-            and min(self.reach, self.sags, self.move_cost) >= 0,
-            "detect.narrow needs cells wider than 0, settle of 1 or more of them, and reach, sags and "
-            "move_cost of 0 or more",
-            self,
-        )
-
-
-@dataclass(frozen=True)
 class RefitConfig:
     """The least-squares fit of a curve to ridges (`refit.py`)."""
 
@@ -166,8 +93,16 @@ class SearchConfig:
 
     planes: int = 96
     """Planes of the fit."""
-    batch: int = 8
-    """Curves that are narrowed down at a time: those with the highest score."""
+    coarse_planes: int = 32
+    """Planes in which curves are compared before they are fitted."""
+    reach: float = 0.001
+    """Curves are known to so much before they are fitted, in units of half a window's length."""
+    apart: float = 0.003
+    """Of curves that lie nearer to each other only the best is tried, likewise."""
+    most_pending: int = 400
+    """Curves that are tried, at most."""
+    fruitless: int = 24
+    """Curves without a line after which no others are tried."""
     mask_px: int = 2
     """Ridges within this distance of a line are its own."""
     mask_rms: float = 4.5
@@ -181,17 +116,13 @@ class SearchConfig:
     speaks against a curve, and chance ridges add up there."""
     faint: float = 5.0
     """Nats against a line beyond an end that do not end it."""
-    most_alike: int = 100
-    """Curves that are tried of those which hang just as the best does, and of those which hang similarly."""
-    fruitless: int = 4
-    """Batches without a line after which a sweep is exhausted."""
-    max_sweeps: int = 5
-    """Sweeps at most."""
+    rounds: int = 5
+    """Searches for lines that hang as the best do, at most."""
     gap_px: float = 6.0
     """A line is the background between twin conductors only if it is so near to both of them,"""
     middle_px: float = 1.0
     """and so near to their middle."""
-    stretches: int = 3
+    stretches: int = 6
     """Fits of a line, at most: each to the stretch in which the one before was seen, since a window may hold
     several spans."""
     least_planes: int = 8
@@ -203,21 +134,21 @@ class SearchConfig:
 
     def __post_init__(self) -> None:
         check(
-            self.planes >= 2
-            and min(self.batch, self.fruitless, self.max_lines, self.stretches, self.least_planes) >= 1
-            and self.most_alike >= 0,
-            "detect.search needs 2 planes or more, batch, fruitless, max_lines, stretches and least_planes "
-            "of 1 or more, and most_alike of 0 or more",
+            min(self.planes, self.coarse_planes) >= 2
+            and min(self.most_pending, self.fruitless, self.max_lines, self.stretches, self.least_planes)
+            >= 1,
+            "detect.search needs 2 planes and coarse_planes or more, and most_pending, fruitless, max_lines, "
+            "stretches and least_planes of 1 or more",
             self,
         )
         check(
-            bool(self.sharpness_px) and min(*self.sharpness_px, self.mask_rms) > 0,
-            "detect.search needs positive sharpness_px and mask_rms",
+            bool(self.sharpness_px) and min(*self.sharpness_px, self.mask_rms, self.reach, self.apart) > 0,
+            "detect.search needs positive sharpness_px, mask_rms, reach and apart",
             self,
         )
         check(
-            min(self.mask_px, self.max_sweeps, self.refits, self.faint) >= 0,
-            "detect.search needs mask_px, max_sweeps, refits and faint of 0 or more",
+            min(self.mask_px, self.rounds, self.refits, self.faint) >= 0,
+            "detect.search needs mask_px, rounds, refits and faint of 0 or more",
             self,
         )
 
@@ -238,7 +169,7 @@ class SelectConfig:
     """The same for one that bends as the best does in another place: the best of another span."""
     min_sag: float = 0.001
     """Least sag as a fraction of the length.  A wire hangs; edges of roads do not."""
-    sag_sigmas: float = 3.0
+    sag_sigmas: float = 12.0
     """Standard deviations by which the sag must differ from 0."""
     max_slope_difference: float = 0.03
     """Two wires hang alike whose chords' slopes differ by no more, across and upwards,"""
@@ -296,13 +227,8 @@ class DetectConfig:
     lines: LineMapConfig = field(default_factory=LineMapConfig)
     directions: DirectionConfig = field(default_factory=DirectionConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
-    coarse: SweepConfig = field(default_factory=lambda: SweepConfig(planes=32, halvings=3, apart=6))
-    """Of the sweep through all of a window, which need not tell neighbours apart: a strong line has so many
-    curves near it that there would be none of others."""
+    chains: ChainConfig = field(default_factory=ChainConfig)
     odds: OddsConfig = field(default_factory=OddsConfig)
-    sweep: SweepConfig = field(default_factory=SweepConfig)
-    """Of the sweep around the wires that were found so."""
-    narrow: NarrowConfig = field(default_factory=NarrowConfig)
     refit: RefitConfig = field(default_factory=RefitConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     select: SelectConfig = field(default_factory=SelectConfig)

@@ -127,6 +127,56 @@ class EvidenceConfig:
 
 
 @dataclass(frozen=True)
+class ChainConfig:
+    """Long thin lines of each image (`chains.py`), and where those of two views meet (`meets.py`).
+
+    Lengths are in units of half a window's length.
+    """
+
+    least_px: float = 25.0
+    """Shortest chain."""
+    most: int = 60
+    """Chains of an image, at most: the longest."""
+    rms_px: float = 1.0
+    """A chain is one curve if its pixels lie within this distance of it."""
+    partners: int = 8
+    """Views whose chains each view's meet, at most."""
+    good_angle: float = 0.15
+    """Sine of the angle, as seen along the window, at which two views see a place that they show together."""
+    often: int = 4
+    """So many partners of a view are to show a place."""
+    least_angle: float = 0.07
+    """Sine of the angle between a line of sight and the surface that it meets, at least."""
+    spare: float = 0.1
+    """A chain may be longer than it is seen, to either side, by this fraction."""
+    least_length: float = 0.1
+    """Shortest stretch along the window in which two chains meet."""
+    max_askew: float = 0.1
+    """Largest slope of a curve across the window's direction,"""
+    max_slope: float = 0.3
+    """upwards,"""
+    max_sag: float = 0.06
+    """and its largest sag, as a fraction of the window's length."""
+    bend_prior: float = 1e-4
+    """A place known to a hundredth of what the bend may be, to the second power: how strongly the bend of a
+    short piece is drawn to 0."""
+
+    def __post_init__(self) -> None:
+        counts = (self.most, self.partners, self.often)
+        lengths = (self.least_px, self.rms_px, self.least_length, self.bend_prior)
+        check(
+            min(*lengths, *counts, self.max_askew, self.max_slope, self.max_sag) > 0 and self.spare >= 0,
+            "detect.chains needs positive lengths, counts and limits, and spare of 0 or more",
+            self,
+        )
+        check(
+            0 < self.least_angle < 1 and 0 < self.good_angle < 1,
+            "detect.chains needs least_angle and good_angle between 0 and 1",
+            self,
+        )
+
+
+@dataclass(frozen=True)
 class DirectionConfig:
     """The vote for directions (`directions.py`)."""
 
@@ -188,15 +238,13 @@ class WindowConfig:
     """below the lowest of them,"""
     above: float = 0.35
     """and above the highest."""
-    room: float = 0.08
-    """After the first wires, more are searched so far around them, as a fraction of half the length."""
     near: float = 1.0
     """Views that stand within this fraction of a window's length before and behind it are used."""
 
     def __post_init__(self) -> None:
         check(
             0 < self.spacings <= self.whole
-            and min(self.aside, self.below, self.above, self.room, self.near) > 0
+            and min(self.aside, self.below, self.above, self.near) > 0
             and self.margin >= 0,
             "detect.windows needs positive lengths, whole not below spacings, and a margin of 0 or more",
             self,

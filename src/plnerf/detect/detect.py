@@ -9,17 +9,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float32, Int, UInt8
 
 from plnerf.detect.candidate import Candidate, common_ends, select_wires
 from plnerf.detect.config import DEFAULT, DetectConfig
+from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.detect.directions import Direction, given, strongest, vote
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
 from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search
-from plnerf.detect.sweep import Box, candidates, candidates_like, sweep
 from plnerf.detect.to_wire import transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
@@ -60,9 +60,9 @@ def detect_wires(
         if direction is None:
             break
         azimuths.append(direction.azimuth_rad)
-        pieces, before = [], taken.copy()
+        pieces, before, ridges = [], taken.copy(), LineRidges(scene, direction, config.evidence)
         for window in windows_along(direction, views, config.windows):
-            pieces += _in_window(scene, views, window, direction, (before, taken), config)
+            pieces += _in_window(scene, views, window, ridges, (before, taken), config)
         wires += joined(pieces, config.join)
         report(images + (images + 2 * most) * len(azimuths) // most)
     report(steps)
@@ -75,12 +75,8 @@ def compile_kernels() -> None:
     views = Views(np.eye(3)[None], np.zeros((1, 3)), 8 * one, 4 * one, np.zeros((1, 5)),
                   np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
     x = np.linspace(-1, 1, 4)
-    box = Box(x, (-0.5, -0.5), 0.25, (4, 4))
     search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
-    volume = sweep(views, search.odds, box, DEFAULT.sweep)
-    candidates(volume, box, DEFAULT.sweep)
-    candidates_like(np.zeros(5), 0.5, volume, box, DEFAULT.sweep)
-    search.score(np.zeros((1, 5)), x, 0.1)
+    search.rated(np.zeros((1, 5)))
     search.best(np.zeros((1, 5)), -np.inf)
     search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))
 
@@ -105,11 +101,28 @@ def _next_direction(
     return direction if direction.excess >= config.directions.min_excess else None
 
 
+class LineRidges:
+    """Responses of the training photos to lines in a direction, kept from one window to the next."""
+
+    def __init__(self, scene: Scene, direction: Direction, config: EvidenceConfig) -> None:
+        self.scene, self.direction, self.config = scene, direction, config
+        self.kept: dict[int, Float32[np.ndarray, " _"]] = {}
+
+    def of(self, views: Int[np.ndarray, " k"]) -> Float32[np.ndarray, " p"]:
+        """Those of some views, which are the only ones kept."""
+        scene, missing = self.scene, [int(k) for k in views if int(k) not in self.kept]
+        images = [scene.train[k] for k in missing]
+        new = line_evidence(scene.photos, scene.photo_cameras, images, self.direction.vector, self.config)
+        self.kept.update(zip(missing, new, strict=True))
+        self.kept = {int(k): self.kept[int(k)] for k in views}
+        return np.concatenate(list(self.kept.values()))
+
+
 def _in_window(
     scene: Scene,
     views: Views,
     window: Window,
-    direction: Direction,
+    ridges: "LineRidges",
     pixels: tuple[UInt8[np.ndarray, " p"], UInt8[np.ndarray, " p"]],
     config: DetectConfig,
 ) -> list[Wire]:
@@ -119,9 +132,7 @@ def _in_window(
     lines took, which get what this window's lines take.
     """
     others, taken = pixels
-    mine = window.seen_by(views)
-    images = [scene.train[k] for k in window.views]
-    responses = line_evidence(scene.photos, scene.photo_cameras, images, direction.vector, config.evidence)
+    mine, responses = window.seen_by(views), ridges.of(window.views)
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
     responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
     search = Search(mine, responses, middles_of_planes(config.search.planes), config)

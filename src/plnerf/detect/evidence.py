@@ -118,11 +118,11 @@ def line_evidence(
     direction: Float[np.ndarray, "3"],
     config: EvidenceConfig,
     progress: Callable[[int], None] | None = None,
-) -> Float32[np.ndarray, " p"]:
-    """Responses of the chosen photos to lines along a direction of the scene frame.
+) -> list[Float32[np.ndarray, " _"]]:
+    """Responses of each of the chosen photos to lines along a direction of the scene frame.
 
-    One photo after the other in one flat array, block by block; where any pixel is masked out 0.  progress:
-    called with the number of photos done.
+    Block by block, row after row; where any pixel is masked out 0.  progress: called with the number of
+    photos done.
     """
 
     def one(i: int) -> Float32[np.ndarray, " _"]:
@@ -139,7 +139,7 @@ def line_evidence(
             maps.append(part)
             if progress is not None:
                 progress(done)
-    return np.concatenate(maps)
+    return maps
 
 
 def _shifted(picture: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:

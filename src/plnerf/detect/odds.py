@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from plnerf.detect.config import OddsConfig
-from plnerf.detect.views import NEAREST, Views, distort
+from plnerf.detect.views import Views, project_point
 from plnerf.ops.kernel_cache import njit
 
 BLOCK = 8
@@ -77,18 +77,21 @@ def odds_of(responses: Float[np.ndarray, " p"], views: Views, config: OddsConfig
 
 def unclaimed(
     odds: Odds,
-    responses: Float[np.ndarray, " p"],
+    left: Float[np.ndarray, " p"],
     others: Bool[np.ndarray, " p"],
     views: Views,
     config: OddsConfig,
 ) -> Odds:
-    """The odds (as `odds_of` gave them) where the ridges of some pixels belong to other lines."""
+    """The odds (as `odds_of` gave them) where the ridges of some pixels belong to other lines.
+
+    left: responses without those.
+    """
     ridge, side = odds.ridge.copy(), 2 * config.muffled_px + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     for (w, h), start in zip(views.sizes, views.starts, strict=True):
         part = slice(start, start + w * h)
         ridge[part][cv2.dilate(others[part].reshape(h, w).astype(np.uint8), disc).ravel() > 0] = 0
-    return odds._replace(ridge=ridge, free=distances((responses >= config.min_response) & ~others, views))
+    return odds._replace(ridge=ridge, free=distances(left >= config.min_response, views))
 
 
 def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray, " p"]:
@@ -109,50 +112,33 @@ def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray,
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def column_odds(views, odds, point, step, reach, total, seen, finest):
-    """Into total (k,): log odds of a wire within reach of each point (x, y, z + k step) of a column.
+def place_odds(views, odds, point, reach, pixels, scales):
+    """Log odds of a wire within reach of a point (x, y, z), and the number of views that count there.
 
-    Into seen (k,): the number of views that count there: of those that see the point, the ones that resolve
-    it nearly as well as the best, which goes into finest (k,) in pixels per unit.  Each view's numbers are
-    read once for the whole column, which makes this several times as fast as point by point.
+    Of those that see the point, the ones count that resolve it nearly as well as the best.  pixels, scales
+    (n,): room to work in.
     """
-    x, y, z = point
-    radii, missed = odds.radii_px, odds.missed
-    total[:], seen[:], finest[:] = 0, 0, 0
-    enough = odds.enough_px / max(reach, 1e-9)
-    for again in range(2):
-        for n in range(len(views.R)):
-            R, centre = views.R[n], views.centre[n]
-            dx, dy, dz = x - centre[0], y - centre[1], z - centre[2]
-            first_u = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
-            first_v = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
-            first_depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
-            step_u, step_v, step_depth = R[0, 2] * step, R[1, 2] * step, R[2, 2] * step
-            lens, (w, h), (fx, fy), (cx, cy) = (
-                views.distortion[n], views.sizes[n], views.focal[n], views.principal[n]
-            )  # fmt: skip
-            straight = lens[0] == 0 and lens[1] == 0 and lens[2] == 0 and lens[3] == 0 and lens[4] == 0
-            start, block, blocks = views.starts[n], odds.starts[n], odds.blocks[n]
-            for k in range(len(total)):
-                depth = first_depth + k * step_depth
-                if depth <= NEAREST or fx < depth * odds.coarsest * finest[k]:
-                    continue
-                u, v = (first_u + k * step_u) / depth, (first_v + k * step_v) / depth
-                if not straight:
-                    u, v = distort(lens, u, v)
-                column, row = u * fx + cx, v * fy + cy
-                if not (0 <= column < w and 0 <= row < h):
-                    continue
-                if not again:
-                    finest[k] = max(finest[k], min(fx / depth, enough))
-                    continue
-                seen[k] += 1
-                radius, level = max(reach * fx / depth, odds.sharp_px), 0
-                while level + 1 < len(radii) and radii[level] < 0.7 * radius:
-                    level += 1
-                i, j = int(column), int(row)
-                pixel = start + j * w + i
-                if odds.free[pixel] <= STEPS * radius:
-                    total[k] += odds.shown[level, block + j // BLOCK * blocks + i // BLOCK]
-                elif odds.ridge[pixel] > STEPS * radius:
-                    total[k] += missed
+    enough, finest = odds.enough_px / max(reach, 1e-9), 0.0
+    for n in range(len(pixels)):
+        u, v, depth = project_point(views, n, point[0], point[1], point[2])
+        pixels[n] = -1
+        if depth > 0:
+            pixels[n] = int(v) * views.sizes[n, 0] + int(u)
+            scales[n] = views.focal[n, 0] / depth
+            finest = max(finest, min(scales[n], enough))
+    total, seen = 0.0, 0.0
+    for n in range(len(pixels)):
+        if pixels[n] < 0 or scales[n] < odds.coarsest * finest:
+            continue
+        seen += 1
+        radius, level = max(reach * scales[n], odds.sharp_px), 0
+        while level + 1 < len(odds.radii_px) and odds.radii_px[level] < 0.7 * radius:
+            level += 1
+        pixel = views.starts[n] + pixels[n]
+        if odds.free[pixel] <= STEPS * radius:
+            w = views.sizes[n, 0]
+            row, column = pixels[n] // w, pixels[n] % w
+            total += odds.shown[level, odds.starts[n] + row // BLOCK * odds.blocks[n] + column // BLOCK]
+        elif odds.ridge[pixel] > STEPS * radius:
+            total += odds.missed
+    return total, seen

@@ -1,7 +1,7 @@
 """Least-squares fit of a curve to the ridges: Gauss-Newton on distances in pixels, with its covariance.
 
-Letters as in `sweep.py`.  One observation is one view's ridge in one plane: its signed distance e (px) across
-the projected curve, and the derivatives of that distance by y and z.
+Letters as in `parabola.py`.  One observation is one view's ridge in one plane: its signed distance e (px)
+across the projected curve, and the derivatives of that distance by y and z.
 """
 
 from typing import no_type_check
@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import RefitConfig
-from plnerf.detect.narrow import curve_point
+from plnerf.detect.parabola import curve_point
 from plnerf.detect.views import Views, project_across, project_point
 from plnerf.ops.kernel_cache import njit, prange
 

@@ -8,10 +8,9 @@ from jaxtyping import Float, UInt8
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.narrow import curve_odds, curve_point, narrow
 from plnerf.detect.odds import odds_of, unclaimed
+from plnerf.detect.parabola import curve_odds, curve_point
 from plnerf.detect.refit import mask_ridges, refit
-from plnerf.detect.sweep import Box
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
 
@@ -27,6 +26,8 @@ class Search:
         config: DetectConfig,
     ) -> None:
         self.views, self.responses, self.x, self.config = views, responses, x, config
+        self.left = responses
+        """Responses of the ridges that no line has."""
         self.masks = np.zeros(len(responses), np.uint8)
         """Lines whose ridge a pixel is."""
         self.radius_px = 0
@@ -38,64 +39,62 @@ class Search:
         """From the first plane to the last."""
         return float(self.x[-1] - self.x[0])
 
-    def settled(
-        self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"]
-    ) -> Float[np.ndarray, "c 5"]:
-        """Each curve at the best place nearby, in the widest of the narrowing cells and on few planes.
+    def rated(self, curves: Float[np.ndarray, "c 5"]) -> Float[np.ndarray, "3 c"]:
+        """Odds of each curve's best stretch on a few planes, and where it begins and ends, 0 to 1."""
+        planes = self.config.search.coarse_planes
+        x = np.linspace(self.x[0], self.x[-1], planes)
+        odds = curve_odds(self.views, self.odds, curves, x, self.config.search.reach)[:, :, 0]
+        total, first, last = stretches(odds)
+        return np.stack([total * len(self.x) / planes, first / (planes - 1), last / (planes - 1)])
 
-        The sweep's cells blur what the nearest views show: the order of its curves says little before this.
-        """
-        widths = self.config.narrow.cells[: self.config.narrow.settle]
-        return narrow(self.views, self.odds, curves, x, widths, self.config)
+    def ranked(self, curves: Float[np.ndarray, "c 5"]) -> Float[np.ndarray, "c 5"]:
+        """The curves with the highest odds first."""
+        return curves[np.argsort(-self.rated(curves)[0], kind="stable")]
 
-    def shifted(self, theta: Float[np.ndarray, "5"], s: float, box: Box) -> Float[np.ndarray, "c 5"]:
-        """A curve shifted to each cell of a box, of which those with most odds: wires that hang just alike.
+    def distinct(self, curves: Float[np.ndarray, "c 5"]) -> Float[np.ndarray, "d 5"]:
+        """The best of all curves that lie near each other where they show most, best first."""
+        search = self.config.search
+        total, first, last = self.rated(curves)
+        order = np.argsort(-total, kind="stable")
+        order = order[total[order] > 0]
+        s = first + np.array([[0.0], [0.5], [1.0]]) * (last - first)
+        kept: list[int] = []
+        for c in order:
+            here = np.stack(curve_point(curves[c], s[:, c]))
+            there = np.stack(curve_point(curves[kept].T[:, :, None], s[:, c]))
+            if not (np.abs(there - here[:, None]).max((0, 2)) < search.apart).any():
+                kept.append(int(c))
+                if len(kept) == search.most_pending:
+                    break
+        return curves[kept]
 
-        s: where along it the curve is to lie in the cells.  A cell shows next to nothing of a wire that is
-        near to some cameras; the curve itself, where its shape is known, shows all.
-        """
-        j, k = (part.ravel() for part in np.meshgrid(*(np.arange(n) for n in box.shape), indexing="ij"))
-        y, z = curve_point(theta, s)
-        dy, dz = box.low[0] + box.cell * j - y, box.low[1] + box.cell * k - z
-        curves = theta + np.stack([dy, dy, dz, dz, np.zeros(len(dy))], 1)
-        odds = self.score(curves, box.x, box.cell / 2)
-        return curves[np.argsort(-odds, kind="stable")[: self.config.search.most_alike]]
-
-    def score(
-        self, curves: Float[np.ndarray, "c 5"], x: Float[np.ndarray, " j"], reach: float
-    ) -> Float[np.ndarray, " c"]:
-        """Odds of curves that are known to a reach."""
-        return stretches(curve_odds(self.views, self.odds, curves, x, reach)[:, :, 0])[0]
+    def alike(
+        self, theta: Float[np.ndarray, "5"], curves: Float[np.ndarray, "c 5"]
+    ) -> Float[np.ndarray, "d 5"]:
+        """Curves of one shape, and of one bend, through the middle of what each of some curves shows."""
+        _, first, last = self.rated(curves)
+        s = (first + last) / 2
+        y, z = curve_point(curves.T, s)
+        dy, dz = np.subtract((y, z), curve_point(theta, s))
+        more = theta[4] - curves[:, 4]
+        bent = curves + np.stack([0 * s, 0 * s, 4 * more * s**2, 4 * more * (1 - s) ** 2, more], 1)
+        return np.concatenate([theta + np.stack([dy, dy, dz, dz, 0 * dy], 1), bent])
 
     def best(
         self,
         curves: Float[np.ndarray, "c 5"],
         least: float,
         wanted: Callable[[Candidate], bool] | None = None,
-    ) -> Candidate | None:
-        """The best of the lines near some curves, fitted to the ridges that are left; None for none.
+    ) -> tuple[Candidate | None, int]:
+        """The first of some curves that becomes a line when it is fitted, and how many were tried.
 
         least: nats that it needs; wanted: what else it must be.
         """
-        batch = self.config.search.batch
-        if len(curves) > batch:
-            reach = self.config.sweep.cell * self.config.narrow.cells[0]
-            curves = curves[np.argsort(-self.score(curves, self.x, reach), kind="stable")[:batch]]
-        # From narrow cells on too: wide ones may lead away a curve that is known well already.
-        cells = self.config.narrow.cells
-        near = np.concatenate([
-            narrow(self.views, self.odds, curves, self.x, widths, self.config)
-            for widths in (cells, cells[self.config.narrow.settle :])
-        ])
-        total = stretches(curve_odds(self.views, self.odds, near, self.x, 0.0)[:, :, 0])[0]
-        left = np.where(self.masks > 0, np.float32(0), self.responses)
-        for n in np.argsort(-total, kind="stable"):
-            if total[n] < least:
-                break
-            line = self._fitted(near[n], left, least)
+        for tried, curve in enumerate(curves, 1):
+            line = self._fitted(curve, least)
             if line is not None and (wanted is None or wanted(line)):
-                return line
-        return None
+                return line, tried
+        return None, len(curves)
 
     def mask_ridges(self, line: Candidate) -> None:
         """Takes a line's ridges out."""
@@ -106,19 +105,17 @@ class Search:
         """The best near some curves with a line's own ridges put back; it then takes the line's place."""
         self.masks -= self._own(line)
         self._update_odds()
-        best = self.best(curves, least)
+        best, _ = self.best(self.ranked(curves), least)
         if best is not None:
             self._mask(best)
         return best
 
-    def _fitted(
-        self, curve: Float[np.ndarray, "5"], left: Float[np.ndarray, " p"], least: float
-    ) -> Candidate | None:
+    def _fitted(self, curve: Float[np.ndarray, "5"], least: float) -> Candidate | None:
         """The line that a curve becomes when it is fitted to ridges; None where its odds are too low."""
-        search, last_plane = self.config.search, len(self.x) - 1
-        line, piece = None, (0, last_plane)
+        search = self.config.search
+        line, piece = None, self._piece(curve)
         for _ in range(search.stretches):
-            line = self._refit(curve, left, piece)
+            line = self._refit(curve, piece)
             if line is None:
                 return None
             curve = line.theta
@@ -129,7 +126,8 @@ class Search:
                 break
             piece = shown
         assert line is not None
-        if odds < max(least, search.min_mean * seen[int(first) : int(last) + 1].sum()):
+        needed = max(least, search.min_mean * seen[int(first) : int(last) + 1].sum())
+        if odds < needed or not self._runs_along(line):
             return None
         softer, _ = self._of_plane(line, 2 * self.odds.sharp_px)
         _, begin, end = stretches(softer[None])[:, 0]
@@ -137,9 +135,24 @@ class Search:
         line = replace(line, odds=float(odds), seen=(int(first), int(last)), ends=extent)
         return replace(line, fixed=is_certain(line, self.views, self.x, self.config.certainty))
 
-    def _refit(
-        self, curve: Float[np.ndarray, "5"], left: Float[np.ndarray, " p"], piece: tuple[int, int]
-    ) -> Candidate | None:
+    def _runs_along(self, line: Candidate) -> bool:
+        """Whether a line has the direction that is searched: others are found in theirs."""
+        y_A, y_B, z_A, z_B, _ = line.theta
+        chains = self.config.chains
+        return bool(
+            abs(y_B - y_A) <= chains.max_askew * self.length
+            and abs(z_B - z_A) <= chains.max_slope * self.length
+        )
+
+    def _piece(self, curve: Float[np.ndarray, "5"]) -> tuple[int, int]:
+        """First and last plane of the stretch that shows a curve, not shorter than a fit needs."""
+        planes = len(self.x)
+        odds = curve_odds(self.views, self.odds, curve[None], self.x, self.config.search.reach)[0, :, 0]
+        _, first, last = stretches(odds[None])[:, 0]
+        more = max(0.0, (self.config.search.least_planes - (last - first)) / 2)
+        return max(0, int(first - more)), min(planes - 1, int(np.ceil(last + more)))
+
+    def _refit(self, curve: Float[np.ndarray, "5"], piece: tuple[int, int]) -> Candidate | None:
         """The curve fitted to ridges in a piece of the window, from plane to plane, and extrapolated.
 
         Beyond the piece the line may be another span's, or nothing, and ridges near the curve are chance.
@@ -147,7 +160,7 @@ class Search:
         s = [plane / (len(self.x) - 1) for plane in piece]
         T = transport_matrix(s[0], s[1])
         x, config = self.x[piece[0] : piece[1] + 1], self.config
-        line = refit(self.views, left, T @ curve, x, config.odds.min_response, config.refit)
+        line = refit(self.views, self.left, T @ curve, x, config.odds.min_response, config.refit)
         if line is None:
             return None
         back = np.linalg.inv(T)
@@ -180,7 +193,9 @@ class Search:
         return own
 
     def _update_odds(self) -> None:
-        self.odds = unclaimed(self.all_odds, self.responses, self.masks > 0, self.views, self.config.odds)
+        others = self.masks > 0
+        self.left = np.where(others, np.float32(0), self.responses)
+        self.odds = unclaimed(self.all_odds, self.left, others, self.views, self.config.odds)
 
 
 def stretches(odds: Float[np.ndarray, "c i"]) -> Float[np.ndarray, "3 c"]:

@@ -1,6 +1,6 @@
 """A candidate as a `Wire` of the LineFrame: the boundary between a window's frame and what later rooms use.
 
-Letters: s in [0, 1] from the first to the last plane of the fit; theta as in `sweep.py`.
+Letters: s in [0, 1] from the first to the last plane of the fit; theta as in `parabola.py`.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
-from plnerf.detect.narrow import curve_point
+from plnerf.detect.parabola import curve_point
 from plnerf.detect.views import Views
 from plnerf.detect.windows import Window
 from plnerf.line.base import Base

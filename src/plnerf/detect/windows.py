@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from plnerf.detect.config import SweepConfig
 from plnerf.detect.config_lines import WindowConfig
 from plnerf.detect.directions import Direction
-from plnerf.detect.sweep import Box
 from plnerf.detect.views import Views
 
 
@@ -60,18 +58,6 @@ class Window:
             sizes,
             starts,
         )
-
-    def box(self, config: SweepConfig) -> Box:
-        """The volume to search."""
-        return box_around(self.low, self.high, config)
-
-
-def box_around(low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], config: SweepConfig) -> Box:
-    """The volume between two corners (y, z) of a window, as long as the window."""
-    shape = np.ceil((high - low) / config.cell).astype(int) + 1
-    inset = 1 / config.planes
-    x = np.linspace(-1 + inset, 1 - inset, config.planes)
-    return Box(x, (float(low[0]), float(low[1])), config.cell, (int(shape[0]), int(shape[1])))
 
 
 def windows_along(direction: Direction, views: Views, config: WindowConfig) -> Iterator[Window]:

@@ -1,0 +1,202 @@
+"""Curves in space where the chains of two views meet: what a search begins with.
+
+With its camera each chain of an image spans a surface, in which the line lies that was seen as the chain; the
+surfaces that two views have of one line meet in it.  Those of different lines meet too, somewhere: the other
+views tell (line matching by pairs, as Schmid and Zisserman, "The geometry and matching of lines and curves
+over multiple views", IJCV 2000, do it with epipolar geometry).
+
+Letters: n views, c chains, m pairs of chains.  A curve is theta = (y_A, y_B, z_A, z_B, b), see
+`parabola.py`; window frame.
+"""
+
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from plnerf.detect.chains import Chains
+from plnerf.detect.config_lines import ChainConfig
+from plnerf.detect.views import NEAREST, Views, project_point
+from plnerf.ops.kernel_cache import njit, prange
+
+SAMPLES = 9
+"""Places along a chain at which its surface is cut by the other's."""
+STEPS = 3
+"""Of Newton's method, from the middle of a chain: chains are nearly straight."""
+
+
+def curves_where_chains_meet(
+    chains: Chains,
+    views: Views,
+    x: Float[np.ndarray, " i"],
+    low: Float[np.ndarray, "2"],
+    high: Float[np.ndarray, "2"],
+    config: ChainConfig,
+) -> Float[np.ndarray, "m 5"]:
+    """The curves between the first and the last plane x in which chains of two views meet.
+
+    low, high: y and z between which they must lie where both views show them.
+    """
+    pairs = [np.zeros((0, 2), np.int64)]
+    for n, others in enumerate(partners(views, low, high, config)):
+        mine = np.arange(chains.first[n], chains.first[n + 1])
+        for other in others[others >= 0]:
+            theirs = np.arange(chains.first[other], chains.first[other + 1])
+            pairs.append(np.stack(np.meshgrid(mine, theirs, indexing="ij"), -1).reshape(-1, 2))
+    limits = (config.least_angle, config.spare, config.least_length)
+    shape = (config.max_askew, config.max_slope, config.max_sag, config.bend_prior)
+    box = (low[0], high[0], low[1], high[1])
+    curves = meets(chains, views, np.concatenate(pairs), (x[0], x[-1]), box, limits, shape)
+    return curves[np.isfinite(curves[:, 0])]
+
+
+def partners(
+    views: Views, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], config: ChainConfig
+) -> Int[np.ndarray, "n k"]:
+    """For each view those that see most places in common with it, at a good angle; -1 for none.
+
+    One after another, each for what those before it do not show: surfaces of two views meet at a small angle
+    in a line that runs between them, and no one partner serves all places.
+    """
+    axes = [np.linspace(-1, 1, 12), np.linspace(low[0], high[0], 8), np.linspace(low[1], high[1], 6)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    seen = seen_places(views, places)
+    across = places[None, :, 1:] - views.centre[:, None, 1:]
+    turn = np.arctan2(across[..., 1], across[..., 0])
+    out = np.full((len(seen), config.partners), -1)
+    for n, found in enumerate(out):
+        shown = seen & seen[n] & (np.abs(np.sin(turn - turn[n])) >= config.good_angle)
+        wanted = np.full(len(places), config.often)
+        for k in range(config.partners):
+            gain = shown @ (wanted > 0)
+            best = int(gain.argmax())
+            if not gain[best]:
+                break
+            found[k] = best
+            wanted -= shown[best]
+            shown[best] = False
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def seen_places(views, places):
+    """Whether view n has a place p of places (p, 3) in its image: (n, p)."""
+    out = np.zeros((len(views.R), len(places)), np.bool_)
+    for n in range(len(out)):
+        for p in range(len(places)):
+            out[n, p] = project_point(views, n, places[p, 0], places[p, 1], places[p, 2])[2] > 0
+    return out
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+@no_type_check
+def meets(chains, views, pairs, ends, box, limits, shape):
+    """The curve of each pair of chains (m, 2), between two places x: (m, 5), NaN for none."""
+    out = np.full((len(pairs), 5), np.nan)
+    least_angle, spare, least_length = limits
+    for m in prange(len(pairs)):
+        a, b = pairs[m]
+        n = chains.owner[a]
+        begin, end = chains.ends[a]
+        points, count = np.empty((SAMPLES, 3)), 0
+        for k in range(SAMPLES):
+            ray = line_of_sight(chains, views, a, begin + (end - begin) * k / (SAMPLES - 1))
+            depth = depth_of(chains, views, b, views.centre[n], ray, least_angle, spare)
+            if depth <= 0:
+                continue
+            x, y, z = (
+                views.centre[n, 0] + depth * ray[0],
+                views.centre[n, 1] + depth * ray[1],
+                views.centre[n, 2] + depth * ray[2],
+            )
+            if abs(x) <= 1 and box[0] <= y <= box[1] and box[2] <= z <= box[3]:
+                points[count] = x, y, z
+                count += 1
+        if count >= 3 and abs(points[count - 1, 0] - points[0, 0]) >= least_length:
+            curve_through(points[:count], ends, shape, out[m])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def line_of_sight(chains, views, a, t):
+    """The ray through place t of a chain, of depth 1."""
+    R, (u, v), p = views.R[chains.owner[a]], chains.along[a], chains.bend[a]
+    across = p[0] + t * (p[1] + t * p[2])
+    x, y = t * u - across * v, t * v + across * u
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0],
+        R[0, 1] * x + R[1, 1] * y + R[2, 1],
+        R[0, 2] * x + R[1, 2] * y + R[2, 2],
+    )
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def depth_of(chains, views, b, centre, ray, least_angle, spare):
+    """How far along a ray from another camera it meets the surface of a chain; -1 for nowhere."""
+    n = chains.owner[b]
+    R, (u, v), p = views.R[n], chains.along[b], chains.bend[b]
+    begin, end = chains.ends[b]
+    beyond = spare * (end - begin)
+    dx, dy, dz = (
+        centre[0] - views.centre[n, 0], centre[1] - views.centre[n, 1], centre[2] - views.centre[n, 2]
+    )  # fmt: skip
+    o0 = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
+    o1 = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
+    o2 = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
+    r0 = R[0, 0] * ray[0] + R[0, 1] * ray[1] + R[0, 2] * ray[2]
+    r1 = R[1, 0] * ray[0] + R[1, 1] * ray[1] + R[1, 2] * ray[2]
+    r2 = R[2, 0] * ray[0] + R[2, 1] * ray[1] + R[2, 2] * ray[2]
+    t, depth = 0.5 * (begin + end), -1.0
+    for _ in range(STEPS):
+        # The plane through the camera and the chain's tangent at t.
+        slope = p[1] + 2 * p[2] * t
+        n0, n1, n2 = -v - slope * u, u - slope * v, -(p[0] - p[2] * t * t)
+        across = n0 * r0 + n1 * r1 + n2 * r2
+        size = (n0 * n0 + n1 * n1 + n2 * n2) * (r0 * r0 + r1 * r1 + r2 * r2)
+        if across * across < least_angle * least_angle * size:
+            return -1.0
+        depth = -(n0 * o0 + n1 * o1 + n2 * o2) / across
+        z = o2 + depth * r2
+        if depth <= NEAREST or z <= NEAREST:
+            return -1.0
+        t = (u * (o0 + depth * r0) + v * (o1 + depth * r1)) / z
+        if t < begin - 3 * beyond or t > end + 3 * beyond:
+            return -1.0
+    return depth if begin - beyond <= t <= end + beyond else -1.0
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def curve_through(points, ends, shape, theta):
+    """Into theta (5,): the curve nearest to points (k, 3), left as it is where no wire has its shape.
+
+    A short piece does not show how it bends: its bend is drawn to 0 by a prior.
+    """
+    max_askew, max_slope, max_sag, bend_prior = shape
+    count, middle = len(points), 0.0
+    for k in range(count):
+        middle += points[k, 0] / count
+    x2, x3, x4, y0, z0, xy, xz, x2z = 0.0, 0.0, bend_prior, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(count):
+        x, y, z = points[k, 0] - middle, points[k, 1], points[k, 2]
+        x2 += x * x
+        x3 += x * x * x
+        x4 += x * x * x * x
+        y0 += y / count
+        z0 += z / count
+        xy += x * y
+        xz += x * z
+        x2z += x * x * z
+    # z = level + slope x + bend x^2: the normal equations; x is about its mean.
+    bend = (x2z - x2 * z0 - x3 * xz / x2) / (x4 - x2 * x2 / count - x3 * x3 / x2)
+    slope, level, askew = (xz - x3 * bend) / x2, z0 - x2 * bend / count, xy / x2
+    length = ends[1] - ends[0]
+    if abs(askew) > max_askew or abs(slope) > max_slope or abs(bend) * length > 4 * max_sag:
+        return
+    begin, end = ends[0] - middle, ends[1] - middle
+    theta[0], theta[1] = y0 + askew * begin, y0 + askew * end
+    theta[2], theta[3] = level + begin * (slope + bend * begin), level + end * (slope + bend * end)
+    theta[4] = bend * length * length / 4

@@ -1,0 +1,34 @@
+"""Hanging curves as parabolas, and the odds that views give them.
+
+Letters: the window's frame, in which lines run along +x; planes i at x_i across it.  A curve is theta =
+(y_A, y_B, z_A, z_B, b): offset and height in the first and in the last plane, and the sag b below the chord;
+y is linear and z quadratic in x (a parabola is within millimetres of a catenary of the same sag).
+"""
+
+from typing import no_type_check
+
+import numpy as np
+
+from plnerf.detect.odds import place_odds
+from plnerf.ops.kernel_cache import njit, prange
+
+
+@njit(cache=True)
+@no_type_check
+def curve_point(theta, s):
+    """y, z of a curve at s in [0, 1] along it."""
+    y = theta[0] + (theta[1] - theta[0]) * s
+    return y, theta[2] + (theta[3] - theta[2]) * s - 4 * theta[4] * s * (1 - s)
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+@no_type_check
+def curve_odds(views, odds, curves, x, reach):
+    """Log odds of each curve in each plane, and the number of views that see it there: (c, i, 2)."""
+    out = np.zeros((len(curves), len(x), 2))
+    for c in prange(len(curves)):
+        pixels, scales = np.empty(len(views.R), np.int64), np.empty(len(views.R))
+        for i in range(len(x)):
+            y, z = curve_point(curves[c], i / (len(x) - 1))
+            out[c, i] = place_odds(views, odds, (x[i], y, z), reach, pixels, scales)
+    return out
