@@ -46,4 +46,4 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="few, small photos: fewer wires are found")
     args = parser.parse_args()
     scene = few_photos(args.out / "few-photos", every=4) if args.quick else args.scene
-    main(scene, args.out, args.voltage_kv, 4 if args.quick else 1)
+    main(scene, args.out, args.voltage_kv, 2 if args.quick else 1)

@@ -49,4 +49,4 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="a second of training on few, small photos")
     args = parser.parse_args()
     photos = few_photos(args.out / "few-photos", every=4) if args.quick else args.photos
-    main(photos, args.out, *((1.0, 3) if args.quick else (300.0, 1)), args.quick)
+    main(photos, args.out, *((1.0, 2) if args.quick else (300.0, 1)), args.quick)

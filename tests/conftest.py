@@ -9,6 +9,7 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line does; before torch is imported
 
+import numba
 import numpy as np
 import pytest
 import torch
@@ -26,6 +27,14 @@ TINY_COUNT, TINY_WIDTH, TINY_HEIGHT, TINY_FOCAL = 12, 48, 32, 40.0
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-snapshots", action="store_true", help="write the stored texts anew")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _threads_of_a_worker() -> None:
+    """Where several processes test side by side, each kernel has one thread unless a test gives it more."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        numba.set_num_threads(1)
+        torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -13,6 +14,7 @@ from plnerf.detect.parabola import curve_odds, curve_point
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
+from plnerf.ops.kernel_cache import njit
 
 
 class Search:
@@ -198,14 +200,22 @@ class Search:
         self.odds = unclaimed(self.all_odds, self.left, others, self.views, self.config.odds)
 
 
-def stretches(odds: Float[np.ndarray, "c i"]) -> Float[np.ndarray, "3 c"]:
-    """The largest sum of each row over a stretch of it, and the stretch's first and last column (Kadane)."""
+@njit(cache=True)
+@no_type_check
+def stretches(odds):
+    """The largest sum of each row (c, i) over a stretch, and the stretch's first and last column: (3, c).
+
+    Kadane's algorithm.
+    """
     out = np.zeros((3, len(odds)))
-    run, begin = np.zeros(len(odds)), np.zeros(len(odds))
-    for i, column in enumerate(odds.T):
-        begin = np.where(run > 0, begin, i)
-        run = np.maximum(run, 0) + column
-        out = np.where(run > out[0], np.stack([run, begin, np.full(len(odds), i)]), out)
+    for c in range(len(odds)):
+        run, begin = 0.0, 0
+        for i in range(odds.shape[1]):
+            if run <= 0:
+                run, begin = 0.0, i
+            run += odds[c, i]
+            if run > out[0, c]:
+                out[0, c], out[1, c], out[2, c] = run, begin, i
     return out
 
 
