@@ -200,6 +200,7 @@ def test_another_bench_is_not_overwritten(tmp_path: Path) -> None:
         BenchConfig(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_whole_bench_writes_its_files(
     built_tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -43,6 +43,7 @@ def compared(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) -
     return config
 
 
+@pytest.mark.slow
 def test_the_table_the_pages_and_the_sheet_are_there(compared: CompareConfig) -> None:
     content = json.loads((compared.out / "compare.json").read_text())
     failed, *done = content["results"]

@@ -11,7 +11,7 @@ from plnerf.detect.config_lines import WindowConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.join import joined
 from plnerf.detect.views import project_point, views_of
-from plnerf.detect.windows import Window, windows_along
+from plnerf.detect.windows import Window, spacing_along, windows_along
 
 CONFIG = WindowConfig()
 
@@ -74,6 +74,15 @@ def test_cameras_around_a_place_have_one_window_as_wide_as_their_orbit() -> None
     views = views_of(pinhole_cameras(centres, np.zeros((36, 3))))
     (window,) = windows_along(Direction(0.4, 0.0, 1.0), views, CONFIG)
     assert window.half >= 20 and len(window.views) == 36
+
+
+def test_a_climb_does_not_shorten_windows() -> None:
+    flown = np.array([[2.0 * k, 0.1 * (-1) ** k, 20.0] for k in range(24)])
+    climb = np.array([[24.0 + 0.2 * (-1) ** k, 8.0, 5.0 + 0.3 * k] for k in range(40)])
+    across = np.array([[46.0, 3.0 * k, 20.0] for k in range(1, 9)])
+    for centres in (flown, np.concatenate([flown, climb]), np.concatenate([flown, across, climb])):
+        assert spacing_along(centres, np.array([1.0, 0.0])) == pytest.approx(2.0)
+    assert spacing_along(climb * (0, 0, 1), np.array([1.0, 0.0])) == pytest.approx(0.3)
 
 
 def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:

@@ -97,6 +97,7 @@ def drawn(folder: Path) -> tuple[Survey, list[Wire]]:
     return survey_scene(scene, dataclasses.replace(SMALL, refine=refine)), wires
 
 
+@pytest.mark.slow
 def test_a_scene_is_surveyed_without_training(tmp_path: Path) -> None:
     survey, wires = drawn(tmp_path)
     assert len(survey.wires) == len(wires) and survey.from_images and survey.wire_points is None

@@ -82,6 +82,7 @@ def test_swung_wires_come_to_where_they_are_drawn(tmp_path: Path, azimuth_deg: f
         assert abs(swing.value - true) < 3 * swing.sigma and abs(swing.value - true) < 3
 
 
+@pytest.mark.slow
 def test_swings_and_places_hold_their_intervals_with_and_without_wind() -> None:
     """Profiles made up for wires of 40 m from 6 m to either side, with errors of poses, light and views."""
     random = np.random.default_rng(12)

@@ -44,6 +44,7 @@ def told(run: Path) -> list[dict[str, Any]]:
     return [{k: v for k, v in line.items() if k not in {"seconds", "rays_per_s"}} for line in log_of(run)]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a system with SIGKILL")
 def test_kill_and_resume_gives_the_bits_of_an_uninterrupted_run(tiny_scene: Path, tmp_path: Path) -> None:
     whole, killed = tmp_path / "whole", tmp_path / "killed"

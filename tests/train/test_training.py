@@ -39,6 +39,7 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
     return -10 * math.log10(np.mean((a - b) ** 2))
 
 
+@pytest.mark.slow
 def test_views_that_were_held_out_are_learnt(tiny_scene: Path, tmp_path: Path) -> None:
     """Ten photos of 48x32 pixels, 22 degrees apart, are enough for the ball, the sky and near squares."""
     clock = time.process_time()

@@ -60,13 +60,26 @@ class Window:
         )
 
 
+def spacing_along(centres: Float[np.ndarray, "n 3"], u: Float[np.ndarray, "2"]) -> float:
+    """The usual way along a direction from image to image: half of all the way is flown in longer steps.
+
+    A climb past a structure has many images in one place, and says nothing of the line's length.
+    """
+    steps = np.diff(centres, axis=0)
+    ahead = np.sort(np.abs(steps[:, :2] @ u))
+    way = np.cumsum(ahead)
+    if way[-1] <= 0:
+        return float(np.median(np.linalg.norm(steps, axis=1)))
+    return float(ahead[np.searchsorted(way, way[-1] / 2)])
+
+
 def windows_along(direction: Direction, views: Views, config: WindowConfig) -> Iterator[Window]:
     """The windows along a direction past the cameras, each half over the one before it."""
     u = np.array([np.cos(direction.azimuth_rad), np.sin(direction.azimuth_rad)])
     along = views.centre[:, :2] @ u
     across = views.centre[:, :2] @ np.array([-u[1], u[0]])
     height = views.centre[:, 2]
-    spacing = float(np.median(np.linalg.norm(np.diff(views.centre, axis=0), axis=1)))
+    spacing = spacing_along(views.centre, u)
     first, last = along.min(), along.max()
     longer = max(config.margin * (last - first), (np.ptp(across) - (last - first)) / 2)
     first, last = first - longer, last + longer
