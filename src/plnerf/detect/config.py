@@ -101,7 +101,7 @@ class SearchConfig:
     """Of curves that lie nearer to each other only the best is tried, likewise."""
     most_pending: int = 400
     """Curves that are tried, at most."""
-    fruitless: int = 24
+    fruitless: int = 80
     """Curves without a line after which no others are tried."""
     mask_px: int = 2
     """Ridges within this distance of a line are its own."""
