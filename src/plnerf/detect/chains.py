@@ -29,8 +29,8 @@ class Chains(NamedTuple):
     """p0, p1, p2."""
     ends: Float[np.ndarray, "c 2"]
     """Least and greatest t."""
-    first: Int[np.ndarray, " n"]
-    """Of each view, the number of its first chain, and after the last view the number of all."""
+    first: Int[np.ndarray, " n+1"]
+    """Index of the first chain of each view, and at last how many chains there are."""
 
 
 def chains_of(

@@ -98,7 +98,7 @@ class SearchConfig:
     reach: float = 0.001
     """Curves are known to so much before they are fitted, in units of half a window's length."""
     apart: float = 0.003
-    """Of curves that lie nearer to each other only the best is tried, likewise."""
+    """Of curves nearer to each other than this only the best is tried; the same unit."""
     most_pending: int = 400
     """Curves that are tried, at most."""
     fruitless: int = 80

@@ -12,12 +12,14 @@ import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
 from plnerf.detect.candidate import Candidate, common_ends, select_wires
+from plnerf.detect.chains import chains_of
 from plnerf.detect.config import DEFAULT, DetectConfig
 from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.detect.directions import Direction, given, strongest, vote
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
+from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search
 from plnerf.detect.to_wire import transport_matrix, typical_footprint, wire_of
@@ -76,6 +78,8 @@ def compile_kernels() -> None:
                   np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
     x = np.linspace(-1, 1, 4)
     search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
+    chains = chains_of(search.responses, views, DEFAULT.odds.min_response, DEFAULT.chains)
+    curves_where_chains_meet(chains, views, x, np.full(2, -1.0), np.full(2, 1.0), DEFAULT.chains)
     search.rated(np.zeros((1, 5)))
     search.best(np.zeros((1, 5)), -np.inf)
     search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))

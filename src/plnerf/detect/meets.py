@@ -22,7 +22,7 @@ from plnerf.ops.kernel_cache import njit, prange
 SAMPLES = 9
 """Places along a chain at which its surface is cut by the other's."""
 STEPS = 3
-"""Of Newton's method, from the middle of a chain: chains are nearly straight."""
+"""Steps of Newton's method from the middle of a chain: few, because chains are nearly straight."""
 
 
 def curves_where_chains_meet(
@@ -135,7 +135,7 @@ def line_of_sight(chains, views, a, t):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def depth_of(chains, views, b, centre, ray, least_angle, spare):
-    """How far along a ray from another camera it meets the surface of a chain; -1 for nowhere."""
+    """The depth at which a ray from another camera meets the surface of a chain; -1 where it does not."""
     n = chains.owner[b]
     R, (u, v), p = views.R[n], chains.along[b], chains.bend[b]
     begin, end = chains.ends[b]

@@ -63,7 +63,7 @@ class Window:
 def spacing_along(centres: Float[np.ndarray, "n 3"], u: Float[np.ndarray, "2"]) -> float:
     """The usual way along a direction from image to image: half of all the way is flown in longer steps.
 
-    A climb past a structure has many images in one place, and says nothing of the line's length.
+    A climb past a structure takes many images in one place: with them the median step would be too short.
     """
     steps = np.diff(centres, axis=0)
     ahead = np.sort(np.abs(steps[:, :2] @ u))

@@ -72,7 +72,7 @@ def _width_px(photos: Photos, surface: Surface, diameter_m: float) -> float | No
 
 
 def _distances(photos: Photos, surface: Surface) -> Float[np.ndarray, "n p"] | None:
-    """How far some points of surfaces are from the photos that see them, else NaN; None where none does."""
+    """Distances of points of surfaces from photos, NaN where a photo does not see one; None if none does."""
     every = max(1, len(surface.xyz) // POINTS)
     apart = photos.distances(surface.xyz[::every])
     return np.where(np.isfinite(apart), apart, np.nan) if np.isfinite(apart).any() else None
