@@ -48,8 +48,8 @@ def a_trained_model(seed: int = 0) -> tuple[PLNeRF, TableAdam]:
     return model, optimizer
 
 
-def state_of(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    state = optimizer.state_dict()["state"]
+def state_of(optimizer: TableAdam) -> dict[str, Tensor]:
+    state = optimizer.state_dict()
     return {f"{index}.{key}": value for index, items in state.items() for key, value in items.items()}
 
 

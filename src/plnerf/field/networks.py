@@ -17,11 +17,10 @@ def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
     """Fully connected layers of the given widths, ReLU between them, He-uniform weights and zero biases."""
     layers: list[nn.Module] = []
     for inputs, outputs in pairwise(widths):
-        linear = nn.Linear(inputs, outputs, device="meta").to_empty(device="cpu")
-        with torch.no_grad():
-            bound = math.sqrt(6 / inputs)
-            linear.weight.copy_(torch.rand(outputs, inputs, generator=generator) * 2 * bound - bound)
-            linear.bias.zero_()
+        linear = nn.Linear(inputs, outputs, device="meta")  # draws nothing from torch's own generator
+        bound = math.sqrt(6 / inputs)
+        weights = torch.rand(outputs, inputs, generator=generator) * 2 * bound - bound
+        linear.weight, linear.bias = nn.Parameter(weights), nn.Parameter(torch.zeros(outputs))
         layers += [linear, nn.ReLU()]
     return nn.Sequential(*layers[:-1])
 

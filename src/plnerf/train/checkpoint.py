@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from plnerf.errors import CheckpointError, TrainingError
+from plnerf.train.optimizer import TableAdam
 
 FORMAT_VERSION = 1
 _NAME = re.compile(r"step-(\d+)\.json")
@@ -42,7 +42,7 @@ class Checkpoint:
 def save_checkpoint(
     folder: Path,
     model: nn.Module,
-    optimizer: torch.optim.Optimizer,
+    optimizer: TableAdam,
     *,
     step: int,
     seconds: float,
@@ -119,7 +119,7 @@ def drop_old_checkpoints(folder: Path, keep: int) -> None:
 
 
 def load_checkpoint(
-    path: Path, model: nn.Module, optimizer: torch.optim.Optimizer | None = None
+    path: Path, model: nn.Module, optimizer: TableAdam | None = None
 ) -> Checkpoint:
     """Loads weights, and the optimiser's state where one is given.
 
@@ -177,14 +177,15 @@ def _check_same_architecture(path: Path, state: dict[str, Tensor], expected: dic
             )
 
 
-def _optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    state = optimizer.state_dict()["state"]
+def _optimizer_tensors(optimizer: TableAdam) -> dict[str, Tensor]:
     return {
-        f"optimizer.{index}.{key}": value for index, items in state.items() for key, value in items.items()
+        f"optimizer.{index}.{key}": value
+        for index, items in optimizer.state_dict().items()
+        for key, value in items.items()
     }
 
 
-def _load_optimizer_tensors(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor], path: Path) -> None:
+def _load_optimizer_tensors(optimizer: TableAdam, tensors: dict[str, Tensor], path: Path) -> None:
     state: dict[int, dict[str, Tensor]] = {}
     for name, value in tensors.items():
         if name.startswith("optimizer."):
@@ -194,4 +195,4 @@ def _load_optimizer_tensors(optimizer: torch.optim.Optimizer, tensors: dict[str,
         raise CheckpointError(
             f"The checkpoint {path} holds no optimiser state: it can be rendered, not resumed."
         )
-    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
+    optimizer.load_state_dict(state)

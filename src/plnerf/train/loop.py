@@ -30,7 +30,7 @@ from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.graph import GraphedStep
 from plnerf.train.guidance import favoured_pixels, guides_for, run_wires
 from plnerf.train.metrics import validation_psnr
-from plnerf.train.optimizer import build_optimizer
+from plnerf.train.optimizer import Optimizer, build_optimizer
 from plnerf.train.pixels import PixelBatch, PixelSampler
 from plnerf.train.report import LOG_EVERY, Report
 from plnerf.train.run import build_model, open_scene, write_run
@@ -137,9 +137,7 @@ def make_step(
     return graphed
 
 
-def set_learning_rates(
-    optimizer: torch.optim.Optimizer, cfg: TrainConfig, step: int, progress: float
-) -> None:
+def set_learning_rates(optimizer: Optimizer, cfg: TrainConfig, step: int, progress: float) -> None:
     """Linear warm-up over the first steps, exponential decay to `lr_final_factor` over the whole budget."""
     factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.lr_final_factor**progress
     for group in optimizer.param_groups:

@@ -1,12 +1,15 @@
-"""The optimiser: Adam as Instant-NGP sets it; rows of hash tables that no sample touched are left alone."""
+"""The optimiser: Adam as Instant-NGP sets it; rows of hash tables that no sample touched are left alone.
+
+It has the methods of `torch.optim.Optimizer` that training uses, but is none: making one imports torch's
+compiler, which takes two seconds.
+"""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
-from torch.optim import Optimizer
 from torch.optim.adam import adam
 
 from plnerf.ops.backends import Backend
@@ -33,7 +36,20 @@ def build_optimizer(model: RadianceSystem, cfg: TrainConfig) -> "TableAdam":
     return TableAdam(groups, model.backend)
 
 
-class TableAdam(Optimizer):
+@runtime_checkable
+class Optimizer(Protocol):
+    """What a training step needs of an optimiser; torch's own will do."""
+
+    param_groups: list[dict[str, Any]]
+
+    def step(self) -> object:
+        """Moves the parameters by their gradients."""
+
+    def zero_grad(self, set_to_none: bool = True) -> None:
+        """Empties the gradients, or drops them."""
+
+
+class TableAdam:
     """Adam whose groups with "by_row" set hold tables, of which only rows with a gradient are stepped.
 
     A table is read by a few samples at a few of its rows: that its other rows stand still saves most of the
@@ -42,17 +58,14 @@ class TableAdam(Optimizer):
     """
 
     def __init__(self, groups: Iterable[dict[str, Any]], backend: Backend) -> None:
-        # "fused" also has torch keep the count of steps on the parameter's device when a state is loaded.
-        super().__init__(
-            groups, {"lr": 1e-3, "betas": (0.9, 0.99), "eps": 1e-15, "by_row": False, "fused": True}
-        )
+        usual: dict[str, Any] = {"lr": 1e-3, "betas": (0.9, 0.99), "eps": 1e-15, "by_row": False}
+        self.param_groups: list[dict[str, Any]] = [usual | group for group in groups]
+        self.state: dict[Tensor, dict[str, Tensor]] = {}
         self._adam_rows = kernels(backend).adam_rows
 
     @torch.no_grad()
-    def step(self, closure: Any = None) -> Any:
-        """One step on the gradients that are there; a closure is evaluated first, as torch does."""
-        with torch.enable_grad():
-            loss = None if closure is None else closure()
+    def step(self) -> None:
+        """One step on the gradients that are there."""
         for group in self.param_groups:
             values = [value for value in group["params"] if value.grad is not None]
             states = [self._state_of(value) for value in values]
@@ -72,20 +85,34 @@ class TableAdam(Optimizer):
                         fused=True, amsgrad=False, maximize=False, weight_decay=0.0,
                         beta1=group["betas"][0], beta2=group["betas"][1], lr=group["lr"], eps=group["eps"],
                     )  # fmt: skip
-        return loss
 
     def zero_grad(self, set_to_none: bool = True) -> None:
         """Empties the gradients; where they are kept, those of tables are empty since the last step."""
-        if set_to_none:
-            super().zero_grad()
-            return
         for group in self.param_groups:
-            if not group["by_row"]:
+            if set_to_none:
+                for value in group["params"]:
+                    value.grad = None
+            elif not group["by_row"]:
                 gradients = [value.grad for value in group["params"] if value.grad is not None]
                 torch._foreach_zero_(gradients)
 
+    def state_dict(self) -> dict[int, dict[str, Tensor]]:
+        """Steps and moments of each parameter that was stepped, by its place in the groups."""
+        return {k: self.state[value] for k, value in enumerate(self._values()) if value in self.state}
+
+    def load_state_dict(self, state: dict[int, dict[str, Tensor]]) -> None:
+        """Takes over copies of what `state_dict` gave, on each parameter's device."""
+        values = list(self._values())
+        self.state = {
+            values[k]: {name: part.to(values[k].device, copy=True) for name, part in parts.items()}
+            for k, parts in state.items()
+        }
+
+    def _values(self) -> Iterator[Tensor]:
+        return (value for group in self.param_groups for value in group["params"])
+
     def _state_of(self, value: Tensor) -> dict[str, Tensor]:
-        state: dict[str, Tensor] = self.state[value]
+        state = self.state.setdefault(value, {})
         if not state:
             state["step"] = torch.zeros((), dtype=torch.float32, device=value.device)
             state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(value), torch.zeros_like(value)

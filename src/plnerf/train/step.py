@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
-from torch.optim import Optimizer
 
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.ray_ops import ray_ops
@@ -18,6 +17,7 @@ from plnerf.scene.cameras import Cameras
 from plnerf.train.batches import to_device
 from plnerf.train.config import TrainConfig
 from plnerf.train.losses import loss_terms
+from plnerf.train.optimizer import Optimizer
 from plnerf.train.pixels import PixelBatch
 
 
