@@ -13,7 +13,7 @@ from plnerf.field.radiance import RadianceField
 from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 
-CONFIG = RadianceConfig(GridShape(3, 4, 16, 2, 10, "cubic"), hidden=16, feature=7, appearance=4)
+CONFIG = RadianceConfig(GridShape(3, 4, 16, 4, 10, "cubic"), hidden=16, feature=7, appearance=4)
 ENCODINGS = pytest.mark.parametrize("encoding", ["ipe", "sh", "both"])
 
 

@@ -24,7 +24,7 @@ from plnerf.train.losses import loss_terms
 
 IMAGES = 4
 CONFIG = ModelConfig(
-    field=RadianceConfig(GridShape(4, 4, 64, 2, 10, "cubic"), hidden=16, feature=7, appearance=5),
+    field=RadianceConfig(GridShape(4, 4, 64, 4, 10, "cubic"), hidden=16, feature=7, appearance=5),
     proposals=(DensityConfig(GridShape(2, 4, 16, 2, 9, "cubic"), 8),) * 2,
     sampler=SamplerConfig(proposals=(12, 10), final=8, near=0.05, far=100.0),
     stretch=(0.5, 1.0, 2.0),
