@@ -14,9 +14,12 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from tests.support import sampled_checks
 
 if not torch.cuda.is_available():
     os.environ.setdefault("TRITON_INTERPRET", "1")  # read when Triton is imported
+
+sampled_checks.install()
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"
@@ -41,6 +44,11 @@ def _threads_of_a_worker() -> None:
     if "PYTEST_XDIST_WORKER" in os.environ:
         numba.set_num_threads(1)
         torch.set_num_threads(1)
+
+
+@pytest.fixture(autouse=True)
+def _check_first_calls_again() -> None:
+    sampled_checks.calls.clear()
 
 
 @pytest.fixture(scope="session")

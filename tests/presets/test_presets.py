@@ -25,6 +25,7 @@ from plnerf.train.config import RunConfig, Settings
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.fitted import fit_to_scene
 from plnerf.train.loop import train
+from plnerf.train.optimizer import build_optimizer
 from plnerf.train.run import build_model, open_run
 
 FEW = ("train.rays=64", "train.warmup_steps=10", "train.validations=2")
@@ -91,7 +92,7 @@ def test_a_checkpoint_is_refused_by_every_other_architecture(tiny_scene: Path, t
     scene = open_tiny(tiny_scene, tmp_path)
     systems = {name: small_system(name, scene) for name in preset_names() if name != "pl-nerf-wire"}
     for name, system in systems.items():
-        optimizer = torch.optim.SGD(system.parameters())
+        optimizer = build_optimizer(system, find_preset(name).train)
         saved = save_checkpoint(tmp_path / name, system, optimizer, step=1, seconds=0.0, frames={})
         for other, model in systems.items():
             if other == name:

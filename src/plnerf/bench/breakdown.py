@@ -37,6 +37,8 @@ from plnerf.train.report import SilentReport
 WARM_STEPS, PROFILED_STEPS = 60, 60
 LABELS = (
     ("plnerf.train.pixels", "PixelSampler.draw", "batch"),
+    ("plnerf.train.optimizer", "TableAdam.step", "optimiser"),
+    ("plnerf.train.optimizer", "TableAdam.zero_grad", "optimiser"),
     ("plnerf.rays.rays", "pixel_rays", "batch"),
     ("plnerf.render.model", "PLNeRF.forward", "field and rendering, rest"),
     ("plnerf.render.proposals", "sample_along_rays", "sampling, rest"),
@@ -201,8 +203,6 @@ def _part(event: FunctionEvent, ops: Mapping[str, str], by_sequence: Mapping[int
     while place is not None:
         if place.name in ops:
             return ops[place.name]
-        if place.name.startswith("Optimizer."):
-            return "optimiser"
         if place.name.startswith(_LABEL):
             return place.name.removeprefix(_LABEL)
         if place.name.startswith("autograd::engine::evaluate_function"):
