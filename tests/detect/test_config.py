@@ -89,7 +89,7 @@ def test_every_part_has_a_name_in_the_error_texts() -> None:
     parts = {field.name for field in fields(DetectConfig)}
     assert parts == {
         "evidence", "odds", "chains", "refit", "search", "select", "certainty", "ridges",
-        "lines", "directions", "windows", "join",
+        "lines", "directions", "windows", "join", "surroundings",
     }  # fmt: skip
 
 

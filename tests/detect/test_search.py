@@ -78,6 +78,39 @@ def test_what_sags_by_no_more_than_its_doubt_does_not_hang() -> None:
     assert hangs(doubtful, LENGTH, replace(SELECT, sag_sigmas=0.9 * SELECT.sag_sigmas))
 
 
+def test_what_hangs_free_needs_less_sag_and_what_lies_on_something_never_hangs() -> None:
+    doubtful = line(sag=0.02)
+    doubtful.covariance[4, 4] = (0.02 / (SELECT.sag_sigmas_free + 0.5)) ** 2
+    assert not hangs(doubtful, LENGTH, SELECT)
+    assert hangs(replace(doubtful, likeness=SELECT.free), LENGTH, SELECT)
+    assert not hangs(replace(doubtful, likeness=1.01 * SELECT.free), LENGTH, SELECT)
+    best, lying = line(), replace(line(y=0.2), likeness=1.01 * SELECT.lies)
+    assert hangs(best, LENGTH, SELECT) and not hangs(lying, LENGTH, SELECT)
+    assert select_wires([best, lying], LENGTH, SELECT, SEARCH) == [best]
+
+
+def test_a_short_piece_that_hangs_free_is_a_wire() -> None:
+    best, piece = line(odds=900.0), line(sag=0.1, odds=300.0, planes=30)
+    assert select_wires([best, piece], LENGTH, SELECT, SEARCH) == [best]
+    free = replace(piece, likeness=0.0)
+    assert select_wires([best, free], LENGTH, SELECT, SEARCH) == [best, free]
+
+
+def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
+    search = a_search()
+    road = replace(line(sag=0.0), rms_px=3.0)
+    search.mask_ridges(road)
+    wide = round(SEARCH.mask_rms * 3.0)
+    assert search.sharpness is None and search.mask_px(road) == wide
+    wire = line()
+    search.mask_ridges(wire)
+    assert search.sharpness is not None and search.sharpness.mask_px == SEARCH.mask_px
+    assert search.mask_px(road) == wide  # what was masked can be put back
+    assert search.mask_px(line(y=0.5)) == SEARCH.mask_px
+    known = Search(search.views, search.responses, search.x, search.config, search.sharpness)
+    assert known.odds.sharp_px == search.sharpness.odds_px
+
+
 def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     best, twin, road = line(odds=900.0), line(y=0.1, odds=210.0, planes=60), line(sag=0.0, odds=2000.0)
     short = line(y=-0.1, odds=210.0, planes=20)

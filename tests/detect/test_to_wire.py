@@ -11,7 +11,14 @@ from tests.support.drawn import FRAMES, two_passes
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
-from plnerf.detect.to_wire import transport_matrix, typical_footprint, wire_of, worst_sigma
+from plnerf.detect.to_wire import (
+    known_ends,
+    sigmas_along,
+    transport_matrix,
+    typical_footprint,
+    wire_of,
+    worst_sigma,
+)
 from plnerf.detect.views import views_of
 from plnerf.detect.windows import Window
 from plnerf.line.curve import LEAST_BEND_M
@@ -133,7 +140,23 @@ def test_reach_covers_the_uncertainty_and_some_pixels(seed: int, footprint: floa
     sigma = worst_sigma(covariance)
     reach = max(CONFIG.reach_sigmas * sigma, CONFIG.reach_px * footprint)
     assert evidence.reach_m == pytest.approx(reach / scale)
-    assert evidence.certain == (sigma <= CONFIG.certain_px * footprint)
+    limit = CONFIG.certain_px * footprint
+    sigmas = sigmas_along(covariance, np.linspace(0, 1, 20))
+    assert evidence.certain == (np.mean(sigmas <= limit) >= CONFIG.least_share)
+    assert sigmas.max() == sigma
+
+
+@given(st.integers(0, 1000), st.floats(1e-4, 0.1))
+@settings(deadline=None)
+def test_a_wire_is_drawn_out_as_far_as_its_place_is_certain(seed: int, footprint: float) -> None:
+    covariance, seen, ends = a_covariance(seed), (3, 5), (1, 8)
+    candidate = Candidate(np.zeros(5), covariance, 0.4, 17, 900.0, seen, ends)
+    low, high = known_ends(candidate, ends, X, footprint, CONFIG)
+    known = sigmas_along(covariance, np.linspace(0, 1, PLANES)) <= CONFIG.certain_px * footprint
+    assert 1 <= low <= 3 and 5 <= high <= 8  # what was seen stays
+    assert known[low:3].all() and known[6 : high + 1].all()
+    assert low == 1 or not known[low - 1]
+    assert high == 8 or not known[high + 1]
 
 
 def test_the_wire_itself_states_the_same_uncertainty() -> None:

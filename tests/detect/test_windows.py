@@ -90,12 +90,13 @@ def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:
     shown = replace(whole.evidence, seen_m=((0.0, 2 * HALF),))
     known = replace(whole, covariance=np.diag([1e-6] * 5 + [0.0]), evidence=shown)
     a, b = known.between(0.0, 1.2 * HALF), known.between(0.7 * HALF, 2 * HALF)
-    (one,) = joined([a, b], JoinConfig())
+    (one,) = joined([[a], [b]], JoinConfig())
     assert one.base.length_m == pytest.approx(2 * HALF)
     s = np.linspace(0, 2 * HALF, 20)
     np.testing.assert_allclose(one.at(s), whole.at(s), atol=1e-9)
     assert one.worst_sigma() < a.worst_sigma() + b.worst_sigma()
     first, second = known.between(0.0, HALF), known.between(0.9 * HALF, 2 * HALF)
-    assert len(joined([first, second], JoinConfig())) == 2  # they overlap by the width of a support
+    assert len(joined([[first], [second]], JoinConfig())) == 2  # they overlap by the width of a support
     beside = replace(b, theta=b.theta + np.array([0.2, 0.2, 0, 0, 0, 0]))
-    assert len(joined([a, beside], JoinConfig())) == 2
+    assert len(joined([[a], [beside]], JoinConfig())) == 2
+    assert len(joined([[a, b]], JoinConfig())) == 2  # of one window: each has ridges of its own

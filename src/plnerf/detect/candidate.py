@@ -34,6 +34,8 @@ class Candidate:
     """First and last plane of the longer stretch with hardly any evidence against it."""
     fixed: bool = False
     """Whether the views fix its place where it was seen."""
+    likeness: float = np.nan
+    """Mean correlation of views beside it: 1 for a line on a surface, 0 for one in the air; NaN: unknown."""
 
     @property
     def planes(self) -> int:
@@ -50,7 +52,7 @@ def select_wires(
         return []
 
     def is_wire(line: Candidate) -> bool:
-        if line.ends[0] == line.ends[1]:
+        if line.ends[0] == line.ends[1] or line.likeness > select.lies:
             return False
         if hang_alike(best, line, length, select):
             return line.odds >= select.min_odds or line.planes / search.planes >= select.min_share_similar
@@ -82,10 +84,11 @@ def hangs_beside(
 ) -> bool:
     """Whether a line that hangs unlike the best has enough evidence to be a wire nevertheless.
 
-    It needs less of the window where it bends as the best does: wires of one tension bend alike in every
-    span.
+    It needs less of the window where it bends as the best does, since wires of one tension bend alike in
+    every span, or where it is known to hang free.
     """
-    share = select.min_share_bent if sag_ratio(best, line) <= select.max_sag_ratio else select.min_share
+    likely = sag_ratio(best, line) <= select.max_sag_ratio or line.likeness <= select.free
+    share = select.min_share_bent if likely else select.min_share
     enough = line.odds >= select.min_odds and line.planes >= share * search.planes
     return enough and line.fixed >= best.fixed and hangs(line, length, select)
 
@@ -121,9 +124,11 @@ def without_gaps(lines: Sequence[Candidate], pixel: float, config: SearchConfig)
 
 
 def hangs(line: Candidate, length: float, config: SelectConfig) -> bool:
-    """Whether a line sags significantly."""
-    uncertainty = config.sag_sigmas * float(line.covariance[4, 4]) ** 0.5
-    return bool(line.theta[4] >= max(config.min_sag * length, uncertainty))
+    """Whether a line sags significantly, and does not lie on something."""
+    sigmas = config.sag_sigmas_free if line.likeness <= config.free else config.sag_sigmas
+    uncertainty = sigmas * float(line.covariance[4, 4]) ** 0.5
+    lies = line.likeness > config.lies  # not of NaN
+    return bool(line.theta[4] >= max(config.min_sag * length, uncertainty)) and not lies
 
 
 def hang_alike(a: Candidate, b: Candidate, length: float, config: SelectConfig) -> bool:

@@ -12,6 +12,7 @@ from plnerf.detect.config_lines import (
     EvidenceConfig,
     LineMapConfig,
     RidgeConfig,
+    SurroundingsConfig,
     WindowConfig,
     check,
 )
@@ -125,6 +126,10 @@ class SearchConfig:
     stretches: int = 6
     """Fits of a line, at most: each to the stretch in which the one before was seen, since a window may hold
     several spans."""
+    coarse_step: int = 3
+    """Of so many planes one is used in these fits; a last one uses all."""
+    promising: float = 0.75
+    """A line that has less than this part of the odds it needs after two fits is given up."""
     least_planes: int = 8
     """Shortest stretch that a line is fitted to alone."""
     refits: int = 2
@@ -135,10 +140,10 @@ class SearchConfig:
     def __post_init__(self) -> None:
         check(
             min(self.planes, self.coarse_planes) >= 2
-            and min(self.most_pending, self.fruitless, self.max_lines, self.stretches, self.least_planes)
-            >= 1,
-            "detect.search needs 2 planes and coarse_planes or more, and most_pending, fruitless, max_lines, "
-            "stretches and least_planes of 1 or more",
+            and min(self.most_pending, self.fruitless, self.max_lines, self.stretches, self.coarse_step) >= 1
+            and self.least_planes > self.coarse_step,
+            "detect.search needs 2 planes and coarse_planes or more, most_pending, fruitless, max_lines, "
+            "stretches and coarse_step of 1 or more, and more least_planes than that",
             self,
         )
         check(
@@ -166,11 +171,18 @@ class SelectConfig:
     min_share_similar: float = 0.4
     """The same for one that hangs like the best but has less than `min_odds`."""
     min_share_bent: float = 0.2
-    """The same for one that bends as the best does in another place: the best of another span."""
+    """The same for one that bends as the best does in another place, the best of another span, or that hangs
+    free."""
     min_sag: float = 0.001
     """Least sag as a fraction of the length.  A wire hangs; edges of roads do not."""
     sag_sigmas: float = 12.0
-    """Standard deviations by which the sag must differ from 0."""
+    """Standard deviations by which the sag must differ from 0,"""
+    sag_sigmas_free: float = 3.0
+    """or only so many where what is seen beside the line lies behind it."""
+    free: float = 0.2
+    """It does where views correlate by no more than this beside the line, as they do beside wires;"""
+    lies: float = 0.4
+    """and where they correlate by more than this the line lies on something, as edges of roads do."""
     max_slope_difference: float = 0.03
     """Two wires hang alike whose chords' slopes differ by no more, across and upwards,"""
     max_sag_ratio: float = 1.6
@@ -178,9 +190,11 @@ class SelectConfig:
 
     def __post_init__(self) -> None:
         check(
-            self.max_sag_ratio >= 1 and min(self.min_sag, self.sag_sigmas, self.max_slope_difference) >= 0,
-            "detect.select needs max_sag_ratio of 1 or more, and min_sag, sag_sigmas and "
-            "max_slope_difference of 0 or more",
+            self.max_sag_ratio >= 1
+            and min(self.min_sag, self.sag_sigmas, self.sag_sigmas_free, self.max_slope_difference) >= 0
+            and self.free <= self.lies,
+            "detect.select needs max_sag_ratio of 1 or more, min_sag, sag_sigmas, sag_sigmas_free and "
+            "max_slope_difference of 0 or more, and free not above lies",
             self,
         )
 
@@ -201,8 +215,10 @@ class CertaintyConfig:
     """When the place of a wire is certain, and how far from its curve it may lie (`candidate.py`)."""
 
     certain_px: float = 3.0
-    """A wire is certain if its standard deviation across is no more pixels than this.  Others are what views
-    do not fix, or no wires at all."""
+    """A wire is certain where its standard deviation across is no more pixels than this,"""
+    least_share: float = 0.5
+    """and as a whole if it is so over this part of its length.  Others are what views do not fix, or no wires
+    at all."""
     reach_sigmas: float = 4.0
     """A wire lies within so many standard deviations of its curve,"""
     reach_px: float = 3.0
@@ -231,6 +247,7 @@ class DetectConfig:
     odds: OddsConfig = field(default_factory=OddsConfig)
     refit: RefitConfig = field(default_factory=RefitConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
+    surroundings: SurroundingsConfig = field(default_factory=SurroundingsConfig)
     select: SelectConfig = field(default_factory=SelectConfig)
     join: JoinConfig = field(default_factory=JoinConfig)
     certainty: CertaintyConfig = field(default_factory=CertaintyConfig)

@@ -249,3 +249,44 @@ class WindowConfig:
             "detect.windows needs positive lengths, whole not below spacings, and a margin of 0 or more",
             self,
         )
+
+
+@dataclass(frozen=True)
+class SurroundingsConfig:
+    """The comparison of what views see beside a line (`surroundings.py`)."""
+
+    strips_px: tuple[float, ...] = (
+        -12.0, -10.5, -9.0, -7.5, -6.0, -4.5, -3.0, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0,
+    )  # fmt: skip
+    """Distances from the line, in pixels of the views that see it best."""
+    step_px: float = 1.5
+    """From one place on the line to the next,"""
+    places: int = 24
+    """of which so many are compared at a time,"""
+    most_segments: int = 20
+    """at most so often."""
+    coarsest: float = 2.0
+    """Views are compared whose pixels are at most so many times as wide."""
+    least_contrast: float = 2.0
+    """Root mean square of the differences in grey, of 255, without which there is nothing to compare."""
+    least_angle_rad: float = math.radians(5.0)
+    """Between the directions from which two views look: at less, what lies behind a line hardly moves;"""
+    greatest_angle_rad: float = math.radians(40.0)
+    """at more, a surface may look different."""
+    least_pairs: int = 40
+    """Comparisons without which nothing is said."""
+
+    def __post_init__(self) -> None:
+        check(
+            min(self.step_px, self.places, self.most_segments, self.coarsest, self.least_pairs) > 0
+            and bool(self.strips_px)
+            and self.least_contrast >= 0,
+            "detect.surroundings needs strips_px, and step_px, places, most_segments, coarsest and "
+            "least_pairs above 0",
+            self,
+        )
+        check(
+            0 <= self.least_angle_rad < self.greatest_angle_rad < math.pi,
+            "detect.surroundings needs angles of 0 or more and below pi, the least below the greatest",
+            self,
+        )

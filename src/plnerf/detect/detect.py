@@ -21,8 +21,9 @@ from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.refit import mask_ridges
-from plnerf.detect.search import Search
-from plnerf.detect.to_wire import transport_matrix, typical_footprint, wire_of
+from plnerf.detect.search import Search, Sharpness
+from plnerf.detect.surroundings import Surroundings
+from plnerf.detect.to_wire import known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
 from plnerf.detect.windows import Window, windows_along
@@ -56,7 +57,9 @@ def detect_wires(
     views = views_of(cameras[list(scene.train)], most_px)
     maps = line_maps(scene.photos, cameras, scene.train, most_px, config.lines, report)
     taken = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
+    surroundings = Surroundings(scene.photos, scene.train, most_px, config.surroundings)
     wires, azimuths = list[Wire](), list[float]()
+    sharpness: Sharpness | None = None
     while len(azimuths) < most:
         direction = _next_direction(scene, views, maps, taken, azimuths, config)
         if direction is None:
@@ -64,7 +67,10 @@ def detect_wires(
         azimuths.append(direction.azimuth_rad)
         pieces, before, ridges = [], taken.copy(), LineRidges(scene, direction, config.evidence)
         for window in windows_along(direction, views, config.windows):
-            pieces += _in_window(scene, views, window, ridges, (before, taken), config)
+            found, sharpness = _in_window(
+                scene, views, window, ridges, surroundings, sharpness, (before, taken), config
+            )
+            pieces.append(found)
         wires += joined(pieces, config.join)
         report(images + (images + 2 * most) * len(azimuths) // most)
     report(steps)
@@ -127,10 +133,12 @@ def _in_window(
     views: Views,
     window: Window,
     ridges: "LineRidges",
+    surroundings: Surroundings,
+    sharpness: Sharpness | None,
     pixels: tuple[UInt8[np.ndarray, " p"], UInt8[np.ndarray, " p"]],
     config: DetectConfig,
-) -> list[Wire]:
-    """The wires in a window.
+) -> tuple[list[Wire], Sharpness | None]:
+    """The wires in a window, and how well ridges agree with wires, as far as it is known now.
 
     pixels: of all views, those that lines of other directions took, which show nothing here; and those that
     lines took, which get what this window's lines take.
@@ -139,17 +147,18 @@ def _in_window(
     mine, responses = window.seen_by(views), ridges.of(window.views)
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
     responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
-    search = Search(mine, responses, middles_of_planes(config.search.planes), config)
-    lines = find_lines(search, window)
+    search = Search(mine, responses, middles_of_planes(config.search.planes), config, sharpness)
+    lines = find_lines(search, window, surroundings)
     _mark(lines, search, replace(window, views=np.arange(len(views.R))).seen_by(views), taken)
     frame, x, length = LineFrame.of_scene(scene.frames), search.x, search.length
     chosen = select_wires(lines, length, config.select, config.search)
     wires = []
     for line in chosen:
-        ends = common_ends(line, chosen, length, config.select)
         footprint = typical_footprint(mine, line.theta, x, config.certainty)
+        ends = common_ends(line, chosen, length, config.select)
+        ends = known_ends(line, ends, x, footprint, config.certainty)
         wires.append(wire_of(line, ends, window, x, footprint, frame, config.certainty))
-    return wires
+    return wires, search.sharpness
 
 
 def middles_of_planes(count: int) -> Float[np.ndarray, " i"]:
@@ -164,5 +173,5 @@ def _mark(lines: list[Candidate], search: Search, views: Views, taken: UInt8[np.
         low, high = (x[plane] for plane in line.seen)
         s = [(end - x[0]) / (x[-1] - x[0]) for end in (low, high)]
         fine = np.linspace(low, high, 40 * (line.planes + 1))
-        mask_ridges(views, transport_matrix(s[0], s[1]) @ line.theta, fine, search.radius_px, taken)
+        mask_ridges(views, transport_matrix(s[0], s[1]) @ line.theta, fine, search.mask_px(line), taken)
     np.minimum(taken, 1, out=taken)

@@ -15,15 +15,21 @@ from plnerf.line.wire import Wire
 PLACES = 21
 
 
-def joined(pieces: Sequence[Wire], config: JoinConfig) -> list[Wire]:
-    """The wires that pieces along one direction make, in the order of their first pieces."""
+def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
+    """The wires that the pieces of windows along one direction make, in the order of their first pieces.
+
+    Pieces of one window are different wires: each has ridges of its own.
+    """
     wires: list[Wire] = []
-    for piece in pieces:
-        mine = next((k for k, wire in enumerate(wires) if same(wire, piece, config)), None)
-        if mine is None:
-            wires.append(piece)
-        else:
-            wires[mine] = merged(wires[mine], piece)
+    for pieces in windows:
+        open_ones = set(range(len(wires)))
+        for piece in pieces:
+            mine = next((k for k in sorted(open_ones) if same(wires[k], piece, config)), None)
+            if mine is None:
+                wires.append(piece)
+            else:
+                wires[mine] = merged(wires[mine], piece)
+                open_ones.remove(mine)
     return wires
 
 

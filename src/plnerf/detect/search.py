@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import no_type_check
+from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from plnerf.detect.candidate import Candidate
+from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.parabola import curve_odds, curve_point
@@ -15,6 +15,15 @@ from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
 from plnerf.ops.kernel_cache import njit
+
+
+class Sharpness(NamedTuple):
+    """How well ridges agree with a wire: how good the poses are."""
+
+    odds_px: float
+    """Radius within which a ridge is a wire's."""
+    mask_px: int
+    """Half width of a wire's mask."""
 
 
 class Search:
@@ -26,15 +35,19 @@ class Search:
         responses: Float[np.ndarray, " p"],
         x: Float[np.ndarray, " i"],
         config: DetectConfig,
+        sharpness: Sharpness | None = None,
     ) -> None:
         self.views, self.responses, self.x, self.config = views, responses, x, config
+        self.sharpness = sharpness
+        """None until a line that hangs has shown it, here or in another window."""
         self.left = responses
         """Responses of the ridges that no line has."""
         self.masks = np.zeros(len(responses), np.uint8)
         """Lines whose ridge a pixel is."""
-        self.radius_px = 0
-        """Half width of a line's mask; 0 until there is a line."""
+        self._mask_px: dict[Candidate, int] = {}
         self.all_odds = self.odds = odds_of(responses, views, config.odds)
+        if sharpness is not None:
+            self.all_odds = self.odds = self.odds._replace(sharp_px=sharpness.odds_px)
 
     @property
     def length(self) -> float:
@@ -108,34 +121,51 @@ class Search:
         self.masks -= self._own(line)
         self._update_odds()
         best, _ = self.best(self.ranked(curves), least)
-        if best is not None:
-            self._mask(best)
+        if best is None:
+            return None
+        best = replace(best, likeness=line.likeness)
+        self._mask(best)
         return best
 
     def _fitted(self, curve: Float[np.ndarray, "5"], least: float) -> Candidate | None:
         """The line that a curve becomes when it is fitted to ridges; None where its odds are too low."""
-        search = self.config.search
-        line, piece = None, self._piece(curve)
-        for _ in range(search.stretches):
-            line = self._refit(curve, piece)
+        search, piece = self.config.search, self._piece(curve)
+        for fit in range(search.stretches):
+            line = self._refit(curve, piece, search.coarse_step)
             if line is None:
                 return None
             curve = line.theta
-            of_plane, seen = self._of_plane(line, self.odds.sharp_px)
-            odds, first, last = stretches(of_plane[None])[:, 0]
-            shown = (int(first), int(last))
-            if shown == piece or last - first < search.least_planes:
+            odds, needed, shown = self._shown(line, least)
+            if fit and odds < search.promising * needed:
+                return None
+            if shown == piece or shown[1] - shown[0] < search.least_planes:
                 break
             piece = shown
-        assert line is not None
-        needed = max(least, search.min_mean * seen[int(first) : int(last) + 1].sum())
+        line = self._refit(curve, piece)
+        if line is None:
+            return None
+        odds, needed, (first, last) = self._shown(line, least)
         if odds < needed or not self._runs_along(line):
             return None
         softer, _ = self._of_plane(line, 2 * self.odds.sharp_px)
         _, begin, end = stretches(softer[None])[:, 0]
         extent = extended(softer, int(begin), int(end), search.faint)
-        line = replace(line, odds=float(odds), seen=(int(first), int(last)), ends=extent)
+        line = replace(line, odds=odds, seen=(first, last), ends=extent)
         return replace(line, fixed=is_certain(line, self.views, self.x, self.config.certainty))
+
+    def _shown(self, line: Candidate, least: float) -> tuple[float, float, tuple[int, int]]:
+        """Odds of a line's best stretch, those that it needs, and the stretch's first and last plane."""
+        radii = {self.odds.sharp_px}
+        if self.sharpness is None:  # of a wire's ridges more may be near it than near another line
+            radii |= {radius for radius in self.config.search.sharpness_px if radius < self.odds.sharp_px}
+        rated = []
+        for radius in sorted(radii):
+            of_plane, seen = self._of_plane(line, radius)
+            odds, first, last = stretches(of_plane[None])[:, 0]
+            shown = (int(first), int(last))
+            needed = max(least, self.config.search.min_mean * float(seen[shown[0] : shown[1] + 1].sum()))
+            rated.append((float(odds), needed, shown))
+        return max(rated, key=lambda one: one[0] / one[1])
 
     def _runs_along(self, line: Candidate) -> bool:
         """Whether a line has the direction that is searched: others are found in theirs."""
@@ -154,14 +184,18 @@ class Search:
         more = max(0.0, (self.config.search.least_planes - (last - first)) / 2)
         return max(0, int(first - more)), min(planes - 1, int(np.ceil(last + more)))
 
-    def _refit(self, curve: Float[np.ndarray, "5"], piece: tuple[int, int]) -> Candidate | None:
+    def _refit(
+        self, curve: Float[np.ndarray, "5"], piece: tuple[int, int], step: int = 1
+    ) -> Candidate | None:
         """The curve fitted to ridges in a piece of the window, from plane to plane, and extrapolated.
 
         Beyond the piece the line may be another span's, or nothing, and ridges near the curve are chance.
+        step: one of so many planes is used.
         """
         s = [plane / (len(self.x) - 1) for plane in piece]
         T = transport_matrix(s[0], s[1])
-        x, config = self.x[piece[0] : piece[1] + 1], self.config
+        planes, config = (piece[1] - piece[0]) // step + 1, self.config
+        x = np.linspace(self.x[piece[0]], self.x[piece[1]], planes)
         line = refit(self.views, self.left, T @ curve, x, config.odds.min_response, config.refit)
         if line is None:
             return None
@@ -176,22 +210,31 @@ class Search:
         return of_plane, seen
 
     def _mask(self, line: Candidate) -> None:
-        if not self.radius_px:
+        if self.sharpness is None and hangs(line, self.length, self.config.select):
             self._sharpen(line)
         self.masks += self._own(line)
 
     def _sharpen(self, line: Candidate) -> None:
-        """Chooses the radius at which the first line has the highest odds: it shows how good poses are."""
+        """Chooses the radius at which the first wire has the highest odds: it shows how good poses are."""
         search = self.config.search
-        self.radius_px = max(search.mask_px, round(search.mask_rms * line.rms_px))
         odds = [self.odds._replace(sharp_px=radius) for radius in search.sharpness_px]
         total = [curve_odds(self.views, one, line.theta[None], self.x, 0.0)[0, :, 0].sum() for one in odds]
-        self.all_odds = self.all_odds._replace(sharp_px=search.sharpness_px[int(np.argmax(total))])
+        sharp_px = search.sharpness_px[int(np.argmax(total))]
+        self.sharpness = Sharpness(sharp_px, self.mask_px(line))
+        self.all_odds = self.all_odds._replace(sharp_px=sharp_px)
+
+    def mask_px(self, line: Candidate) -> int:
+        """Half width of a line's mask; it stays what it was when it was asked for first."""
+        search = self.config.search
+        if line not in self._mask_px:
+            own = max(search.mask_px, round(search.mask_rms * line.rms_px))
+            self._mask_px[line] = self.sharpness.mask_px if self.sharpness else own
+        return self._mask_px[line]
 
     def _own(self, line: Candidate) -> UInt8[np.ndarray, " p"]:
         own = np.zeros_like(self.masks)
         fine = np.linspace(self.x[0], self.x[-1], 40 * len(self.x))
-        mask_ridges(self.views, line.theta, fine, self.radius_px, own)
+        mask_ridges(self.views, line.theta, fine, self.mask_px(line), own)
         return own
 
     def _update_odds(self) -> None:

@@ -38,7 +38,7 @@ def wire_of(
     low, high = float(x[ends[0]]), float(x[ends[1]])
     T = transport_matrix(*((end - x[0]) / (x[-1] - x[0]) for end in (low, high)))
     covariance = T @ candidate.covariance @ T.T
-    sigma = worst_sigma(covariance)
+    sigma = sigmas_along(covariance, np.linspace(0.0, 1.0, PLACES))
     unit = float(frame.from_scene(np.array([window.half]))[0])
     theta = np.append(unit * (T @ candidate.theta), 0.0)
     # The candidate is a parabola; the wire is the catenary of the same ends and the same sag.
@@ -59,11 +59,30 @@ def wire_of(
             count=candidate.images,
             coverage=(seen[1] - seen[0]) / (high - low),
             longest_gap_m=unit * max(seen[0] - low, high - seen[1]),
-            certain=sigma <= config.certain_px * footprint,
-            reach_m=unit * max(config.reach_sigmas * sigma, config.reach_px * footprint),
+            certain=bool((sigma <= config.certain_px * footprint).mean() >= config.least_share),
+            reach_m=unit * max(config.reach_sigmas * float(sigma.max()), config.reach_px * footprint),
             seen_m=((unit * (seen[0] - low), unit * (seen[1] - low)),),
         ),
     )
+
+
+def known_ends(
+    candidate: Candidate,
+    ends: tuple[int, int],
+    x: Float[np.ndarray, " i"],
+    footprint: float,
+    config: CertaintyConfig,
+) -> tuple[int, int]:
+    """The ends moved towards the stretch that was seen, as far as the place of the wire is not certain there.
+
+    footprint: as of `wire_of`.
+    """
+    sigma = sigmas_along(candidate.covariance, (x - x[0]) / (x[-1] - x[0]))
+    unknown = np.flatnonzero(sigma > config.certain_px * footprint)
+    first, last = candidate.seen
+    low = unknown[(unknown >= ends[0]) & (unknown < first)] + 1
+    high = unknown[(unknown > last) & (unknown <= ends[1])] - 1
+    return int(low.max(initial=ends[0])), int(high.min(initial=ends[1]))
 
 
 def is_certain(
@@ -85,12 +104,18 @@ def transport_matrix(low: float, high: float) -> Float[np.ndarray, "5 5"]:
 
 def worst_sigma(covariance: Float[np.ndarray, "5 5"]) -> float:
     """Standard deviation across the wire, in its least certain direction at its least certain place."""
-    s = np.linspace(0.0, 1.0, PLACES)
-    J = np.zeros((PLACES, 2, 5))
+    return float(sigmas_along(covariance, np.linspace(0.0, 1.0, PLACES)).max())
+
+
+def sigmas_along(
+    covariance: Float[np.ndarray, "5 5"], s: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, " m"]:
+    """Standard deviation across the wire at some places, each in its least certain direction."""
+    J = np.zeros((len(s), 2, 5))
     J[:, 0, 0] = J[:, 1, 2] = 1 - s
     J[:, 0, 1] = J[:, 1, 3] = s
     J[:, 1, 4] = -4 * s * (1 - s)
-    return float(np.linalg.eigvalsh(J @ covariance @ J.transpose(0, 2, 1))[:, -1].max()) ** 0.5
+    return np.sqrt(np.linalg.eigvalsh(J @ covariance @ J.transpose(0, 2, 1))[:, -1])
 
 
 def typical_footprint(

@@ -6,6 +6,7 @@ otherwise lend their ridges to wires.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,11 +17,14 @@ from plnerf.detect.chains import chains_of
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.parabola import curve_point
 from plnerf.detect.search import Search
+from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.to_wire import typical_footprint
 from plnerf.detect.windows import Window
 
+Judge = Callable[[Candidate], Candidate]
 
-def find_lines(search: Search, window: Window) -> list[Candidate]:
+
+def find_lines(search: Search, window: Window, surroundings: Surroundings) -> list[Candidate]:
     """Lines of any shape, the best first; then those that hang as the leaders do, until none is new.
 
     Where the views fix no line that hangs, there are no others to look for.
@@ -29,26 +33,32 @@ def find_lines(search: Search, window: Window) -> list[Candidate]:
     chains = chains_of(search.responses, search.views, config.odds.min_response, config.chains)
     met = curves_where_chains_meet(chains, search.views, search.x, window.low, window.high, config.chains)
     met = search.distinct(met)
-    lines = _found_near(search, met, config.select.min_odds, config.search.max_lines)
+
+
+    def judged(line: Candidate) -> Candidate:
+        likeness = surroundings.likeness(line, search.views, window.views, search.x, config.certainty)
+        return replace(line, likeness=likeness)
+
+    lines = _found_near(search, met, config.select.min_odds, config.search.max_lines, judged)
     first = leaders(lines, search.length, config.select, config.search)
     if not first or not first[0].fixed:
         return lines
     lines = refit_all(search, lines)
     for _ in range(config.search.rounds):
-        new = _like_the_leaders(search, met, lines)
+        new = _like_the_leaders(search, met, lines, judged)
         lines += new
         if not new:
             break
     lines = refit_all(search, lines)
     # Fitted again, the lines leave more of their ridges to others.
-    if more := _like_the_leaders(search, met, lines):
+    if more := _like_the_leaders(search, met, lines, judged):
         lines = refit_all(search, [*lines, *more])
     pixel = typical_footprint(search.views, first[0].theta, search.x, config.certainty)
     return without_gaps(lines, pixel, config.search)
 
 
 def _like_the_leaders(
-    search: Search, met: Float[np.ndarray, "c 5"], lines: Sequence[Candidate]
+    search: Search, met: Float[np.ndarray, "c 5"], lines: Sequence[Candidate], judged: Judge
 ) -> list[Candidate]:
     """Further lines that hang as the best of the lines do: of each span in the window."""
     config, length, new = search.config, search.length, list[Candidate]()
@@ -56,7 +66,7 @@ def _like_the_leaders(
         most = config.search.max_lines - len(lines) - len(new)
         wanted = partial(hang_alike, leader, length=length, config=config.select)
         pending = search.alike(leader.theta, met)
-        new += _found_near(search, pending, config.select.min_odds_similar, most, wanted)
+        new += _found_near(search, pending, config.select.min_odds_similar, most, judged, wanted)
     return new
 
 
@@ -65,11 +75,12 @@ def _found_near(
     pending: Float[np.ndarray, "c 5"],
     least: float,
     most: int,
+    judged: Judge,
     wanted: Callable[[Candidate], bool] | None = None,
 ) -> list[Candidate]:
     """The lines near some curves, best first, each without the ridges of those before it.
 
-    least: nats that a line needs.
+    least: nats that a line needs; most: lines at most; judged: a line with what is seen beside it.
     """
     lines, config = list[Candidate](), search.config.search
     pending = search.distinct(pending)
@@ -78,8 +89,8 @@ def _found_near(
         pending = pending[tried:]
         if line is None:
             break
-        lines.append(line)
-        search.mask_ridges(line)
+        lines.append(judged(line))
+        search.mask_ridges(lines[-1])
         pending = search.ranked(pending)
     return lines
 
