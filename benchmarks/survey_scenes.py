@@ -3,8 +3,7 @@
     python benchmarks/survey_scenes.py SCENE_OR_RUN... [-o docs/results/survey.md]
 
 Each scene is surveyed with the default settings and scored against its truth.json, which nothing but the
-score reads; but scenes of `plnerf synth` name the line's axis and box in transforms.json, which the finder
-uses.  Writes a table in Markdown and, beside it, the same as JSON, scene by scene: what is there of an
+score reads.  Writes a table in Markdown and, beside it, the same as JSON, scene by scene: what is there of an
 earlier call and not measured again stays.  Deterministic; seconds are those of the machine it runs on.
 """
 

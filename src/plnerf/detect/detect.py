@@ -22,7 +22,7 @@ from plnerf.detect.line_maps import LineMaps, line_maps
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search, Sharpness
-from plnerf.detect.surroundings import Surroundings
+from plnerf.detect.surroundings import Surroundings, projected
 from plnerf.detect.to_wire import known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
@@ -86,6 +86,7 @@ def compile_kernels() -> None:
     search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
     chains = chains_of(search.responses, views, DEFAULT.odds.min_response, DEFAULT.chains)
     curves_where_chains_meet(chains, views, x, np.full(2, -1.0), np.full(2, 1.0), DEFAULT.chains)
+    projected(views, 0, np.ones((1, 3)))
     search.rated(np.zeros((1, 5)))
     search.best(np.zeros((1, 5)), -np.inf)
     search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))

@@ -120,7 +120,7 @@ def _strips(
     NaN where the view does not show the whole segment, shows it from too far, or sees no texture.  What runs
     along the line, as other wires do, is left out with each strip's mean.
     """
-    column, row, depth = _projected(views, n, points.reshape(-1, 3)).reshape(3, *points.shape[:-1])
+    column, row, depth = projected(views, n, points.reshape(-1, 3)).reshape(3, *points.shape[:-1])
     seen = (depth > 0) & (depth <= config.coarsest * footprint * views.focal[n, 0])
     flat = (len(points), -1)
     shades = cv2.remap(
@@ -138,7 +138,7 @@ def _strips(
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _projected(views, n, points):
+def projected(views, n, points):
     """Column, row and depth of points (m, 3); depth -1 where one is not in the image: (3, m)."""
     out = np.empty((3, len(points)))
     for m in range(len(points)):

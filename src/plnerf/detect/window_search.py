@@ -22,6 +22,7 @@ from plnerf.detect.to_wire import typical_footprint
 from plnerf.detect.windows import Window
 
 Judge = Callable[[Candidate], Candidate]
+"""Gives a line back with what is seen beside it."""
 
 
 def find_lines(search: Search, window: Window, surroundings: Surroundings) -> list[Candidate]:
@@ -33,7 +34,6 @@ def find_lines(search: Search, window: Window, surroundings: Surroundings) -> li
     chains = chains_of(search.responses, search.views, config.odds.min_response, config.chains)
     met = curves_where_chains_meet(chains, search.views, search.x, window.low, window.high, config.chains)
     met = search.distinct(met)
-
 
     def judged(line: Candidate) -> Candidate:
         likeness = surroundings.likeness(line, search.views, window.views, search.x, config.certainty)
