@@ -215,10 +215,8 @@ class CertaintyConfig:
     """When the place of a wire is certain, and how far from its curve it may lie (`candidate.py`)."""
 
     certain_px: float = 3.0
-    """A wire is certain where its standard deviation across is no more pixels than this,"""
-    least_share: float = 0.5
-    """and as a whole if it is so over this part of its length.  Others are what views do not fix, or no wires
-    at all."""
+    """A wire is certain if its standard deviation across is no more pixels than this.  Others are what views
+    do not fix, or no wires at all."""
     reach_sigmas: float = 4.0
     """A wire lies within so many standard deviations of its curve,"""
     reach_px: float = 3.0

@@ -38,7 +38,7 @@ def wire_of(
     low, high = float(x[ends[0]]), float(x[ends[1]])
     T = transport_matrix(*((end - x[0]) / (x[-1] - x[0]) for end in (low, high)))
     covariance = T @ candidate.covariance @ T.T
-    sigma = sigmas_along(covariance, np.linspace(0.0, 1.0, PLACES))
+    sigma = worst_sigma(covariance)
     unit = float(frame.from_scene(np.array([window.half]))[0])
     theta = np.append(unit * (T @ candidate.theta), 0.0)
     # The candidate is a parabola; the wire is the catenary of the same ends and the same sag.
@@ -59,8 +59,8 @@ def wire_of(
             count=candidate.images,
             coverage=(seen[1] - seen[0]) / (high - low),
             longest_gap_m=unit * max(seen[0] - low, high - seen[1]),
-            certain=bool((sigma <= config.certain_px * footprint).mean() >= config.least_share),
-            reach_m=unit * max(config.reach_sigmas * float(sigma.max()), config.reach_px * footprint),
+            certain=sigma <= config.certain_px * footprint,
+            reach_m=unit * max(config.reach_sigmas * sigma, config.reach_px * footprint),
             seen_m=((unit * (seen[0] - low), unit * (seen[1] - low)),),
         ),
     )
