@@ -19,8 +19,10 @@ X = np.linspace(-0.6, 0.6, 40)
 MOST_PX = 2048
 
 
-def ground(cameras: Cameras, height: float, seed: int = 0, contrast: float = 40.0) -> list[np.ndarray]:
-    """Level ground of soft spots, as cameras see it."""
+def ground(
+    cameras: Cameras, height: float, seed: int = 0, contrast: float = 40.0, axis: int = 2
+) -> list[np.ndarray]:
+    """Soft spots on level ground, or on a wall across another axis, as cameras see them."""
     spots = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(1200, 1200)), (0, 0), 2.0)
     painted = (128 + contrast * spots / spots.std()).clip(0, 255).astype(np.float32)
     pictures = []
@@ -30,8 +32,9 @@ def ground(cameras: Cameras, height: float, seed: int = 0, contrast: float = 40.
         rays = np.stack([(u - middle[0]) / focal[0], (v - middle[1]) / focal[1], np.ones_like(u)], -1)
         rays = rays @ cameras.R_scene_camera[n].double().numpy().T
         centre = cameras.centre[n].double().numpy()
-        reach = np.where(rays[..., 2] < -1e-3, (height - centre[2]) / np.minimum(rays[..., 2], -1e-3), 50.0)
-        at = centre + reach[..., None] * rays
+        towards = rays[..., axis] * np.sign(height - centre[axis])
+        reach = np.where(towards > 1e-3, abs(height - centre[axis]) / np.maximum(towards, 1e-3), 50.0)
+        at = np.delete(centre + reach[..., None] * rays, axis, axis=-1)
         column, row = ((400 * at[..., k] + 600).astype(np.float32) for k in (0, 1))
         grey = cv2.remap(painted, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
         pictures.append(np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, -1))
@@ -57,6 +60,11 @@ def test_beside_a_line_on_the_ground_views_agree_and_beside_one_in_the_air_they_
     for height, lies in ((0.0, True), (-0.25, False), (-0.6, False)):
         found = likeness(tmp_path / str(height), ground(cameras, height, seed), cameras)
         assert found > 1.5 * SELECT.lies if lies else found < 0.75 * SELECT.free
+
+
+def test_a_line_on_a_wall_lies_on_it(tmp_path: Path) -> None:
+    cameras = two_passes(12)
+    assert likeness(tmp_path / "on", ground(cameras, 0.0, axis=1), cameras) > 1.5 * SELECT.lies
 
 
 def test_without_texture_nothing_is_said(tmp_path: Path) -> None:

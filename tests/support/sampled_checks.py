@@ -1,4 +1,4 @@
-"""Shapes and types are checked at a sample of the calls, not at all: the checks took two thirds of the tests.
+"""Shapes and types are checked at a sample of the calls: checks of all took two thirds of some tests' time.
 
 In every test the first calls of each function are checked, and of its later ones every so many-th.  A wrong
 shape is wrong at the first call, nearly always; what it is only after many still has its chance.  Functions

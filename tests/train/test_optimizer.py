@@ -166,3 +166,16 @@ def test_a_loaded_state_goes_on_with_the_same_bits(backend: Backend) -> None:
     resumed.load_state_dict(optimizer.state_dict())
     run(second, resumed, gradients[3:])
     assert all(torch.equal(a, b) for a, b in zip(second, whole, strict=True))
+
+
+def test_moments_of_what_is_no_longer_trained_are_left_out() -> None:
+    """As where poses, the last group, are no longer refined."""
+    network, poses = (torch.ones(3, requires_grad=True) for _ in range(2))
+    both = TableAdam([{"params": [network]}, {"params": [poses]}], "torch")
+    for value in (network, poses):
+        value.grad = torch.ones(3)
+    both.step()
+    alone = TableAdam([{"params": [network]}], "torch")
+    alone.load_state_dict(both.state_dict())
+    assert alone.state_dict().keys() == {0}
+    assert torch.equal(alone.state[network]["exp_avg"], both.state[network]["exp_avg"])

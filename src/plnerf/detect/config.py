@@ -99,7 +99,7 @@ class SearchConfig:
     reach: float = 0.001
     """Curves are known to so much before they are fitted, in units of half a window's length."""
     apart: float = 0.003
-    """Of curves nearer to each other than this only the best is tried; the same unit."""
+    """Where curves lie nearer to each other than this, in the same unit, only the best is tried."""
     most_pending: int = 400
     """Curves that are tried, at most."""
     fruitless: int = 80
@@ -127,7 +127,7 @@ class SearchConfig:
     """Fits of a line, at most: each to the stretch in which the one before was seen, since a window may hold
     several spans."""
     coarse_step: int = 3
-    """Of so many planes one is used in these fits; a last one uses all."""
+    """These fits use one plane in so many; the last fit uses all."""
     promising: float = 0.75
     """A line that has less than this part of the odds it needs after two fits is given up."""
     least_planes: int = 8

@@ -18,7 +18,7 @@ from plnerf.ops.kernel_cache import njit
 
 
 class Sharpness(NamedTuple):
-    """How well ridges agree with a wire: how good the poses are."""
+    """How far the ridges of a wire lie from it in the images, which depends on the poses."""
 
     odds_px: float
     """Radius within which a ridge is a wire's."""
@@ -156,7 +156,7 @@ class Search:
     def _shown(self, line: Candidate, least: float) -> tuple[float, float, tuple[int, int]]:
         """Odds of a line's best stretch, those that it needs, and the stretch's first and last plane."""
         radii = {self.odds.sharp_px}
-        if self.sharpness is None:  # of a wire's ridges more may be near it than near another line
+        if self.sharpness is None:  # the radius at which this line does best
             radii |= {radius for radius in self.config.search.sharpness_px if radius < self.odds.sharp_px}
         rated = []
         for radius in sorted(radii):

@@ -118,9 +118,7 @@ def drop_old_checkpoints(folder: Path, keep: int) -> None:
             path.unlink()
 
 
-def load_checkpoint(
-    path: Path, model: nn.Module, optimizer: TableAdam | None = None
-) -> Checkpoint:
+def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = None) -> Checkpoint:
     """Loads weights, and the optimiser's state where one is given.
 
     Raises CheckpointError where the file is of another format version, damaged, or of another architecture.

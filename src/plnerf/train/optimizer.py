@@ -38,7 +38,7 @@ def build_optimizer(model: RadianceSystem, cfg: TrainConfig) -> "TableAdam":
 
 @runtime_checkable
 class Optimizer(Protocol):
-    """What a training step needs of an optimiser; torch's own will do."""
+    """What a training step needs of an optimiser; those of torch have it too."""
 
     param_groups: list[dict[str, Any]]
 
@@ -101,11 +101,15 @@ class TableAdam:
         return {k: self.state[value] for k, value in enumerate(self._values()) if value in self.state}
 
     def load_state_dict(self, state: dict[int, dict[str, Tensor]]) -> None:
-        """Takes over copies of what `state_dict` gave, on each parameter's device."""
+        """Takes over copies of what `state_dict` gave, on each parameter's device.
+
+        Left out is what belongs to parameters after the last: poses, where they are no longer refined.
+        """
         values = list(self._values())
         self.state = {
             values[k]: {name: part.to(values[k].device, copy=True) for name, part in parts.items()}
             for k, parts in state.items()
+            if k < len(values)
         }
 
     def _values(self) -> Iterator[Tensor]:
