@@ -11,7 +11,7 @@ from tests.support.drawn import HALF, at_x, hanging, pinhole_cameras, polyline, 
 from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config_lines import ChainConfig
 from plnerf.detect.meets import curves_where_chains_meet, partners, seen_places
-from plnerf.detect.parabola import curve_point
+from plnerf.detect.parabola import curve_points
 from plnerf.detect.views import Views, project_point, views_of
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
@@ -89,12 +89,12 @@ def test_chains_of_one_wire_meet_in_it(wire: Wire, lens: bool) -> None:
     cameras = two_passes(4)
     views = views_of(with_lens(cameras) if lens else cameras)
     curves = curves_where_chains_meet(chains_seen(views, wire), views, X, LOW, HIGH, CONFIG)
-    middle = np.array([curve_point(curve, 0.5) for curve in curves])
+    middle = np.array([curve_points(curve, 0.5) for curve in curves])
     true = at_x(wire, np.zeros(1))[0, 1:]
     assert len(curves) >= 6 and np.hypot(*(middle - true).T).min() < 0.5 * PIXEL
     s = np.linspace(0, 1, 7)
     there = at_x(wire, X[0] + s * (X[-1] - X[0]))[:, 1:].T
-    assert min(np.hypot(*(curve_point(curve, s) - there)).max() for curve in curves) < 2 * PIXEL
+    assert min(np.hypot(*(curve_points(curve, s) - there)).max() for curve in curves) < 2 * PIXEL
 
 
 def test_where_chains_meet_outside_the_volume_there_is_nothing() -> None:

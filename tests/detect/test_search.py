@@ -18,7 +18,7 @@ from plnerf.detect.candidate import (
 )
 from plnerf.detect.config import DetectConfig, SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
-from plnerf.detect.parabola import curve_point
+from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search, extended, stretches
 from plnerf.detect.views import Views
 from plnerf.detect.window_search import variants
@@ -202,11 +202,11 @@ def test_curves_alike_meet_a_curve_where_it_is_seen(monkeypatch: pytest.MonkeyPa
     rated_as(search, [(500.0, 0.1, 0.5)], monkeypatch)
     of_shape, of_bend = search.alike(leader.theta, own[None])
     for curve in (of_shape, of_bend):
-        assert curve_point(curve, 0.3) == pytest.approx(curve_point(own, 0.3))
+        assert curve_points(curve, 0.3) == pytest.approx(curve_points(own, 0.3))
         assert curve[4] == leader.theta[4]
     assert [of_shape[1] - of_shape[0], of_shape[3] - of_shape[2]] == pytest.approx([0.0, 0.2])
     step = 1e-6  # the second one touches it there
-    for one, other in zip(curve_point(of_bend, 0.3 + step), curve_point(own, 0.3 + step), strict=True):
+    for one, other in zip(curve_points(of_bend, 0.3 + step), curve_points(own, 0.3 + step), strict=True):
         assert one == pytest.approx(other, abs=1e-10)
 
 
@@ -215,7 +215,7 @@ def test_variants_meet_the_line_in_three_places() -> None:
     found = variants(own, [own, other])
     assert len(found) == 4 and (found[0] == own.theta).all()
     for theta, s in zip(found[1:], (1 / 6, 1 / 2, 5 / 6), strict=True):
-        assert curve_point(theta, s) == pytest.approx(curve_point(own.theta, s))
+        assert curve_points(theta, s) == pytest.approx(curve_points(own.theta, s))
         assert theta[[1, 3]] - theta[[0, 2]] == pytest.approx(other.theta[[1, 3]] - other.theta[[0, 2]])
         assert theta[4] == other.theta[4]
 

@@ -143,7 +143,8 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
     Args:
         out: Folder for everything that is made.
         seconds: Training time in seconds.
-        quick: A short version: 20 s of training at half size and a short fly-along.
+        quick: A short version: 45 s of training at half size (of which finding wires takes nearly half) and
+            a short fly-along.
     """
     from plnerf.cli.survey import score_shown, survey_shown
     from plnerf.console import say
@@ -153,7 +154,7 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
         raise ConfigError(
             f"The demo writes a new folder, but {out} is there already. Remove it, or name another: -o."
         )
-    budget, downscale, frames = (20.0, 2, 8) if quick else (seconds, 1, 40)
+    budget, downscale, frames = (45.0, 2, 8) if quick else (seconds, 1, 40)
     console, span = Console(), bundled_span()
     train_shown(console, span, out, preset="pl-nerf-wire", seconds=budget, downscale=downscale)
     eval_shown(console, out)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.detect.config import SearchConfig, SelectConfig
-from plnerf.detect.parabola import curve_point
+from plnerf.detect.parabola import curve_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def without_gaps(lines: Sequence[Candidate], pixel: float, config: SearchConfig)
 
     def apart_px(line: Candidate, theta: Float[np.ndarray, "5"]) -> float:
         s = np.linspace(*line.seen, 9) / (config.planes - 1)
-        one, other = (np.stack(curve_point(curve, s)) for curve in (line.theta, theta))
+        one, other = (np.stack(curve_points(curve, s)) for curve in (line.theta, theta))
         return float(np.hypot(*(one - other)).mean()) / pixel
 
     def is_gap(line: Candidate) -> bool:

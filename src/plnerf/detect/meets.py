@@ -105,14 +105,10 @@ def meets(chains, views, pairs, ends, box, limits, shape):
             depth = depth_of(chains, views, b, views.centre[n], ray, least_angle, spare)
             if depth <= 0:
                 continue
-            x, y, z = (
-                views.centre[n, 0] + depth * ray[0],
-                views.centre[n, 1] + depth * ray[1],
-                views.centre[n, 2] + depth * ray[2],
-            )
-            if abs(x) <= 1 and box[0] <= y <= box[1] and box[2] <= z <= box[3]:
-                points[count] = x, y, z
-                count += 1
+            for axis in range(3):
+                points[count, axis] = views.centre[n, axis] + depth * ray[axis]
+            x, y, z = points[count]
+            count += abs(x) <= 1 and box[0] <= y <= box[1] and box[2] <= z <= box[3]
         if count >= 3 and abs(points[count - 1, 0] - points[0, 0]) >= least_length:
             curve_through(points[:count], ends, shape, out[m])
     return out

@@ -13,12 +13,15 @@ from plnerf.detect.odds import place_odds
 from plnerf.ops.kernel_cache import njit, prange
 
 
-@njit(cache=True)
 @no_type_check
-def curve_point(theta, s):
-    """y, z of a curve at s in [0, 1] along it."""
+def curve_points(theta, s):
+    """y, z of curves theta (5, ...) at s in [0, 1] along them; shapes as NumPy broadcasts them."""
     y = theta[0] + (theta[1] - theta[0]) * s
     return y, theta[2] + (theta[3] - theta[2]) * s - 4 * theta[4] * s * (1 - s)
+
+
+curve_point = njit(cache=True)(curve_points)
+"""The same in kernels, for one curve and one place."""
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
@@ -30,5 +33,5 @@ def curve_odds(views, odds, curves, x, reach):
         pixels, scales = np.empty(len(views.R), np.int64), np.empty(len(views.R))
         for i in range(len(x)):
             y, z = curve_point(curves[c], i / (len(x) - 1))
-            out[c, i] = place_odds(views, odds, (x[i], y, z), reach, pixels, scales)
+            out[c, i, 0], out[c, i, 1] = place_odds(views, odds, (x[i], y, z), reach, pixels, scales)
     return out

@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt8
 from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.odds import odds_of, unclaimed
-from plnerf.detect.parabola import curve_odds, curve_point
+from plnerf.detect.parabola import curve_odds, curve_points
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
@@ -75,8 +75,8 @@ class Search:
         s = first + np.array([[0.0], [0.5], [1.0]]) * (last - first)
         kept: list[int] = []
         for c in order:
-            here = np.stack(curve_point(curves[c], s[:, c]))
-            there = np.stack(curve_point(curves[kept].T[:, :, None], s[:, c]))
+            here = np.stack(curve_points(curves[c], s[:, c]))
+            there = np.stack(curve_points(curves[kept].T[:, :, None], s[:, c]))
             if not (np.abs(there - here[:, None]).max((0, 2)) < search.apart).any():
                 kept.append(int(c))
                 if len(kept) == search.most_pending:
@@ -89,8 +89,8 @@ class Search:
         """Curves of one shape, and of one bend, through the middle of what each of some curves shows."""
         _, first, last = self.rated(curves)
         s = (first + last) / 2
-        y, z = curve_point(curves.T, s)
-        dy, dz = np.subtract((y, z), curve_point(theta, s))
+        y, z = curve_points(curves.T, s)
+        dy, dz = np.subtract((y, z), curve_points(theta, s))
         more = theta[4] - curves[:, 4]
         bent = curves + np.stack([0 * s, 0 * s, 4 * more * s**2, 4 * more * (1 - s) ** 2, more], 1)
         return np.concatenate([theta + np.stack([dy, dy, dz, dz, 0 * dy], 1), bent])

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Float32, Int, UInt8
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
 from plnerf.detect.config_lines import SurroundingsConfig
-from plnerf.detect.parabola import curve_point
+from plnerf.detect.parabola import curve_points
 from plnerf.detect.reduction import mean_of_blocks, reduction
 from plnerf.detect.to_wire import typical_footprint
 from plnerf.detect.views import Views, project_point
@@ -93,7 +93,7 @@ def _places(
     segments = int((high - low) / (config.step_px * footprint * config.places))
     segments = min(max(segments, 1), config.most_segments)
     along = np.linspace(low, high, segments * config.places)
-    y, z = curve_point(line.theta, (along - x[0]) / (x[-1] - x[0]))
+    y, z = curve_points(line.theta, (along - x[0]) / (x[-1] - x[0]))
     return np.stack([along, y, z], 1).reshape(segments, config.places, 3)
 
 

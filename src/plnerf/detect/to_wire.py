@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
-from plnerf.detect.parabola import curve_point
+from plnerf.detect.parabola import curve_points
 from plnerf.detect.views import Views
 from plnerf.detect.windows import Window
 from plnerf.line.base import Base
@@ -122,7 +122,7 @@ def typical_footprint(
     views: Views, theta: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"], config: CertaintyConfig
 ) -> float:
     """Median width of a pixel on the curve, over planes, of the nearest views; in the window's units."""
-    y, z = curve_point(theta, np.linspace(0, 1, len(x)))
+    y, z = curve_points(theta, np.linspace(0, 1, len(x)))
     points = np.stack([x, y, z], 1)
     distance = np.linalg.norm(points[:, None] - views.centre[None], axis=2) / views.focal[:, 0]
     nearest = max(3, int(len(views.centre) * config.nearest_views))

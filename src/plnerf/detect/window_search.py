@@ -15,7 +15,7 @@ from jaxtyping import Float
 from plnerf.detect.candidate import Candidate, hang_alike, leaders, without_gaps
 from plnerf.detect.chains import chains_of
 from plnerf.detect.meets import curves_where_chains_meet
-from plnerf.detect.parabola import curve_point
+from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.to_wire import typical_footprint
@@ -116,6 +116,6 @@ def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "
     for other in lines:
         if other is not line:
             for s in (1 / 6, 1 / 2, 5 / 6):
-                y, z = np.subtract(curve_point(own, s), curve_point(other.theta, s))
+                y, z = np.subtract(curve_points(own, s), curve_points(other.theta, s))
                 out.append(other.theta + np.array([y, y, z, z, 0]))
     return np.array(out)
