@@ -23,7 +23,7 @@ def main(out: Path, image: Path, steps: int, side_px: int) -> float:
     """Writes what was learnt; returns its PSNR in dB."""
     with Image.open(image) as photo:
         photo.thumbnail((side_px, side_px))
-        truth = torch.from_numpy(np.asarray(photo.convert("RGB"))).float() / 255
+        truth = torch.from_numpy(np.array(photo.convert("RGB"))).float() / 255
     h, w, _ = truth.shape
     generator = torch.Generator().manual_seed(0)
     shape = GridShape(levels=8, coarsest=8, finest=max(h, w), features=4, log2_table=14)

@@ -24,7 +24,7 @@ from plnerf.train.optimizer import build_optimizer
 
 WIRES = (hanging(0.05, 0.1, 0.05, askew=0.03, climb=0.1), hanging(-0.1, 0.0, 0.02), hanging(0.0, 0.3, 0.1))
 FEATURE = 5
-SMALL = TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=2, log2_table=12), hidden=8)
+SMALL = TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=4, log2_table=12), hidden=8)
 
 
 def a_field(wires: tuple[Wire, ...] = WIRES, seed: int = 0) -> TubeField:

@@ -251,7 +251,7 @@ def trained_with_tubes(scene_folder: Path, folder: Path) -> tuple[PLNeRF, Scene]
     rows = ([[x, y]], [[1.0, 0.0]], [[0.0] * 3], [[z, 0.0, 0.0]], [[-0.4, 0.4]], [0.1])
     guides = Guides(*(torch.tensor(row, dtype=torch.float32) for row in rows))
     config = replace(
-        BASE, tubes=TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=2, log2_table=10)),
+        BASE, tubes=TubeConfig(GridShape(levels=2, coarsest=32, finest=64, features=4, log2_table=10)),
         sampler=SamplerConfig(proposals=(24, 16), final=24), stretch=(1.0, 1.0, 1.0),
     )  # fmt: skip
     model = PLNeRF(config, len(scene.names), "numba", torch.Generator().manual_seed(0), guides)

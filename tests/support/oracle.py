@@ -30,7 +30,7 @@ FAR = 1000.0
 
 def tiny_config(normals: bool = True) -> ModelConfig:
     """The smallest model that has all parts."""
-    grid = GridShape(levels=2, coarsest=4, finest=8, features=2, log2_table=8)
+    grid = GridShape(levels=2, coarsest=4, finest=8, features=4, log2_table=8)
     return ModelConfig(
         field=RadianceConfig(grid, hidden=8, feature=4, appearance=3, normals=normals),
         proposals=(DensityConfig(grid, hidden=4),),
