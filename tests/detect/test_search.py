@@ -31,7 +31,7 @@ PLANES = SEARCH.planes
 def line(
     y: float = 0.0, rise: float = 0.1, sag: float = 0.04, odds: float = 900.0, planes: int = PLANES
 ) -> Candidate:
-    theta, covariance = np.array([y, y, 0.1, 0.1 + rise, sag]), np.eye(5) * 1e-8
+    theta, covariance = np.array([y, y, 0.1, 0.1 + rise, sag, 0.0]), np.eye(6) * 1e-8
     return Candidate(theta, covariance, 0.3, 12, odds, (0, planes), (0, PLANES - 1))
 
 
@@ -47,7 +47,6 @@ def test_a_stretch_is_the_largest_of_all_sums(odds: list[int]) -> None:
 
 def test_an_end_is_where_something_speaks_against_more() -> None:
     odds = np.array([-9.0, -1, -2, 4, 5, -1, 3, -2, -2, -2, 1])
-    assert SEARCH.faint == 5
     assert extended(odds, 3, 6, 5.0) == (1, 8)  # -3 before, -4 after; one plane more and it is beyond 5
     assert extended(odds, 3, 6, 2.5) == (2, 7) and extended(odds, 3, 6, 6.5) == (1, 10)
     assert extended(np.full(4, 1.0), 1, 2, 5.0) == (0, 3)
@@ -89,13 +88,6 @@ def test_what_hangs_free_needs_less_sag_and_what_lies_on_something_never_hangs()
     assert select_wires([best, lying], LENGTH, SELECT, SEARCH) == [best]
 
 
-def test_a_short_piece_that_hangs_free_is_a_wire() -> None:
-    best, piece = line(odds=900.0), line(sag=0.1, odds=300.0, planes=30)
-    assert select_wires([best, piece], LENGTH, SELECT, SEARCH) == [best]
-    free = replace(piece, likeness=0.0)
-    assert select_wires([best, free], LENGTH, SELECT, SEARCH) == [best, free]
-
-
 def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
     search = a_search()
     road = replace(line(sag=0.0), rms_px=3.0)
@@ -113,11 +105,11 @@ def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
 
 def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     best, twin, road = line(odds=900.0), line(y=0.1, odds=210.0, planes=60), line(sag=0.0, odds=2000.0)
-    short = line(y=-0.1, odds=210.0, planes=20)
+    faint = line(y=-0.1, odds=SELECT.min_odds_similar - 1)
     other, weak = line(sag=0.1, odds=SELECT.min_odds + 1), line(sag=0.1, odds=SELECT.min_odds - 1)
     part = line(sag=0.1, odds=SELECT.min_odds + 1, planes=int(SELECT.min_share * PLANES) - 1)
     point = replace(line(y=0.2), ends=(7, 7))  # no wire is as short as a plane
-    lines = [road, best, twin, short, other, weak, part, point]
+    lines = [road, best, twin, faint, other, weak, part, point]
     found = select_wires(lines, LENGTH, SELECT, SEARCH)
     assert [id(one) for one in found] == [id(one) for one in (best, twin, other)]
     for none in ([road], []):
@@ -128,9 +120,8 @@ def test_pieces_of_the_next_span_bend_as_the_best_does() -> None:
     """Each in another place of its parabola; a leader of each span, the best first."""
     best, twin = line(odds=900.0, planes=45), line(y=0.1, odds=800.0, planes=45)
     piece, beside = line(rise=0.6, sag=0.045, odds=500.0, planes=40), line(0.1, 0.6, 0.045, 400.0, 40)
-    short = line(rise=-0.6, sag=0.045, odds=500.0, planes=int(SELECT.min_share_bent * PLANES))
-    bent = line(rise=0.6, sag=0.1, odds=500.0, planes=40)
-    lines = [beside, short, bent, twin, piece, best]
+    short = line(rise=-0.6, sag=0.045, odds=500.0, planes=int(SELECT.min_share * PLANES))
+    lines = [beside, short, twin, piece, best]
     found = select_wires(lines, LENGTH, SELECT, SEARCH)
     assert [id(one) for one in found] == [id(one) for one in (beside, twin, piece, best)]
     first = leaders(lines, LENGTH, SELECT, SEARCH)
@@ -155,19 +146,19 @@ def test_the_background_between_twins_is_no_third() -> None:
     assert without_gaps([*pair, gap], pixel / 2, SEARCH) == [*pair, gap]  # 8 px to either side
 
 
-def test_wires_that_hang_alike_end_where_the_longest_does() -> None:
+def test_a_wire_ends_no_later_than_those_that_hang_alike() -> None:
     a, b, other = (
         replace(one, ends=ends)
         for one, ends in ((line(), (5, 60)), (line(y=0.1), (10, 80)), (line(sag=0.1), (0, 90)))
     )
     ends = [common_ends(one, [a, b, other], LENGTH, SELECT) for one in (a, b, other)]
-    assert ends == [(5, 80), (5, 80), (0, 90)]
+    assert ends == [(5, 60), (10, 80), (0, 90)]
 
 
 def test_of_three_wires_the_second_outermost_end_counts() -> None:
     """Chance ridges beyond the end deceive one wire, hardly two."""
     three = [replace(line(y=y), ends=ends) for y, ends in ((0.0, (2, 80)), (0.1, (10, 93)), (0.2, (12, 82)))]
-    assert [common_ends(one, three, LENGTH, SELECT) for one in three] == [(10, 82)] * 3
+    assert [common_ends(one, three, LENGTH, SELECT) for one in three] == [(10, 80), (10, 82), (12, 82)]
 
 
 def a_search() -> Search:
@@ -198,12 +189,13 @@ def test_of_curves_that_lie_near_each_other_where_they_show_the_best_is_kept(
 
 def test_curves_alike_meet_a_curve_where_it_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     search, leader = a_search(), line(rise=0.2, sag=0.05)
+    leader.theta[5] = 0.02  # swung by wind
     own = line(y=0.3, rise=0.1, sag=0.01).theta
     rated_as(search, [(500.0, 0.1, 0.5)], monkeypatch)
     of_shape, of_bend = search.alike(leader.theta, own[None])
     for curve in (of_shape, of_bend):
         assert curve_points(curve, 0.3) == pytest.approx(curve_points(own, 0.3))
-        assert curve[4] == leader.theta[4]
+        assert (curve[4:] == leader.theta[4:]).all()
     assert [of_shape[1] - of_shape[0], of_shape[3] - of_shape[2]] == pytest.approx([0.0, 0.2])
     step = 1e-6  # the second one touches it there
     for one, other in zip(curve_points(of_bend, 0.3 + step), curve_points(own, 0.3 + step), strict=True):

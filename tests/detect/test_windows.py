@@ -88,7 +88,7 @@ def test_a_climb_does_not_shorten_windows() -> None:
 def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:
     whole = hanging(0.02, 0.1)
     shown = replace(whole.evidence, seen_m=((0.0, 2 * HALF),))
-    known = replace(whole, covariance=np.diag([1e-6] * 5 + [0.0]), evidence=shown)
+    known = replace(whole, covariance=np.diag([1e-6] * 6), evidence=shown)
     a, b = known.between(0.0, 1.2 * HALF), known.between(0.7 * HALF, 2 * HALF)
     (one,) = joined([[a], [b]], JoinConfig())
     assert one.base.length_m == pytest.approx(2 * HALF)

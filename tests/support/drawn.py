@@ -41,11 +41,12 @@ def hanging(
 def resized(wire: Wire, factor: float) -> Wire:
     """The wire with all lengths times a factor, as in a frame of another unit."""
     assert wire.evidence.reach_m is not None
+    units = np.array([factor] * 5 + [1.0])
     return replace(
         wire,
         base=Base(factor * wire.base.a, factor * wire.base.b),
-        theta=np.array([factor] * 5 + [1.0]) * wire.theta,
-        covariance=factor**2 * wire.covariance,
+        theta=units * wire.theta,
+        covariance=np.outer(units, units) * wire.covariance,
         evidence=replace(wire.evidence, reach_m=factor * wire.evidence.reach_m),
     )
 

@@ -18,9 +18,9 @@ from plnerf.detect.parabola import curve_points
 class Candidate:
     """A curve fitted to ridges; scene frame."""
 
-    theta: Float[np.ndarray, "5"]
-    """(y_A, y_B, z_A, z_B, b) between the first and the last plane."""
-    covariance: Float[np.ndarray, "5 5"]
+    theta: Float[np.ndarray, "6"]
+    """(y_A, y_B, z_A, z_B, b, d) between the first and the last plane."""
+    covariance: Float[np.ndarray, "6 6"]
     """Covariance of theta, in scene units squared."""
     rms_px: float
     """Root mean square distance of its ridges."""
@@ -36,6 +36,8 @@ class Candidate:
     """Whether the views fix its place where it was seen."""
     likeness: float = np.nan
     """Mean correlation of views beside it: 1 for a line on a surface, 0 for one in the air; NaN: unknown."""
+    turn_rad: float = np.pi / 2
+    """Standard deviation of the directions across it from which views look at one place."""
 
     @property
     def planes(self) -> int:
@@ -55,7 +57,7 @@ def select_wires(
         if line.ends[0] == line.ends[1] or line.likeness > select.lies:
             return False
         if hang_alike(best, line, length, select):
-            return line.odds >= select.min_odds or line.planes / search.planes >= select.min_share_similar
+            return line.odds >= select.min_odds_similar
         return hangs_beside(best, line, length, select, search)
 
     return [line for line in lines if is_wire(line)]
@@ -82,14 +84,8 @@ def leaders(
 def hangs_beside(
     best: Candidate, line: Candidate, length: float, select: SelectConfig, search: SearchConfig
 ) -> bool:
-    """Whether a line that hangs unlike the best has enough evidence to be a wire nevertheless.
-
-    It needs less of the window where it bends as the best does, since wires of one tension bend alike in
-    every span, or where it is known to hang free.
-    """
-    likely = sag_ratio(best, line) <= select.max_sag_ratio or line.likeness <= select.free
-    share = select.min_share_bent if likely else select.min_share
-    enough = line.odds >= select.min_odds and line.planes >= share * search.planes
+    """Whether a line that hangs unlike the best has enough evidence to be a wire nevertheless."""
+    enough = line.odds >= select.min_odds and line.planes >= select.min_share * search.planes
     return enough and line.fixed >= best.fixed and hangs(line, length, select)
 
 
@@ -109,7 +105,7 @@ def without_gaps(lines: Sequence[Candidate], pixel: float, config: SearchConfig)
     pixel: width of one where lines hang.
     """
 
-    def apart_px(line: Candidate, theta: Float[np.ndarray, "5"]) -> float:
+    def apart_px(line: Candidate, theta: Float[np.ndarray, "6"]) -> float:
         s = np.linspace(*line.seen, 9) / (config.planes - 1)
         one, other = (np.stack(curve_points(curve, s)) for curve in (line.theta, theta))
         return float(np.hypot(*(one - other)).mean()) / pixel
@@ -147,7 +143,7 @@ def sag_ratio(a: Candidate, b: Candidate) -> float:
 def common_ends(
     line: Candidate, lines: Sequence[Candidate], length: float, config: SelectConfig
 ) -> tuple[int, int]:
-    """First and last plane of a wire: all that hang alike hang from the same supports.
+    """First and last plane of a wire: its own, and no further than those that hang alike reach.
 
     Of three or more the second outermost counts: beyond the end, chance ridges deceive one wire, hardly two.
     """
@@ -157,4 +153,4 @@ def common_ends(
     ]
     ends = np.sort(np.array(alike), axis=0)
     nth = int(len(ends) > 2)
-    return int(ends[nth, 0]), int(ends[-1 - nth, 1])
+    return max(line.ends[0], int(ends[nth, 0])), min(line.ends[1], int(ends[-1 - nth, 1]))

@@ -4,6 +4,7 @@ Letters and frames as in `parabola.py`: a window's frame, whose unit is half its
 nats.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 
 from plnerf.detect.config_lines import (
@@ -72,8 +73,14 @@ class RefitConfig:
     prior: float = 0.05
     """Standard deviation of a curve's numbers before any view, in scene units: where views fix nothing, as
     from a track that runs along the wire, the fit stays where it began and its covariance says so."""
+    swing_rad: float = math.radians(7.0)
+    """Standard deviation of the angle by which wind swings a wire's plane, before any view: in the 10 m/s up
+    to which one flies heavy conductors swing by 7 degrees and light ones by 16, and calm air is as common."""
     planes_alike: float = 4.0
     """Observations of one view in neighbouring planes share their error: so many count as one."""
+    view_px: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8)
+    """Standard deviations, of which the likeliest is taken, of what a view's pose moves all its ridges by:
+    its shift, and its turn at the ends of what it shows."""
 
     def __post_init__(self) -> None:
         check(
@@ -82,8 +89,13 @@ class RefitConfig:
             self,
         )
         check(
-            min(self.sigma_px, self.prior, self.planes_alike, self.min_rows) > 0,
-            "detect.refit needs sigma_px, prior, planes_alike and min_rows above 0",
+            min(self.sigma_px, self.prior, self.swing_rad, self.planes_alike, self.min_rows) > 0,
+            "detect.refit needs sigma_px, prior, swing_rad, planes_alike and min_rows above 0",
+            self,
+        )
+        check(
+            bool(self.view_px) and min(self.view_px) > 0 and list(self.view_px) == sorted(self.view_px),
+            "detect.refit needs positive view_px in increasing order",
             self,
         )
 
@@ -115,7 +127,9 @@ class SearchConfig:
     min_mean: float = 0.25
     """Nats for each time that a view sees the line in a plane.  Beside other wires' ridges hardly a view
     speaks against a curve, and chance ridges add up there."""
-    faint: float = 5.0
+    doubt: float = 0.3
+    """Nats against a line in each plane before any view is asked: it ends where views no longer show it."""
+    faint: float = 1.0
     """Nats against a line beyond an end that do not end it."""
     rounds: int = 5
     """Searches for lines that hang as the best do, at most."""
@@ -152,8 +166,8 @@ class SearchConfig:
             self,
         )
         check(
-            min(self.mask_px, self.rounds, self.refits, self.faint) >= 0,
-            "detect.search needs mask_px, rounds, refits and faint of 0 or more",
+            min(self.mask_px, self.rounds, self.refits, self.faint, self.doubt) >= 0,
+            "detect.search needs mask_px, rounds, refits, faint and doubt of 0 or more",
             self,
         )
 
@@ -166,16 +180,11 @@ class SelectConfig:
     """Nats.  Neighbouring planes and views share their evidence: this is less than it looks."""
     min_odds_similar: float = 200.0
     """The same for one that hangs like the best."""
-    min_share: float = 0.7
+    min_share: float = 0.2
     """Fraction of the planes that must show a wire which hangs unlike the best."""
-    min_share_similar: float = 0.4
-    """The same for one that hangs like the best but has less than `min_odds`."""
-    min_share_bent: float = 0.2
-    """The same for one that bends as the best does in another place, the best of another span, or that hangs
-    free."""
     min_sag: float = 0.001
     """Least sag as a fraction of the length.  A wire hangs; edges of roads do not."""
-    sag_sigmas: float = 12.0
+    sag_sigmas: float = 4.0
     """Standard deviations by which the sag must differ from 0,"""
     sag_sigmas_free: float = 3.0
     """or only so many where what is seen beside the line lies behind it."""
@@ -215,8 +224,13 @@ class CertaintyConfig:
     """When the place of a wire is certain, and how far from its curve it may lie (`candidate.py`)."""
 
     certain_px: float = 3.0
-    """A wire is certain if its standard deviation across is no more pixels than this.  Others are what views
-    do not fix, or no wires at all."""
+    """A wire is certain if its standard deviation across, over half of it or more, is no more pixels than
+    this,"""
+    certain_m: float = 0.05
+    """or no more metres than this.  Others are what views do not fix, or no wires at all."""
+    bias_px: float = 0.3
+    """What light from one side moves the ridges of all views by: the less they differ in direction, the
+    farther off a wire may be for it."""
     reach_sigmas: float = 4.0
     """A wire lies within so many standard deviations of its curve,"""
     reach_px: float = 3.0
@@ -226,9 +240,10 @@ class CertaintyConfig:
 
     def __post_init__(self) -> None:
         check(
-            0 < self.nearest_views <= 1 and min(self.certain_px, self.reach_sigmas, self.reach_px) > 0,
-            "detect.certainty needs certain_px, reach_sigmas and reach_px above 0, and nearest_views above 0 "
-            "and at most 1",
+            0 < self.nearest_views <= 1
+            and min(self.certain_px, self.certain_m, self.reach_sigmas, self.reach_px) > 0 <= self.bias_px,
+            "detect.certainty needs certain_px, certain_m, reach_sigmas and reach_px above 0, bias_px of 0 "
+            "or more, and nearest_views above 0 and at most 1",
             self,
         )
 

@@ -195,8 +195,9 @@ class DirectionConfig:
     known no other is searched."""
     most: int = 6
     """Directions that are searched, at most."""
-    apart_rad: float = math.radians(12.0)
-    """A direction is searched only if no other was within this angle: a search stands 8 degrees."""
+    apart_rad: float = math.radians(4.0)
+    """A direction is searched only if no other was within this angle: what that showed votes no longer, and
+    of short pieces of wire the votes may have been 8 degrees off."""
     peak_rad: float = math.radians(8.0)
     """A direction is the middle of the votes within this angle of the strongest azimuth."""
     min_excess: float = 0.3

@@ -87,9 +87,9 @@ def compile_kernels() -> None:
     chains = chains_of(search.responses, views, DEFAULT.odds.min_response, DEFAULT.chains)
     curves_where_chains_meet(chains, views, x, np.full(2, -1.0), np.full(2, 1.0), DEFAULT.chains)
     projected(views, 0, np.ones((1, 3)))
-    search.rated(np.zeros((1, 5)))
-    search.best(np.zeros((1, 5)), -np.inf)
-    search.mask_ridges(Candidate(np.zeros(5), np.eye(5), 1.0, images=1))
+    search.rated(np.zeros((1, 6)))
+    search.best(np.zeros((1, 6)), -np.inf)
+    search.mask_ridges(Candidate(np.zeros(6), np.eye(6), 1.0, images=1))
 
 
 def _next_direction(

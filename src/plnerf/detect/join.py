@@ -4,6 +4,7 @@ Two pieces are the same wire where they run at the same place over a good part o
 two spans of one wire meet in a kink; they overlap by little, and stay two wires.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -24,8 +25,9 @@ def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
     for pieces in windows:
         open_ones = set(range(len(wires)))
         for piece in pieces:
-            mine = next((k for k in sorted(open_ones) if same(wires[k], piece, config)), None)
-            if mine is None:
+            apart = {k: apart_m(wires[k], piece, config) for k in sorted(open_ones)}
+            mine = min(apart, key=lambda k: apart[k], default=None)
+            if mine is None or apart[mine] > reach_m(wires[mine], piece):
                 wires.append(piece)
             else:
                 wires[mine] = merged(wires[mine], piece)
@@ -33,16 +35,19 @@ def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
     return wires
 
 
-def same(a: Wire, b: Wire, config: JoinConfig) -> bool:
-    """Whether two pieces with parallel bases are of one wire of one span."""
+def apart_m(a: Wire, b: Wire, config: JoinConfig) -> float:
+    """Mean distance of two pieces with parallel bases; infinite where they overlap by too little."""
     low, high = overlap(a, b)
     if high - low < config.min_overlap * min(a.base.length_m, b.base.length_m):
-        return False
+        return math.inf
     points = a.points(np.linspace(low, high, PLACES))
     there = b.base.local(points)
-    off = there[:, 1:] - b.at(there[:, 0])
-    reach = max(wire.evidence.reach_m or 0.0 for wire in (a, b))
-    return bool(np.hypot(*off.T).mean() <= reach)
+    return float(np.hypot(*(there[:, 1:] - b.at(there[:, 0])).T).mean())
+
+
+def reach_m(a: Wire, b: Wire) -> float:
+    """How far apart two pieces of one wire may be."""
+    return max(wire.evidence.reach_m or 0.0 for wire in (a, b))
 
 
 def overlap(a: Wire, b: Wire) -> tuple[float, float]:
@@ -61,11 +66,9 @@ def merged(a: Wire, b: Wire) -> Wire:
     first, last = sorted(a.base.local(ends)[:, 0])
     base = a.base.cut(min(0.0, float(first)), max(a.base.length_m, float(last)))
     one, other = a.on(base), b.on(base)
-    weights = [np.linalg.inv(wire.covariance[:5, :5]) for wire in (one, other)]
-    covariance = np.zeros((6, 6))
-    covariance[:5, :5] = np.linalg.inv(weights[0] + weights[1])
-    theta = np.zeros(6)
-    theta[:5] = covariance[:5, :5] @ (weights[0] @ one.theta[:5] + weights[1] @ other.theta[:5])
+    weights = [np.linalg.inv(wire.covariance) for wire in (one, other)]
+    covariance = np.linalg.inv(weights[0] + weights[1])
+    theta = covariance @ (weights[0] @ one.theta + weights[1] @ other.theta)
     better = max((one, other), key=lambda wire: wire.evidence.count)
     seen = [stretch for wire in (one, other) for stretch in wire.evidence.seen_m or ((0.0, base.length_m),)]
     low, high = min(stretch[0] for stretch in seen), max(stretch[1] for stretch in seen)

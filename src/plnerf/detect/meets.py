@@ -5,7 +5,7 @@ surfaces that two views have of one line meet in it.  Those of different lines m
 views tell (line matching by pairs, as Schmid and Zisserman, "The geometry and matching of lines and curves
 over multiple views", IJCV 2000, do it with epipolar geometry).
 
-Letters: n views, c chains, m pairs of chains.  A curve is theta = (y_A, y_B, z_A, z_B, b), see
+Letters: n views, c chains, m pairs of chains.  A curve is theta = (y_A, y_B, z_A, z_B, b, d), see
 `parabola.py`; window frame.
 """
 
@@ -32,7 +32,7 @@ def curves_where_chains_meet(
     low: Float[np.ndarray, "2"],
     high: Float[np.ndarray, "2"],
     config: ChainConfig,
-) -> Float[np.ndarray, "m 5"]:
+) -> Float[np.ndarray, "m 6"]:
     """The curves between the first and the last plane x in which chains of two views meet.
 
     low, high: y and z between which they must lie where both views show them.
@@ -92,8 +92,8 @@ def seen_places(views, places):
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
 def meets(chains, views, pairs, ends, box, limits, shape):
-    """The curve of each pair of chains (m, 2), between two places x: (m, 5), NaN for none."""
-    out = np.full((len(pairs), 5), np.nan)
+    """The curve of each pair of chains (m, 2), between two places x: (m, 6), NaN for none."""
+    out = np.full((len(pairs), 6), np.nan)
     least_angle, spare, least_length = limits
     for m in prange(len(pairs)):
         a, b = pairs[m]
@@ -167,9 +167,9 @@ def depth_of(chains, views, b, centre, ray, least_angle, spare):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def curve_through(points, ends, shape, theta):
-    """Into theta (5,): the curve nearest to points (k, 3), left as it is where no wire has its shape.
+    """Into theta (6,): the curve nearest to points (k, 3), left as it is where no wire has its shape.
 
-    A short piece does not show how it bends: its bend is drawn to 0 by a prior.
+    A short piece does not show how it bends: its sag is drawn to 0 by a prior, and wind comes later.
     """
     max_askew, max_slope, max_sag, bend_prior = shape
     count, middle = len(points), 0.0
@@ -195,4 +195,4 @@ def curve_through(points, ends, shape, theta):
     begin, end = ends[0] - middle, ends[1] - middle
     theta[0], theta[1] = y0 + askew * begin, y0 + askew * end
     theta[2], theta[3] = level + begin * (slope + bend * begin), level + end * (slope + bend * end)
-    theta[4] = bend * length * length / 4
+    theta[4], theta[5] = bend * length * length / 4, 0.0

@@ -1,8 +1,9 @@
 """Hanging curves as parabolas, and the odds that views give them.
 
 Letters: the window's frame, in which lines run along +x; planes i at x_i across it.  A curve is theta =
-(y_A, y_B, z_A, z_B, b): offset and height in the first and in the last plane, and the sag b below the chord;
-y is linear and z quadratic in x (a parabola is within millimetres of a catenary of the same sag).
+(y_A, y_B, z_A, z_B, b, d): offset and height in the first and in the last plane, the sag b below the chord,
+and how far wind blows it aside, d; y and z are quadratic in x (a parabola is within millimetres of a catenary
+of the same sag).
 """
 
 from typing import no_type_check
@@ -16,8 +17,9 @@ from plnerf.ops.kernel_cache import njit, prange
 @no_type_check
 def curve_points(theta, s):
     """y, z of curves theta (5, ...) at s in [0, 1] along them; shapes as NumPy broadcasts them."""
-    y = theta[0] + (theta[1] - theta[0]) * s
-    return y, theta[2] + (theta[3] - theta[2]) * s - 4 * theta[4] * s * (1 - s)
+    hump = 4 * s * (1 - s)
+    y = theta[0] + (theta[1] - theta[0]) * s + theta[5] * hump
+    return y, theta[2] + (theta[3] - theta[2]) * s - theta[4] * hump
 
 
 curve_point = njit(cache=True)(curve_points)

@@ -4,10 +4,11 @@ Letters as in `parabola.py`.  One observation is one view's ridge in one plane: 
 across the projected curve, and the derivatives of that distance by y and z.
 """
 
+from collections.abc import Sequence
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import RefitConfig
@@ -19,29 +20,86 @@ from plnerf.ops.kernel_cache import njit, prange
 def refit(
     views: Views,
     responses: Float[np.ndarray, " p"],
-    theta: Float[np.ndarray, "5"],
+    theta: Float[np.ndarray, "6"],
     x: Float[np.ndarray, " i"],
     min_response: float,
     config: RefitConfig,
 ) -> Candidate | None:
-    """The curve where the ridges near it are; None where hardly any are seen."""
+    """The curve where the ridges near it are; None where hardly any are seen.
+
+    A pose that is off moves a view's ridges together: each view has a shift and a turn of its own, random
+    ones of a standard deviation that is learnt from the views.  What remains is each ridge's own noise.
+    """
     s = np.linspace(0, 1, len(x))
+    view_px, noise_px = config.view_px[-1], 0.0
     for window in config.windows_px:
         rows = observe(views, responses, theta, x, window, min_response, config.end_on)
-        along = s[rows[:, 0].astype(np.int64)]
-        e, g_y, g_z = rows[:, 1], rows[:, 3], rows[:, 4]
-        J = np.stack(
-            [g_y * (1 - along), g_y * along, g_z * (1 - along), g_z * along, -4 * along * (1 - along) * g_z],
-            1,
-        )
-        weight = rows[:, 2] / (1 + (e / max(1.0, window / 3)) ** 2)  # Cauchy: the far ones are other lines'
         if len(rows) < config.min_rows:
             return None
+        rows = rows[np.argsort(rows[:, 5], kind="stable")]
+        starts = np.flatnonzero(np.diff(rows[:, 5], prepend=-1))
+        counts = np.diff(starts, append=len(rows))
+        along = s[rows[:, 0].astype(np.int64)]
+        e, g_y, g_z = rows[:, 1], rows[:, 3], rows[:, 4]
+        hump = 4 * along * (1 - along)
+        columns = [g_y * (1 - along), g_y * along, g_z * (1 - along), g_z * along, -hump * g_z, hump * g_y]
+        J = np.stack([*columns, np.ones(len(e)), _within(along, starts, counts), e], 1)
+        weight = rows[:, 2] / (1 + (e / max(1.0, window / 3)) ** 2)  # Cauchy: the far ones are other lines'
         rms = float(np.sqrt((weight * e**2).sum() / weight.sum()))
-        weight /= max(config.sigma_px, rms) ** 2 * config.planes_alike
-        information = (J * weight[:, None]).T @ J + np.eye(5) / config.prior**2
-        theta = theta + np.linalg.solve(information, (J * weight[:, None]).T @ e)
-    return Candidate(theta, np.linalg.inv(information), rms, images=len(np.unique(rows[:, 5])))
+        weight /= max(config.sigma_px, noise_px or rms) ** 2 * config.planes_alike
+        by_view = np.add.reduceat(J[:, :, None] * (J * weight[:, None])[:, None], starts)
+        own = by_view[:, 6:8, 6:8] + np.eye(2) / view_px**2
+        left = by_view[:, :6] - by_view[:, :6, 6:8] @ np.linalg.solve(own, by_view[:, 6:8])
+        calm = 1 / (config.swing_rad * max(abs(theta[4]), config.prior**2)) ** 2
+        information = left[:, :, :6].sum(0) + np.diag([config.prior**-2.0] * 5 + [calm])
+        step = np.linalg.solve(information, left[:, :, 8].sum(0) - np.eye(6)[5] * calm * theta[5])
+        theta = theta + step
+        moved = by_view[:, 6:8, 8] - by_view[:, 6:8, :6] @ step
+        of_view = np.linalg.solve(own, moved[:, :, None])[:, :, 0]
+        rest = e - J[:, :6] @ step - (J[:, 6:8] * np.repeat(of_view, counts, 0)).sum(1)
+        noise_px = float(np.sqrt((weight * rest**2).sum() / weight.sum()))
+        view_px = likeliest(by_view[:, 6:8, 6:8], moved, config.view_px)
+    return Candidate(theta, np.linalg.inv(information), rms, images=len(starts), turn_rad=_turn(rows))
+
+
+def _within(
+    along: Float[np.ndarray, " m"], starts: Int[np.ndarray, " v"], counts: Int[np.ndarray, " v"]
+) -> Float[np.ndarray, " m"]:
+    """Where each row lies in the stretch that its view shows, from -1 to 1."""
+    low, high = np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
+    return (along - np.repeat(middle, counts)) / np.repeat(half, counts)
+
+
+def _turn(rows: Float[np.ndarray, "m 6"]) -> float:
+    """Standard deviation of the directions across the line from which views look at a place, median of all.
+
+    Of rows as `observe` gives them: each holds the normal of the plane through its camera and the line.
+    """
+    plane = rows[:, 0].astype(np.int64)
+    normal = rows[:, 3:5] / np.linalg.norm(rows[:, 3:5], axis=1, keepdims=True)
+    count = np.bincount(plane)
+    (yy, yz, zz) = (np.bincount(plane, normal[:, a] * normal[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
+    shown = count > 1
+    mean = np.array([[yy, yz], [yz, zz]])[:, :, shown].transpose(2, 0, 1) / count[shown, None, None]
+    least = np.linalg.eigvalsh(mean)[:, 0] if shown.any() else np.zeros(1)
+    return float(np.median(np.arcsin(np.sqrt(np.clip(least, 0.0, 0.5)))))
+
+
+def likeliest(
+    information: Float[np.ndarray, "v 2 2"], moved: Float[np.ndarray, "v 2"], choices: Sequence[float]
+) -> float:
+    """The standard deviation of random effects under which what they explain is likeliest.
+
+    information: Z^T W Z of each view's effects; moved: its Z^T W r, r the residuals without them.
+    """
+    eye, best = np.eye(2), []
+    for sigma in choices:
+        explained = np.einsum(
+            "vi,vi->v", moved, np.linalg.solve(information + eye / sigma**2, moved[:, :, None])[:, :, 0]
+        )
+        best.append((explained - np.log(np.linalg.det(eye + sigma**2 * information))).sum())
+    return choices[int(np.argmax(best))]
 
 
 @njit(cache=True, error_model="numpy")

@@ -54,7 +54,7 @@ class Search:
         """From the first plane to the last."""
         return float(self.x[-1] - self.x[0])
 
-    def rated(self, curves: Float[np.ndarray, "c 5"]) -> Float[np.ndarray, "3 c"]:
+    def rated(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "3 c"]:
         """Odds of each curve's best stretch on a few planes, and where it begins and ends, 0 to 1."""
         planes = self.config.search.coarse_planes
         x = np.linspace(self.x[0], self.x[-1], planes)
@@ -62,11 +62,11 @@ class Search:
         total, first, last = stretches(odds)
         return np.stack([total * len(self.x) / planes, first / (planes - 1), last / (planes - 1)])
 
-    def ranked(self, curves: Float[np.ndarray, "c 5"]) -> Float[np.ndarray, "c 5"]:
+    def ranked(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "c 6"]:
         """The curves with the highest odds first."""
         return curves[np.argsort(-self.rated(curves)[0], kind="stable")]
 
-    def distinct(self, curves: Float[np.ndarray, "c 5"]) -> Float[np.ndarray, "d 5"]:
+    def distinct(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "d 6"]:
         """The best of all curves that lie near each other where they show most, best first."""
         search = self.config.search
         total, first, last = self.rated(curves)
@@ -84,20 +84,24 @@ class Search:
         return curves[kept]
 
     def alike(
-        self, theta: Float[np.ndarray, "5"], curves: Float[np.ndarray, "c 5"]
-    ) -> Float[np.ndarray, "d 5"]:
+        self, theta: Float[np.ndarray, "6"], curves: Float[np.ndarray, "c 6"]
+    ) -> Float[np.ndarray, "d 6"]:
         """Curves of one shape, and of one bend, through the middle of what each of some curves shows."""
         _, first, last = self.rated(curves)
         s = (first + last) / 2
         y, z = curve_points(curves.T, s)
         dy, dz = np.subtract((y, z), curve_points(theta, s))
         more = theta[4] - curves[:, 4]
-        bent = curves + np.stack([0 * s, 0 * s, 4 * more * s**2, 4 * more * (1 - s) ** 2, more], 1)
-        return np.concatenate([theta + np.stack([dy, dy, dz, dz, 0 * dy], 1), bent])
+        before, beyond = 4 * s**2, 4 * (1 - s) ** 2
+        aside = theta[5] - curves[:, 5]
+        bent = curves + np.stack(
+            [-before * aside, -beyond * aside, before * more, beyond * more, more, aside], 1
+        )
+        return np.concatenate([theta + np.stack([dy, dy, dz, dz, 0 * dy, 0 * dy], 1), bent])
 
     def best(
         self,
-        curves: Float[np.ndarray, "c 5"],
+        curves: Float[np.ndarray, "c 6"],
         least: float,
         wanted: Callable[[Candidate], bool] | None = None,
     ) -> tuple[Candidate | None, int]:
@@ -116,7 +120,7 @@ class Search:
         self._mask(line)
         self._update_odds()
 
-    def refit(self, line: Candidate, curves: Float[np.ndarray, "c 5"], least: float) -> Candidate | None:
+    def refit(self, line: Candidate, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
         """The best near some curves with a line's own ridges put back; it then takes the line's place."""
         self.masks -= self._own(line)
         self._update_odds()
@@ -127,7 +131,7 @@ class Search:
         self._mask(best)
         return best
 
-    def _fitted(self, curve: Float[np.ndarray, "5"], least: float) -> Candidate | None:
+    def _fitted(self, curve: Float[np.ndarray, "6"], least: float) -> Candidate | None:
         """The line that a curve becomes when it is fitted to ridges; None where its odds are too low."""
         search, piece = self.config.search, self._piece(curve)
         for fit in range(search.stretches):
@@ -147,9 +151,8 @@ class Search:
         odds, needed, (first, last) = self._shown(line, least)
         if odds < needed or not self._runs_along(line):
             return None
-        softer, _ = self._of_plane(line, 2 * self.odds.sharp_px)
-        _, begin, end = stretches(softer[None])[:, 0]
-        extent = extended(softer, int(begin), int(end), search.faint)
+        softer = self._of_plane(line, 2 * self.odds.sharp_px)[0] - search.doubt
+        extent = extended(softer, first, last, search.faint)
         line = replace(line, odds=odds, seen=(first, last), ends=extent)
         return replace(line, fixed=is_certain(line, self.views, self.x, self.config.certainty))
 
@@ -161,31 +164,32 @@ class Search:
         rated = []
         for radius in sorted(radii):
             of_plane, seen = self._of_plane(line, radius)
-            odds, first, last = stretches(of_plane[None])[:, 0]
+            _, first, last = stretches(of_plane[None] - self.config.search.doubt)[:, 0]
             shown = (int(first), int(last))
+            odds = of_plane[shown[0] : shown[1] + 1].sum()
             needed = max(least, self.config.search.min_mean * float(seen[shown[0] : shown[1] + 1].sum()))
             rated.append((float(odds), needed, shown))
         return max(rated, key=lambda one: one[0] / one[1])
 
     def _runs_along(self, line: Candidate) -> bool:
         """Whether a line has the direction that is searched: others are found in theirs."""
-        y_A, y_B, z_A, z_B, _ = line.theta
+        y_A, y_B, z_A, z_B, *_ = line.theta
         chains = self.config.chains
         return bool(
             abs(y_B - y_A) <= chains.max_askew * self.length
             and abs(z_B - z_A) <= chains.max_slope * self.length
         )
 
-    def _piece(self, curve: Float[np.ndarray, "5"]) -> tuple[int, int]:
+    def _piece(self, curve: Float[np.ndarray, "6"]) -> tuple[int, int]:
         """First and last plane of the stretch that shows a curve, not shorter than a fit needs."""
         planes = len(self.x)
         odds = curve_odds(self.views, self.odds, curve[None], self.x, self.config.search.reach)[0, :, 0]
-        _, first, last = stretches(odds[None])[:, 0]
+        _, first, last = stretches(odds[None] - self.config.search.doubt)[:, 0]
         more = max(0.0, (self.config.search.least_planes - (last - first)) / 2)
         return max(0, int(first - more)), min(planes - 1, int(np.ceil(last + more)))
 
     def _refit(
-        self, curve: Float[np.ndarray, "5"], piece: tuple[int, int], step: int = 1
+        self, curve: Float[np.ndarray, "6"], piece: tuple[int, int], step: int = 1
     ) -> Candidate | None:
         """The curve fitted to ridges in a piece of the window, from plane to plane, and extrapolated.
 

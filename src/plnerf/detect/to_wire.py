@@ -12,7 +12,7 @@ from plnerf.detect.parabola import curve_points
 from plnerf.detect.views import Views
 from plnerf.detect.windows import Window
 from plnerf.line.base import Base
-from plnerf.line.curve import bend_of_sag
+from plnerf.line.curve import LEAST_BEND_M, bend_of_sag
 from plnerf.line.ends import Evidence, Open
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
@@ -39,27 +39,32 @@ def wire_of(
     T = transport_matrix(*((end - x[0]) / (x[-1] - x[0]) for end in (low, high)))
     covariance = T @ candidate.covariance @ T.T
     sigma = worst_sigma(covariance)
+    # Light from one side moves the ridges of all views alike, which no number of them averages out.
+    known = np.hypot(usual_sigma(covariance), config.bias_px * footprint / np.sin(candidate.turn_rad))
     unit = float(frame.from_scene(np.array([window.half]))[0])
-    theta = np.append(unit * (T @ candidate.theta), 0.0)
-    # The candidate is a parabola; the wire is the catenary of the same ends and the same sag.
+    theta = unit * (T @ candidate.theta)
     theta[2:4] += frame.from_scene(window.origin)[2]
-    theta[4] = bend_of_sag(theta, unit * (high - low), theta[4])
+    sag, aside = theta[4:]
+    J = unit * np.eye(6)
+    bend = max(np.hypot(sag, aside), LEAST_BEND_M)
+    J[4, 4:], J[5, 4:] = unit / bend * np.array([sag, aside]), unit / bend**2 * np.array([-aside, sag])
+    # The candidate is a parabola; the wire is the catenary of the same ends and the same sag.
+    theta[5] = np.arctan2(aside, max(sag, LEAST_BEND_M))
+    theta[4] = bend_of_sag(theta, unit * (high - low), sag)
     feet = frame.from_scene(window.to_scene(np.array([[low, 0.0, 0.0], [high, 0.0, 0.0]])))
-    in_line = np.zeros((6, 6))
-    in_line[:5, :5] = unit**2 * covariance
     seen = [float(np.clip(x[plane], low, high)) for plane in candidate.seen]
     return Wire(
         id=0,
         base=Base(*feet[:, :2]),
         theta=theta,
-        covariance=in_line,
+        covariance=J @ covariance @ J.T,
         ends=(OPEN, OPEN),
         evidence=Evidence(
             source=f"{candidate.images} images",
             count=candidate.images,
             coverage=(seen[1] - seen[0]) / (high - low),
             longest_gap_m=unit * max(seen[0] - low, high - seen[1]),
-            certain=sigma <= config.certain_px * footprint,
+            certain=bool(unit * known <= max(unit * config.certain_px * footprint, config.certain_m)),
             reach_m=unit * max(config.reach_sigmas * sigma, config.reach_px * footprint),
             seen_m=((unit * (seen[0] - low), unit * (seen[1] - low)),),
         ),
@@ -88,38 +93,44 @@ def known_ends(
 def is_certain(
     candidate: Candidate, views: Views, x: Float[np.ndarray, " i"], config: CertaintyConfig
 ) -> bool:
-    """Whether the views fix the place of a line where they show it."""
+    """Whether the views fix the place of a line over half of where they show it, or more."""
     s = [float((x[plane] - x[0]) / (x[-1] - x[0])) for plane in candidate.seen]
     T = transport_matrix(s[0], s[1])
     footprint = typical_footprint(views, candidate.theta, x, config)
-    return worst_sigma(T @ candidate.covariance @ T.T) <= config.certain_px * footprint
+    return usual_sigma(T @ candidate.covariance @ T.T) <= config.certain_px * footprint
 
 
-def transport_matrix(low: float, high: float) -> Float[np.ndarray, "5 5"]:
+def transport_matrix(low: float, high: float) -> Float[np.ndarray, "6 6"]:
     """Maps theta to that of the same parabola between s = low and s = high; linear."""
-    offsets = [[1 - s, s, 0.0, 0.0, 0.0] for s in (low, high)]
-    heights = [[0.0, 0.0, 1 - s, s, -4 * s * (1 - s)] for s in (low, high)]
-    return np.array([*offsets, *heights, [0.0, 0.0, 0.0, 0.0, (high - low) ** 2]])
+    offsets = [[1 - s, s, 0.0, 0.0, 0.0, 4 * s * (1 - s)] for s in (low, high)]
+    heights = [[0.0, 0.0, 1 - s, s, -4 * s * (1 - s), 0.0] for s in (low, high)]
+    return np.array([*offsets, *heights, *((high - low) ** 2 * np.eye(6)[4:])])
 
 
-def worst_sigma(covariance: Float[np.ndarray, "5 5"]) -> float:
+def worst_sigma(covariance: Float[np.ndarray, "6 6"]) -> float:
     """Standard deviation across the wire, in its least certain direction at its least certain place."""
     return float(sigmas_along(covariance, np.linspace(0.0, 1.0, PLACES)).max())
 
 
+def usual_sigma(covariance: Float[np.ndarray, "6 6"]) -> float:
+    """Its median along the wire: a short piece at an end, which few views show, says nothing of the rest."""
+    return float(np.median(sigmas_along(covariance, np.linspace(0.0, 1.0, PLACES))))
+
+
 def sigmas_along(
-    covariance: Float[np.ndarray, "5 5"], s: Float[np.ndarray, " m"]
+    covariance: Float[np.ndarray, "6 6"], s: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, " m"]:
     """Standard deviation across the wire at some places, each in its least certain direction."""
-    J = np.zeros((len(s), 2, 5))
+    J = np.zeros((len(s), 2, 6))
     J[:, 0, 0] = J[:, 1, 2] = 1 - s
     J[:, 0, 1] = J[:, 1, 3] = s
-    J[:, 1, 4] = -4 * s * (1 - s)
+    J[:, 0, 5] = 4 * s * (1 - s)
+    J[:, 1, 4] = -J[:, 0, 5]
     return np.sqrt(np.linalg.eigvalsh(J @ covariance @ J.transpose(0, 2, 1))[:, -1])
 
 
 def typical_footprint(
-    views: Views, theta: Float[np.ndarray, "5"], x: Float[np.ndarray, " i"], config: CertaintyConfig
+    views: Views, theta: Float[np.ndarray, "6"], x: Float[np.ndarray, " i"], config: CertaintyConfig
 ) -> float:
     """Median width of a pixel on the curve, over planes, of the nearest views; in the window's units."""
     y, z = curve_points(theta, np.linspace(0, 1, len(x)))

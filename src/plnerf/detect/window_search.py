@@ -58,7 +58,7 @@ def find_lines(search: Search, window: Window, surroundings: Surroundings) -> li
 
 
 def _like_the_leaders(
-    search: Search, met: Float[np.ndarray, "c 5"], lines: Sequence[Candidate], judged: Judge
+    search: Search, met: Float[np.ndarray, "c 6"], lines: Sequence[Candidate], judged: Judge
 ) -> list[Candidate]:
     """Further lines that hang as the best of the lines do: of each span in the window."""
     config, length, new = search.config, search.length, list[Candidate]()
@@ -72,7 +72,7 @@ def _like_the_leaders(
 
 def _found_near(
     search: Search,
-    pending: Float[np.ndarray, "c 5"],
+    pending: Float[np.ndarray, "c 6"],
     least: float,
     most: int,
     judged: Judge,
@@ -107,7 +107,7 @@ def refit_all(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
     return lines
 
 
-def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "c 5"]:
+def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "c 6"]:
     """The line, and those that hang as the others do and meet it at one of three places.
 
     Where two hang side by side, one may have been found as half of the one and half of the other.
@@ -117,5 +117,5 @@ def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "
         if other is not line:
             for s in (1 / 6, 1 / 2, 5 / 6):
                 y, z = np.subtract(curve_points(own, s), curve_points(other.theta, s))
-                out.append(other.theta + np.array([y, y, z, z, 0]))
+                out.append(other.theta + np.array([y, y, z, z, 0, 0]))
     return np.array(out)

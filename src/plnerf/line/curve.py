@@ -67,11 +67,11 @@ def transport(theta: Float[np.ndarray, "6"], old: Base, new: Base) -> Float[np.n
 
 
 def bend_of_sag(theta: Float[np.ndarray, "6"], L: float, sag_m: float) -> float:
-    """The b with which an upright curve of these ends has a greatest vertical drop of `sag_m`."""
+    """The b with which a curve of these ends and this swing has a greatest vertical drop of `sag_m`."""
     if sag_m <= LEAST_BEND_M:
         return LEAST_BEND_M
     D, h, _ = plane_of(theta, L)
-    return L**2 / (8 * catenary.p_of_sag(D, h, sag_m))
+    return L**2 / (8 * catenary.p_of_sag(D, h, sag_m / math.cos(float(theta[5]))))
 
 
 def vertical_sag(theta: Float[np.ndarray, "6"], L: float) -> float:
