@@ -26,7 +26,7 @@ from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.parabola import curve_odds
-from plnerf.detect.refit import mask_ridges, refit
+from plnerf.detect.refit import likeliest, mask_ridges, refit
 from plnerf.detect.search import Search
 from plnerf.detect.views import project_point, views_of
 from plnerf.line.ends import Open
@@ -259,6 +259,28 @@ def turned(azimuth_deg: float) -> np.ndarray:
     """Rotation about z."""
     c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_wires_that_wind_swings_are_found_and_say_how_far(tmp_path: Path) -> None:
+    turn = np.radians(12.0)
+    swung = tuple(replace(wire, theta=np.append(wire.theta[:5], turn)) for wire in TRUE)
+    found = detect_wires(drawn(tmp_path, two_passes(16), swung), DEFAULT)
+    apart_from = np.array([[apart(one, wire) for wire in swung] for one in found])
+    assert sorted(apart_from.argmin(1)) == [0, 1, 2]
+    for one, error in zip(found, apart_from.min(1), strict=True):
+        assert one.evidence.certain and one.evidence.reach_m is not None and error < one.evidence.reach_m
+        # To the left of a base that may run either way.
+        assert abs(abs(one.swing_rad) - turn) < 2 * one.covariance[5, 5] ** 0.5
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.4])
+def test_how_far_poses_move_ridges_is_learnt_from_the_views(spread: float) -> None:
+    rng, rows, views = np.random.default_rng(3), 30, 60
+    Z = np.stack([np.ones(rows), np.linspace(-1, 1, rows)], 1)
+    effects = spread * rng.normal(size=(views, 2))
+    residuals = effects @ Z.T + 0.3 * rng.normal(size=(views, rows))
+    information = np.repeat((Z.T @ Z / 0.3**2)[None], views, 0)
+    assert likeliest(information, residuals @ Z / 0.3**2, DEFAULT.refit.view_px) == spread
 
 
 def test_without_wires_none_is_found(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Least-squares fit of a curve to the ridges: Gauss-Newton on distances in pixels, with its covariance.
 
 Letters as in `parabola.py`.  One observation is one view's ridge in one plane: its signed distance e (px)
-across the projected curve, and the derivatives of that distance by y and z.
+across the projected curve, and the derivatives of that distance by y and z.  m rows, v views.
 """
 
 from collections.abc import Sequence
@@ -43,11 +43,13 @@ def refit(
         e, g_y, g_z = rows[:, 1], rows[:, 3], rows[:, 4]
         hump = 4 * along * (1 - along)
         columns = [g_y * (1 - along), g_y * along, g_z * (1 - along), g_z * along, -hump * g_z, hump * g_y]
+        # By theta (0 to 5), by the view's shift and turn (6 and 7), and e itself (8).
         J = np.stack([*columns, np.ones(len(e)), _within(along, starts, counts), e], 1)
         weight = rows[:, 2] / (1 + (e / max(1.0, window / 3)) ** 2)  # Cauchy: the far ones are other lines'
         rms = float(np.sqrt((weight * e**2).sum() / weight.sum()))
         weight /= max(config.sigma_px, noise_px or rms) ** 2 * config.planes_alike
         by_view = np.add.reduceat(J[:, :, None] * (J * weight[:, None])[:, None], starts)
+        # What a view says of theta is what its own shift and turn leave of it (a Schur complement).
         own = by_view[:, 6:8, 6:8] + np.eye(2) / view_px**2
         left = by_view[:, :6] - by_view[:, :6, 6:8] @ np.linalg.solve(own, by_view[:, 6:8])
         calm = 1 / (config.swing_rad * max(abs(theta[4]), config.prior**2)) ** 2

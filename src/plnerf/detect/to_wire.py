@@ -40,7 +40,8 @@ def wire_of(
     covariance = T @ candidate.covariance @ T.T
     sigma = worst_sigma(covariance)
     # Light from one side moves the ridges of all views alike, which no number of them averages out.
-    known = np.hypot(usual_sigma(covariance), config.bias_px * footprint / np.sin(candidate.turn_rad))
+    bias = config.bias_px * footprint / max(np.sin(candidate.turn_rad), 1e-9)
+    known = np.hypot(usual_sigma(covariance), bias)
     unit = float(frame.from_scene(np.array([window.half]))[0])
     theta = unit * (T @ candidate.theta)
     theta[2:4] += frame.from_scene(window.origin)[2]
