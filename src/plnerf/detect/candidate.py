@@ -143,7 +143,7 @@ def sag_ratio(a: Candidate, b: Candidate) -> float:
 def common_ends(
     line: Candidate, lines: Sequence[Candidate], length: float, config: SelectConfig
 ) -> tuple[int, int]:
-    """First and last plane of a wire: its own, and no further than those that hang alike reach.
+    """First and last plane of a wire: all that hang alike hang from the same supports.
 
     Of three or more the second outermost counts: beyond the end, chance ridges deceive one wire, hardly two.
     """
@@ -153,4 +153,4 @@ def common_ends(
     ]
     ends = np.sort(np.array(alike), axis=0)
     nth = int(len(ends) > 2)
-    return max(line.ends[0], int(ends[nth, 0])), min(line.ends[1], int(ends[-1 - nth, 1]))
+    return int(ends[nth, 0]), int(ends[-1 - nth, 1])
