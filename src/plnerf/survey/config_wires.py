@@ -225,7 +225,7 @@ class SupportConfig:
     by_field_m: float = 0.15
     """The same of one that the field shows."""
     by_body_m: float = 0.3
-    """The same where only the structure's body is seen."""
+    """The same of a body, which kinks are compared with: by itself it makes no attachment."""
     by_tee_m: float = 1.5
     """The same where a line ends at another line's structure and nothing else shows where on it."""
     least_wires: int = 2

@@ -115,7 +115,7 @@ def _bodies(
 
 
 def _support(junction: Junction, around: _Around, bodies: Sequence[Place], config: SupportConfig) -> Support:
-    """By its kinks and by what is seen, if they agree; else by what has more evidence.
+    """By its kinks and by what is seen to hold the wires, if they agree; else by what has more evidence.
 
     bodies: where bodies stand near, LineFrame.
     """
@@ -140,7 +140,7 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
     if held is not None:
         words = [f"the kinks of {held.agreeing} wires" if held.agreeing > 1 else "the kink of a wire", *words]
         t0, sigma = held.t, held.sigma
-    elif shown is not None:
+    elif shown is not None and shown.strings:  # a body alone may be a tree, and says where no wire is held
         t0, sigma, words = shown.t, shown.sigma, [shown.words]
     else:
         return Support(junction, None, (np.zeros((0, 2)), np.zeros((0, 2))), kinks)
