@@ -26,7 +26,7 @@ from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.parabola import curve_odds
-from plnerf.detect.refit import likeliest, mask_ridges, refit
+from plnerf.detect.refit import likeliest, mask_ridges, refit, turn_of
 from plnerf.detect.search import Search
 from plnerf.detect.views import project_point, views_of
 from plnerf.line.ends import Open
@@ -281,6 +281,18 @@ def test_how_far_poses_move_ridges_is_learnt_from_the_views(spread: float) -> No
     residuals = effects @ Z.T + 0.3 * rng.normal(size=(views, rows))
     information = np.repeat((Z.T @ Z / 0.3**2)[None], views, 0)
     assert likeliest(information, residuals @ Z / 0.3**2, DEFAULT.refit.view_px) == spread
+
+
+def test_the_turn_is_the_spread_of_directions_at_one_place() -> None:
+    """Not from place to place: along a straight track past a wire askew, each place is seen from one side."""
+    rows = np.zeros((60, 6))
+    rows[:, 0] = np.repeat(np.arange(15), 4)
+    own = np.radians(np.repeat(np.linspace(-40, 40, 15), 4))
+    for spread_deg in (0.0, 10.0):
+        angle = own + np.radians(np.tile([-spread_deg, spread_deg], 30))
+        rows[:, 3:5] = 7.0 * np.stack([np.cos(angle), np.sin(angle)], 1)
+        rows[::3, 3:5] *= -1  # a plane has two normals
+        assert np.degrees(turn_of(rows)) == pytest.approx(spread_deg, abs=1e-4)
 
 
 def test_without_wires_none_is_found(tmp_path: Path) -> None:

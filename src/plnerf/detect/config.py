@@ -128,7 +128,7 @@ class SearchConfig:
     """Nats for each time that a view sees the line in a plane.  Beside other wires' ridges hardly a view
     speaks against a curve, and chance ridges add up there."""
     doubt: float = 0.3
-    """Nats against a line in each plane before any view is asked: it ends where views no longer show it."""
+    """Nats taken off in each plane, so that a line ends where views no longer show it."""
     faint: float = 1.0
     """Nats against a line beyond an end that do not end it."""
     rounds: int = 5

@@ -61,7 +61,7 @@ def refit(
         rest = e - J[:, :6] @ step - (J[:, 6:8] * np.repeat(of_view, counts, 0)).sum(1)
         noise_px = float(np.sqrt((weight * rest**2).sum() / weight.sum()))
         view_px = likeliest(by_view[:, 6:8, 6:8], moved, config.view_px)
-    return Candidate(theta, np.linalg.inv(information), rms, images=len(starts), turn_rad=_turn(rows))
+    return Candidate(theta, np.linalg.inv(information), rms, images=len(starts), turn_rad=turn_of(rows))
 
 
 def _within(
@@ -73,7 +73,7 @@ def _within(
     return (along - np.repeat(middle, counts)) / np.repeat(half, counts)
 
 
-def _turn(rows: Float[np.ndarray, "m 6"]) -> float:
+def turn_of(rows: Float[np.ndarray, "m 6"]) -> float:
     """Standard deviation of the directions across the line from which views look at a place, median of all.
 
     Of rows as `observe` gives them: each holds the normal of the plane through its camera and the line.

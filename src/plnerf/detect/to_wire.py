@@ -114,7 +114,7 @@ def worst_sigma(covariance: Float[np.ndarray, "6 6"]) -> float:
 
 
 def usual_sigma(covariance: Float[np.ndarray, "6 6"]) -> float:
-    """Its median along the wire: a short piece at an end, which few views show, says nothing of the rest."""
+    """Standard deviation across the wire, the median along it: ends that few views show count for little."""
     return float(np.median(sigmas_along(covariance, np.linspace(0.0, 1.0, PLACES))))
 
 
