@@ -21,6 +21,7 @@ from plnerf.detect.config_lines import (
     EvidenceConfig,
     LineMapConfig,
     RidgeConfig,
+    SegmentConfig,
     WindowConfig,
 )
 from plnerf.errors import ConfigError
@@ -45,7 +46,7 @@ from plnerf.train.settings import from_json, to_json
         (RefitConfig, {"windows_px": ()}),
         (RefitConfig, {"windows_px": (4, 0)}),
         (RefitConfig, {"prior": 0.0}),
-        (SearchConfig, {"planes": 1}),
+        (SearchConfig, {"coarse": 0}),
         (SearchConfig, {"fruitless": 0}),
         (SearchConfig, {"reach": 0.0}),
         (ChainConfig, {"most": 0}),
@@ -69,6 +70,14 @@ from plnerf.train.settings import from_json, to_json
         (DirectionConfig, {"max_slope_rad": 1.6}),
         (DirectionConfig, {"azimuth_deg": math.inf}),
         (DirectionConfig, {"most": 0}),
+        (DirectionConfig, {"partners": 0}),
+        (DirectionConfig, {"least_angle": 0.6}),
+        (DirectionConfig, {"least_overlap": 1.0}),
+        (DirectionConfig, {"few_px": 0.0}),
+        (SegmentConfig, {"least_px": 0.0}),
+        (SegmentConfig, {"turn_rad": 1.6}),
+        (SegmentConfig, {"min_response": 1.5}),
+        (WindowConfig, {"planes": 5}),
         (WindowConfig, {"spacings": 0.0}),
         (WindowConfig, {"spacings": 41.0}),
         (OddsConfig, {"coarsest": 1.5}),
@@ -89,7 +98,7 @@ def test_every_part_has_a_name_in_the_error_texts() -> None:
     parts = {field.name for field in fields(DetectConfig)}
     assert parts == {
         "evidence", "odds", "chains", "refit", "search", "select", "certainty", "ridges",
-        "lines", "directions", "windows", "join", "surroundings",
+        "lines", "directions", "windows", "join", "surroundings", "segments",
     }  # fmt: skip
 
 

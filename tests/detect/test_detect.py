@@ -221,19 +221,22 @@ def test_a_line_of_any_azimuth_is_found(three: tuple[Scene, tuple[Wire, ...]], a
 
 
 def test_two_lines_that_cross_are_both_found(tmp_path: Path) -> None:
-    """The second runs above the first, across it, and is filmed by the same passes."""
+    """The second runs above the first, across it, and is filmed by the same passes.  They go on beyond."""
     R = turned(70.0)
-    second = [polyline(hanging(y, 0.16)) @ R for y in (-0.05, 0.05)]
+    first, second = TRUE[:2], [hanging(y, 0.16) for y in (-0.05, 0.05)]
+
+    def whole(wire: Wire) -> np.ndarray:
+        return wire.points(np.linspace(-1, 2, 1200) * wire.base.length_m)
+
     centres = np.array([
         [*(0.9 * np.array([np.cos(a), np.sin(a)])), 0.1 + 0.12 * np.sin(3 * a)]
         for a in np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ])
     cameras = pinhole_cameras(centres, np.tile([0.0, 0.0, 0.05], (24, 1)))
-    first = TRUE[:2]
-    pictures = draw(cameras, [polyline(wire) for wire in first] + second)
+    pictures = draw(cameras, [*map(whole, first), *(whole(wire) @ R for wire in second)])
     found = detect_wires(scene_of(tmp_path, cameras, pictures), DEFAULT)
     certain = [polyline(wire) for wire in found if wire.evidence.certain]
-    for line in [polyline(wire) for wire in first] + second:
+    for line in [*map(polyline, first), *(polyline(wire) @ R for wire in second)]:
         middle = line[120:280]
         apart = [np.linalg.norm(middle[:, None] - one[None], axis=2).min(1).mean() for one in certain]
         assert min(apart) < 2 * PIXEL

@@ -1,33 +1,53 @@
-"""Planes of lines in space agree on the lines' direction, whatever else lies about."""
+"""Pairs of views agree on the direction of lines in space, whatever else lies about."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.support.drawn import pinhole_cameras
 
 from plnerf.detect.config_lines import DirectionConfig
-from plnerf.detect.directions import given, strongest, vote
-from plnerf.detect.line_maps import LineMaps, unit
+from plnerf.detect.directions import given, partners, strongest, vote
+from plnerf.detect.line_maps import unit
+from plnerf.detect.segments import Segments
+from plnerf.detect.views import Views, views_of
 
 CONFIG = DirectionConfig()
 STEP = CONFIG.step_rad
 
 
-def seen_lines(
-    azimuth_deg: float, slope_deg: float, seed: int, *, count: int = 300, clutter: int = 3000
-) -> LineMaps:
-    """Pixels on lines of one direction at random places, before clutter of all directions."""
-    rng = np.random.default_rng(seed)
+def around(seed: int, count: int = 12) -> Views:
+    """Cameras about the origin, 10 away, looking at it."""
+    centres = 10 * unit(np.random.default_rng(seed).normal(size=(count, 3)))
+    return views_of(pinhole_cameras(centres, np.zeros((count, 3))))
+
+
+def vector(azimuth_deg: float, slope_deg: float) -> np.ndarray:
     a, e = np.radians([azimuth_deg, slope_deg])
-    d = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    rays = unit(rng.normal(size=(count, 3)))
-    normals = unit(np.cross(rays, d) + 0.01 * rng.normal(size=(count, 3)))
-    others = unit(rng.normal(size=(clutter, 3)))
-    m = count + clutter
-    return LineMaps(
-        np.zeros(m, np.int64), np.arange(m), np.full(m, 0.9, np.float32),
-        np.concatenate([normals, others]).astype(np.float32),
-    )  # fmt: skip
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+
+
+def segments(views: Views, lines: np.ndarray, px: float = 40.0) -> Segments:
+    """What each view shows of lines (k, 2, 3) between two points, all of them, to half a pixel."""
+    rng = np.random.default_rng(0)
+    rays = lines[None] - views.centre[:, None, None]
+    rays = rays / np.linalg.norm(rays, axis=3, keepdims=True) + 0.002 * rng.normal(size=(*rays.shape,))
+    ends = rays.reshape(-1, 2, 3)
+    owner = np.repeat(np.arange(len(views.R)), len(lines))
+    return Segments(owner, unit(np.cross(ends[:, 0], ends[:, 1])), ends, np.full(len(owner), px))
+
+
+def parallel(azimuth_deg: float, slope_deg: float, count: int = 4, seed: int = 1) -> np.ndarray:
+    middle = np.random.default_rng(seed).uniform(-2, 2, (count, 1, 3))
+    return middle + 2.0 * np.array([[-1.0], [1.0]]) * vector(azimuth_deg, slope_deg)
+
+
+def clutter(count: int, seed: int = 2) -> np.ndarray:
+    """Short lines of any direction."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-3, 3, (count, 1, 3)) + np.array([[-0.3], [0.3]]) * unit(rng.normal(size=(count, 3)))[
+        :, None
+    ]
 
 
 def turn_between(a: float, b: float) -> float:
@@ -38,54 +58,60 @@ def turn_between(a: float, b: float) -> float:
 @pytest.mark.parametrize("azimuth_deg", [0.0, 37.0, 90.0, 178.9])
 @pytest.mark.parametrize("slope_deg", [-14.0, 0.0, 8.0])
 def test_the_direction_of_lines_has_most_votes(azimuth_deg: float, slope_deg: float) -> None:
-    maps = seen_lines(azimuth_deg, slope_deg, seed=1)
-    found = strongest(vote(maps, CONFIG), [], CONFIG)
-    assert turn_between(found.azimuth_rad, np.radians(azimuth_deg)) <= 2 * STEP
-    d = np.array([
-        np.cos(np.radians(azimuth_deg)),
-        np.sin(np.radians(azimuth_deg)),
-        np.tan(np.radians(slope_deg)),
-    ])
-    assert abs(found.vector @ d) / np.linalg.norm(d) > np.cos(CONFIG.sag_rad + STEP)
-    assert found.excess > 0.5
-
-
-def test_clutter_alone_agrees_on_nothing() -> None:
-    maps = seen_lines(0.0, 0.0, seed=2, count=0, clutter=20_000)
-    assert strongest(vote(maps, CONFIG), [], CONFIG).excess < CONFIG.min_excess
+    views = around(1)
+    shown = segments(views, np.concatenate([parallel(azimuth_deg, slope_deg), clutter(12)]))
+    found = strongest(vote(shown, views, CONFIG), [], CONFIG)
+    assert turn_between(found.azimuth_rad, np.radians(azimuth_deg)) <= STEP
+    assert abs(found.vector @ vector(azimuth_deg, slope_deg)) > np.cos(CONFIG.sag_rad + STEP)
+    assert found.excess > 10 * CONFIG.min_excess
 
 
 def test_a_direction_that_was_searched_is_not_found_again() -> None:
-    one, other = seen_lines(20.0, 0.0, seed=3, count=400), seen_lines(75.0, 3.0, seed=4)
-    votes = vote(one, CONFIG) + vote(other, CONFIG)
+    views = around(3)
+    shown = segments(views, np.concatenate([parallel(20.0, 0.0, 5), parallel(75.0, 3.0, 3)]))
+    votes = vote(shown, views, CONFIG)
     first = strongest(votes, [], CONFIG)
     second = strongest(votes, [first.azimuth_rad], replace(CONFIG, apart_rad=np.radians(12.0)))
-    assert turn_between(first.azimuth_rad, np.radians(20.0)) <= 2 * STEP
-    assert turn_between(second.azimuth_rad, np.radians(75.0)) <= 2 * STEP
+    assert turn_between(first.azimuth_rad, np.radians(20.0)) <= STEP
+    assert turn_between(second.azimuth_rad, np.radians(75.0)) <= STEP
 
 
-def test_faint_lines_do_not_vote() -> None:
-    maps = seen_lines(40.0, 0.0, seed=5)
-    faint = LineMaps(maps.view, maps.pixel, 0.4 * maps.response, maps.normal)
-    assert vote(faint, CONFIG).sum() == 0 and vote(maps, CONFIG).sum() > 0
+def test_what_two_views_do_not_show_together_does_not_vote() -> None:
+    """One line in one half of the views and another, farther along, in the other half."""
+    views = around(5, 6)
+    here, there = segments(views, parallel(30.0, 0.0, 1)), segments(views, parallel(30.0, 0.0, 1) + 9.0)
+    half = here.owner < 3
+    mixed = Segments(*(np.concatenate([a[half], b[~half]]) for a, b in zip(here, there, strict=True)))
+    apart = vote(mixed, views, CONFIG).sum()
+    assert 0 < apart <= vote(here, views, CONFIG).sum() / 2
+    assert vote(here.of(np.zeros(6, bool)), views, CONFIG).sum() == 0
+
+
+def test_planes_that_meet_at_a_small_angle_say_less() -> None:
+    """Of one line from two places: far apart, near to each other, and so near that they say nothing."""
+    line = np.array([[[-1.0, 0, 0], [1.0, 0, 0]]])
+    votes = []
+    for angle in (0.6, 0.25, 0.05):
+        centres = np.array([[0.3, 10 * np.cos(a), 10 * np.sin(a)] for a in (0.0, angle)])
+        views = views_of(pinhole_cameras(centres, np.zeros((2, 3))))
+        exact = line[None] - views.centre[:, None, None]
+        ends = exact.reshape(-1, 2, 3)
+        shown = Segments(np.arange(2), unit(np.cross(ends[:, 0], ends[:, 1])), ends, np.full(2, 40.0))
+        votes.append(vote(shown, views, CONFIG).sum())
+    assert votes[0] == pytest.approx(40.0)
+    assert votes[1] == pytest.approx(40.0 * np.sin(0.25) / CONFIG.full_angle) and votes[2] == 0
+
+
+def test_views_are_compared_once_and_with_those_nearby() -> None:
+    centres = np.stack([np.arange(9.0), np.zeros(9), np.full(9, 5.0)], 1)
+    views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 1.0, -1.0])))
+    near = partners(views, 2)
+    assert near[0, 1] and near[0, 2] and not near[1, 0] and not near[0, 5] and not near.diagonal().any()
+    assert partners(views, 64).sum() == 9 * 8 / 2
 
 
 def test_an_azimuth_that_is_known_gets_the_slope_that_lines_have() -> None:
-    maps = seen_lines(60.0, 10.0, seed=6)
-    told = given(np.radians(60.0), vote(maps, CONFIG), CONFIG)
+    views = around(6)
+    told = given(np.radians(60.0), vote(segments(views, parallel(60.0, 10.0)), views, CONFIG), CONFIG)
     assert told.azimuth_rad == np.radians(60.0)
     assert np.degrees(told.slope_rad) == pytest.approx(10.0, abs=np.degrees(CONFIG.sag_rad))
-
-
-def test_a_level_plane_says_nothing_of_the_azimuth() -> None:
-    """It holds a direction of every azimuth: a thousand of them weigh no more than the lines do."""
-    rng = np.random.default_rng(7)
-    lines, normals = seen_lines(40.0, 0.0, seed=5, clutter=0), rng.normal([0, 0, 1], 0.02, (1000, 3))
-    level = LineMaps(
-        np.zeros(1000, np.int64), np.arange(1000), np.full(1000, 0.9, np.float32),
-        unit(normals).astype(np.float32),
-    )  # fmt: skip
-    votes = vote(level, CONFIG).sum(1)
-    assert votes.max() < 1.5 * votes.min()
-    both = strongest(vote(level, CONFIG) + vote(lines, CONFIG), [], CONFIG)
-    assert turn_between(both.azimuth_rad, np.radians(40.0)) <= 2 * STEP and both.excess > 0.5

@@ -111,7 +111,7 @@ def test_partners_see_the_same_places_from_aside() -> None:
     centres = np.concatenate([[(at, y, z) for at in x] for y, z in ((-0.5, 0.0), (0.5, 0.0), (-0.3, 0.4))])
     views = views_of(pinhole_cameras(centres, np.tile([0.0, 0.0, 0.0], (15, 1)) + centres * (1, 0, 0)))
     found = partners(views, LOW, HIGH, CONFIG)
-    places = np.random.default_rng(0).uniform(-0.5, 0.5, (300, 3))
+    places = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
     seen = seen_places(views, places)
     for n, row in enumerate(found):
         others = row[row >= 0]

@@ -21,11 +21,11 @@ from plnerf.detect.detect import compile_kernels
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search, extended, stretches
 from plnerf.detect.views import Views
-from plnerf.detect.window_search import variants
+from plnerf.detect.window_search import variants, without_mixtures
 
 LENGTH = 2.0
 SEARCH, SELECT = SearchConfig(), SelectConfig()
-PLANES = SEARCH.planes
+PLANES = 96
 
 
 def line(
@@ -85,7 +85,7 @@ def test_what_hangs_free_needs_less_sag_and_what_lies_on_something_never_hangs()
     assert not hangs(replace(doubtful, likeness=1.01 * SELECT.free), LENGTH, SELECT)
     best, lying = line(), replace(line(y=0.2), likeness=1.01 * SELECT.lies)
     assert hangs(best, LENGTH, SELECT) and not hangs(lying, LENGTH, SELECT)
-    assert select_wires([best, lying], LENGTH, SELECT, SEARCH) == [best]
+    assert select_wires([best, lying], LENGTH, SELECT) == [best]
 
 
 def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
@@ -107,43 +107,43 @@ def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     best, twin, road = line(odds=900.0), line(y=0.1, odds=210.0, planes=60), line(sag=0.0, odds=2000.0)
     faint = line(y=-0.1, odds=SELECT.min_odds_similar - 1)
     other, weak = line(sag=0.1, odds=SELECT.min_odds + 1), line(sag=0.1, odds=SELECT.min_odds - 1)
-    part = line(sag=0.1, odds=SELECT.min_odds + 1, planes=int(SELECT.min_share * PLANES) - 1)
+    part = line(sag=0.1, odds=SELECT.min_odds + 1, planes=SELECT.min_planes - 1)
     point = replace(line(y=0.2), ends=(7, 7))  # no wire is as short as a plane
     lines = [road, best, twin, faint, other, weak, part, point]
-    found = select_wires(lines, LENGTH, SELECT, SEARCH)
+    found = select_wires(lines, LENGTH, SELECT)
     assert [id(one) for one in found] == [id(one) for one in (best, twin, other)]
     for none in ([road], []):
-        assert select_wires(none, LENGTH, SELECT, SEARCH) == []
+        assert select_wires(none, LENGTH, SELECT) == []
 
 
 def test_pieces_of_the_next_span_bend_as_the_best_does() -> None:
     """Each in another place of its parabola; a leader of each span, the best first."""
     best, twin = line(odds=900.0, planes=45), line(y=0.1, odds=800.0, planes=45)
     piece, beside = line(rise=0.6, sag=0.045, odds=500.0, planes=40), line(0.1, 0.6, 0.045, 400.0, 40)
-    short = line(rise=-0.6, sag=0.045, odds=500.0, planes=int(SELECT.min_share * PLANES))
+    short = line(rise=-0.6, sag=0.045, odds=500.0, planes=SELECT.min_planes - 1)
     lines = [beside, short, twin, piece, best]
-    found = select_wires(lines, LENGTH, SELECT, SEARCH)
+    found = select_wires(lines, LENGTH, SELECT)
     assert [id(one) for one in found] == [id(one) for one in (beside, twin, piece, best)]
-    first = leaders(lines, LENGTH, SELECT, SEARCH)
+    first = leaders(lines, LENGTH, SELECT)
     assert [id(one) for one in first] == [id(one) for one in (best, piece)]
-    assert leaders([line(sag=0.0)], LENGTH, SELECT, SEARCH) == []
+    assert leaders([line(sag=0.0)], LENGTH, SELECT) == []
 
 
 def test_what_the_views_do_not_fix_leads_nothing_beside_what_they_fix() -> None:
     far, wire = line(sag=0.09, odds=2000.0), replace(line(odds=600.0), fixed=True)
-    assert leaders([far, wire], LENGTH, SELECT, SEARCH) == [wire]
-    assert select_wires([far, wire], LENGTH, SELECT, SEARCH) == [wire]
-    assert leaders([far, line(odds=600.0)], LENGTH, SELECT, SEARCH)[0] is far
+    assert leaders([far, wire], LENGTH, SELECT) == [wire]
+    assert select_wires([far, wire], LENGTH, SELECT) == [wire]
+    assert leaders([far, line(odds=600.0)], LENGTH, SELECT)[0] is far
 
 
 def test_the_background_between_twins_is_no_third() -> None:
     pixel, pair = 0.01, [line(y=0.0), line(y=0.08, odds=800.0)]
     gap, strong = line(y=0.042, odds=500.0), line(y=0.042, odds=850.0)
-    assert without_gaps([*pair, gap], pixel, SEARCH) == pair
-    assert without_gaps([*pair, strong], pixel, SEARCH) == [*pair, strong]
+    assert without_gaps([*pair, gap], PLANES, pixel, SEARCH) == pair
+    assert without_gaps([*pair, strong], PLANES, pixel, SEARCH) == [*pair, strong]
     for other in (line(y=0.06, odds=500.0), line(y=0.12, odds=500.0)):
-        assert without_gaps([*pair, other], pixel, SEARCH) == [*pair, other]
-    assert without_gaps([*pair, gap], pixel / 2, SEARCH) == [*pair, gap]  # 8 px to either side
+        assert without_gaps([*pair, other], PLANES, pixel, SEARCH) == [*pair, other]
+    assert without_gaps([*pair, gap], PLANES, pixel / 2, SEARCH) == [*pair, gap]  # 8 px to either side
 
 
 def test_wires_that_hang_alike_end_where_the_longest_does() -> None:
@@ -204,12 +204,31 @@ def test_curves_alike_meet_a_curve_where_it_is_seen(monkeypatch: pytest.MonkeyPa
 
 def test_variants_meet_the_line_in_three_places() -> None:
     own, other = line(rise=0.1, sag=0.04), line(y=0.2, rise=0.12, sag=0.05)
-    found = variants(own, [own, other])
+    found = variants(own, [own, other], PLANES + 1)
     assert len(found) == 4 and (found[0] == own.theta).all()
     for theta, s in zip(found[1:], (1 / 6, 1 / 2, 5 / 6), strict=True):
         assert curve_points(theta, s) == pytest.approx(curve_points(own.theta, s))
         assert theta[[1, 3]] - theta[[0, 2]] == pytest.approx(other.theta[[1, 3]] - other.theta[[0, 2]])
         assert theta[4] == other.theta[4]
+
+
+def test_variants_meet_a_line_that_is_seen_in_part_where_it_is_seen() -> None:
+    own, other = replace(line(planes=40), seen=(20, 40)), line(y=0.2, sag=0.05)
+    found = variants(own, [own, other], 101)[1:]
+    for theta, plane in zip(found, (20 + 20 / 6, 30, 40 - 20 / 6), strict=True):
+        assert curve_points(theta, plane / 100) == pytest.approx(curve_points(own.theta, plane / 100))
+
+
+def test_lines_in_the_air_that_do_not_hang_give_their_ridges_back() -> None:
+    search = a_search()
+    wire, road = replace(line(), likeness=0.0), replace(line(sag=0.0), likeness=0.9)
+    mixture, unknown = replace(line(sag=0.0), likeness=SELECT.free), line(sag=0.0)
+    lines = [wire, road, mixture, unknown]
+    for one in lines:
+        search.mask_ridges(one)
+    before = search.masks.copy()
+    assert without_mixtures(search, lines) == [wire, road, unknown]
+    assert (search.masks <= before).all() and before.any() and (search.masks < before).any()
 
 
 def test_compiling_needs_no_scene_and_warns_of_nothing(recwarn: pytest.WarningsRecorder) -> None:

@@ -27,7 +27,7 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 
 CONFIG = CertaintyConfig()
-PLAIN = Window(np.zeros(3), 0.0, 1.0, np.full(2, -1.0), np.full(2, 1.0), np.arange(1))
+PLAIN = Window(np.zeros(3), 0.0, 1.0, np.full(2, -1.0), np.full(2, 1.0), np.arange(1), 96)
 """A window whose frame is the scene's."""
 NUMBERS = st.floats(-1, 1)
 UPRIGHT = st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.floats(0, 0.2), st.just(0.0)).map(np.array)

@@ -20,7 +20,7 @@ CONFIG = WindowConfig()
 def test_a_window_keeps_what_cameras_see(azimuth_rad: float) -> None:
     views = views_of(two_passes(4))
     origin = np.array([0.1, -0.2, 0.3])
-    window = Window(origin, azimuth_rad, 0.7, np.full(2, -1.0), np.full(2, 1.0), np.array([1, 4, 6]))
+    window = Window(origin, azimuth_rad, 0.7, np.full(2, -1.0), np.full(2, 1.0), np.array([1, 4, 6]), 96)
     mine = window.seen_by(views)
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (60, 3))
     np.testing.assert_allclose(window.to_scene(window.of_scene(points)), points, atol=1e-12)
@@ -62,7 +62,7 @@ def test_windows_overlap_by_half_and_cover_the_track() -> None:
 
 
 def test_a_flight_that_is_hardly_longer_than_a_window_is_one() -> None:
-    for count, windows in ((33, 1), (60, 5)):
+    for count, windows in ((33, 1), (60, 6)):
         centres = long_track(count)
         views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
         assert len(list(windows_along(Direction(0.0, 0.0, 1.0), views, CONFIG))) == windows

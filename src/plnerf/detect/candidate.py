@@ -45,9 +45,7 @@ class Candidate:
         return self.seen[1] - self.seen[0]
 
 
-def select_wires(
-    lines: Sequence[Candidate], length: float, select: SelectConfig, search: SearchConfig
-) -> list[Candidate]:
+def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig) -> list[Candidate]:
     """The lines that hang like the best of them, or with much evidence beside it."""
     best = best_hanging(lines, length, select)
     if best is None:
@@ -58,14 +56,12 @@ def select_wires(
             return False
         if hang_alike(best, line, length, select):
             return line.odds >= select.min_odds_similar
-        return hangs_beside(best, line, length, select, search)
+        return hangs_beside(best, line, length, select)
 
     return [line for line in lines if is_wire(line)]
 
 
-def leaders(
-    lines: Sequence[Candidate], length: float, select: SelectConfig, search: SearchConfig
-) -> list[Candidate]:
+def leaders(lines: Sequence[Candidate], length: float, select: SelectConfig) -> list[Candidate]:
     """Of each way in which lines hang, the one with the highest odds; the best of all first.
 
     A window may show several spans, whose wires are pieces of other parabolas.
@@ -74,18 +70,16 @@ def leaders(
     if best is None:
         return []
     found = [best]
-    beside = [line for line in lines if hangs_beside(best, line, length, select, search)]
+    beside = [line for line in lines if hangs_beside(best, line, length, select)]
     for line in sorted(beside, key=lambda line: -line.odds):
         if not any(hang_alike(leader, line, length, select) for leader in found):
             found.append(line)
     return found
 
 
-def hangs_beside(
-    best: Candidate, line: Candidate, length: float, select: SelectConfig, search: SearchConfig
-) -> bool:
+def hangs_beside(best: Candidate, line: Candidate, length: float, select: SelectConfig) -> bool:
     """Whether a line that hangs unlike the best has enough evidence to be a wire nevertheless."""
-    enough = line.odds >= select.min_odds and line.planes >= select.min_share * search.planes
+    enough = line.odds >= select.min_odds and line.planes >= select.min_planes
     return enough and line.fixed >= best.fixed and hangs(line, length, select)
 
 
@@ -99,14 +93,16 @@ def best_hanging(lines: Sequence[Candidate], length: float, config: SelectConfig
     return max(hanging, key=lambda line: (line.fixed, line.odds)) if hanging else None
 
 
-def without_gaps(lines: Sequence[Candidate], pixel: float, config: SearchConfig) -> list[Candidate]:
+def without_gaps(
+    lines: Sequence[Candidate], planes: int, pixel: float, config: SearchConfig
+) -> list[Candidate]:
     """The lines without those that run in the middle between two stronger ones: the background between twins.
 
-    pixel: width of one where lines hang.
+    planes: of the window; pixel: width of one where lines hang.
     """
 
     def apart_px(line: Candidate, theta: Float[np.ndarray, "6"]) -> float:
-        s = np.linspace(*line.seen, 9) / (config.planes - 1)
+        s = np.linspace(*line.seen, 9) / (planes - 1)
         one, other = (np.stack(curve_points(curve, s)) for curve in (line.theta, theta))
         return float(np.hypot(*(one - other)).mean()) / pixel
 

@@ -66,11 +66,11 @@ def _of_view(
     rows, columns = np.nonzero(ridge)
     chain = number[label[rows, columns]]
     at = np.stack([columns, rows], 1)[chain >= 0] + 0.5
-    curves, rms = _curves(_without_lens(at, views, n), chain[chain >= 0], len(longest))
+    curves, rms = curves_through(without_lens(at, views, n), chain[chain >= 0], len(longest))
     return curves[rms * views.focal[n, 0] <= config.rms_px]
 
 
-def _without_lens(at: Float[np.ndarray, "m 2"], views: Views, n: int) -> Float[np.ndarray, "m 2"]:
+def without_lens(at: Float[np.ndarray, "m 2"], views: Views, n: int) -> Float[np.ndarray, "m 2"]:
     """Pixels in the plane at depth 1."""
     if not views.distortion[n].any() or not len(at):
         return (at - views.principal[n]) / views.focal[n]
@@ -79,7 +79,7 @@ def _without_lens(at: Float[np.ndarray, "m 2"], views: Views, n: int) -> Float[n
     return cv2.undistortPoints(at[:, None], K, views.distortion[n])[:, 0]
 
 
-def _curves(
+def curves_through(
     uv: Float[np.ndarray, "m 2"], chain: Int[np.ndarray, " m"], count: int
 ) -> tuple[Float[np.ndarray, "c 7"], Float[np.ndarray, " c"]]:
     """Rows (u, p, first t, last t) of the curve nearest to the points of each chain, and its rms distance.

@@ -13,6 +13,7 @@ from plnerf.detect.config_lines import (
     EvidenceConfig,
     LineMapConfig,
     RidgeConfig,
+    SegmentConfig,
     SurroundingsConfig,
     WindowConfig,
     check,
@@ -104,10 +105,8 @@ class RefitConfig:
 class SearchConfig:
     """One line after the other, each from the ridges that the others leave (`search.py`, `detect.py`)."""
 
-    planes: int = 96
-    """Planes of the fit."""
-    coarse_planes: int = 32
-    """Planes in which curves are compared before they are fitted."""
+    coarse: int = 3
+    """Curves are compared in one plane of so many before they are fitted."""
     reach: float = 0.001
     """Curves are known to so much before they are fitted, in units of half a window's length."""
     apart: float = 0.003
@@ -153,11 +152,11 @@ class SearchConfig:
 
     def __post_init__(self) -> None:
         check(
-            min(self.planes, self.coarse_planes) >= 2
-            and min(self.most_pending, self.fruitless, self.max_lines, self.stretches, self.coarse_step) >= 1
+            min(self.coarse, self.most_pending, self.fruitless, self.max_lines) >= 1
+            and min(self.stretches, self.coarse_step) >= 1
             and self.least_planes > self.coarse_step,
-            "detect.search needs 2 planes and coarse_planes or more, most_pending, fruitless, max_lines, "
-            "stretches and coarse_step of 1 or more, and more least_planes than that",
+            "detect.search needs coarse, most_pending, fruitless, max_lines, stretches and coarse_step of 1 "
+            "or more, and more least_planes than coarse_step",
             self,
         )
         check(
@@ -180,8 +179,8 @@ class SelectConfig:
     """Nats.  Neighbouring planes and views share their evidence: this is less than it looks."""
     min_odds_similar: float = 200.0
     """The same for one that hangs like the best."""
-    min_share: float = 0.2
-    """Fraction of the planes that must show a wire which hangs unlike the best."""
+    min_planes: int = 19
+    """Planes that must show a wire which hangs unlike the best."""
     min_sag: float = 0.001
     """Least sag as a fraction of the length.  A wire hangs; edges of roads do not."""
     sag_sigmas: float = 4.0
@@ -254,6 +253,7 @@ class DetectConfig:
 
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     lines: LineMapConfig = field(default_factory=LineMapConfig)
+    segments: SegmentConfig = field(default_factory=SegmentConfig)
     directions: DirectionConfig = field(default_factory=DirectionConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
     chains: ChainConfig = field(default_factory=ChainConfig)

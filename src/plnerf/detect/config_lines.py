@@ -149,7 +149,7 @@ class ChainConfig:
     """Sine of the angle between a line of sight and the surface that it meets, at least."""
     spare: float = 0.1
     """A chain may be longer than it is seen, to either side, by this fraction."""
-    least_length: float = 0.1
+    least_length: float = 0.07
     """Shortest stretch along the window in which two chains meet."""
     max_askew: float = 0.1
     """Largest slope of a curve across the window's direction,"""
@@ -177,32 +177,66 @@ class ChainConfig:
 
 
 @dataclass(frozen=True)
+class SegmentConfig:
+    """Straight pieces of the thin lines of each image (`segments.py`)."""
+
+    min_response: float = 0.5
+    """Response from which on a pixel counts: texture responds less."""
+    turn_rad: float = math.radians(15.0)
+    """Neighbouring pixels are of one line where their tangents differ by no more."""
+    least_px: float = 25.0
+    """Shortest segment."""
+    rms_px: float = 1.0
+    """Pixels lie within this distance of a segment's curve."""
+    most: int = 120
+    """Segments of an image, at most: the longest."""
+
+    def __post_init__(self) -> None:
+        check(
+            min(self.turn_rad, self.least_px, self.rms_px, self.most) > 0 and self.turn_rad < math.pi / 2
+            and 0 < self.min_response <= 1,
+            "detect.segments needs positive lengths, most of 1 or more, turn_rad between 0 and pi / 2, and a "
+            "min_response above 0 and at most 1",
+            self,
+        )
+
+
+@dataclass(frozen=True)
 class DirectionConfig:
     """The vote for directions (`directions.py`)."""
 
-    min_response: float = 0.7
-    """Response from which on a pixel votes: texture responds less."""
-    step_rad: float = math.radians(2.0)
+    step_rad: float = math.radians(1.0)
     """Width of a bin."""
     max_slope_rad: float = math.radians(30.0)
     """Steepest lines that are looked for."""
-    smooth_rad: float = math.radians(10.0)
-    """Azimuths over which votes are averaged."""
+    smooth_rad: float = math.radians(1.5)
+    """Standard deviation of the azimuths over which votes are averaged."""
     sag_rad: float = math.radians(5.0)
     """A wire's slope differs by so much from its chord's, up and down."""
+    partners: int = 64
+    """Views with which each is compared, at most: the nearest."""
+    least_angle: float = 0.1
+    """Sine of the angle between two planes from which on a pair votes,"""
+    full_angle: float = 0.5
+    """and from which on it votes in full."""
+    least_overlap: float = 0.2
+    """A pair votes if so much of what both show together is shown by each."""
     azimuth_deg: float | None = None
     """Azimuth of the line, clockwise from the world's +y (north); None: found in the images.  Where it is
     known no other is searched."""
     most: int = 6
     """Directions that are searched, at most."""
-    apart_rad: float = math.radians(4.0)
-    """A direction is searched only if no other was within this angle: what that showed votes no longer, and
-    of short pieces of wire the votes may have been 8 degrees off."""
-    peak_rad: float = math.radians(8.0)
+    apart_rad: float = math.radians(3.0)
+    """A direction is searched only if no other was within this angle: what that showed votes no longer."""
+    peak_rad: float = math.radians(2.0)
     """A direction is the middle of the votes within this angle of the strongest azimuth."""
-    min_excess: float = 0.3
-    """Votes of a direction over those of the median azimuth, as a fraction of these, that it takes to be
-    searched."""
+    min_excess: float = 1.0
+    """Votes of a direction over those of the median azimuth, as a multiple of these and of `few_px`, that it
+    takes to be searched;"""
+    min_share: float = 0.1
+    """and as a fraction of what the first direction had."""
+    few_px: float = 100.0
+    """Votes that a handful of pairs have by chance."""
 
     def __post_init__(self) -> None:
         angles = (self.step_rad, self.smooth_rad, self.sag_rad, self.apart_rad, self.peak_rad)
@@ -217,8 +251,14 @@ class DirectionConfig:
             self,
         )
         check(
-            self.most >= 1 and self.min_excess > 0 and self.min_response > 0,
-            "detect.directions needs most of 1 or more, and min_excess and min_response above 0",
+            0 < self.least_angle <= self.full_angle <= 1 and 0 < self.least_overlap < 1,
+            "detect.directions needs 0 < least_angle <= full_angle <= 1 and a least_overlap between 0 and 1",
+            self,
+        )
+        check(
+            min(self.most, self.partners) >= 1 and min(self.min_excess, self.few_px, self.min_share) > 0,
+            "detect.directions needs most and partners of 1 or more, and min_excess, min_share and few_px "
+            "above 0",
             self,
         )
 
@@ -231,8 +271,12 @@ class WindowConfig:
     """A flight of so many distances between one image and the next is one window;"""
     spacings: float = 25.0
     """windows of a longer one are as long as so many."""
-    margin: float = 0.1
-    """A direction is searched beyond the first and the last camera, as a fraction of their distance."""
+    margin: float = 0.35
+    """A direction is searched beyond the first and the last camera, as a fraction of their distance or of
+    `whole` spacings, whichever is less."""
+    planes: int = 80
+    """Planes across a window in which lines are looked for, for each stretch as long as what was flown past
+    or as a window of a longer flight."""
     aside: float = 0.5
     """Wires are searched so far to either side of the cameras, as a fraction of the window's length,"""
     below: float = 0.5
@@ -246,8 +290,9 @@ class WindowConfig:
         check(
             0 < self.spacings <= self.whole
             and min(self.aside, self.below, self.above, self.near) > 0
-            and self.margin >= 0,
-            "detect.windows needs positive lengths, whole not below spacings, and a margin of 0 or more",
+            and self.margin >= 0 and self.planes >= 10,
+            "detect.windows needs positive lengths, whole not below spacings, a margin of 0 or more, and 10 "
+            "planes or more",
             self,
         )
 

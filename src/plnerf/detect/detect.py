@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from plnerf.detect.candidate import Candidate, common_ends, select_wires
 from plnerf.detect.chains import chains_of
@@ -22,6 +22,7 @@ from plnerf.detect.line_maps import LineMaps, line_maps
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search, Sharpness
+from plnerf.detect.segments import Segments, linked, segments_of
 from plnerf.detect.surroundings import Surroundings, projected
 from plnerf.detect.to_wire import known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
@@ -56,15 +57,18 @@ def detect_wires(
     cameras, most_px = scene.photo_cameras, config.evidence.most_px
     views = views_of(cameras[list(scene.train)], most_px)
     maps = line_maps(scene.photos, cameras, scene.train, most_px, config.lines, report)
+    segments, piece = segments_of(maps, views, config.segments)
+    at = views.starts[maps.view] + maps.pixel
     taken = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
     surroundings = Surroundings(scene.photos, scene.train, most_px, config.surroundings)
-    wires, azimuths = list[Wire](), list[float]()
+    wires, searched = list[Wire](), list[Direction]()
     sharpness: Sharpness | None = None
-    while len(azimuths) < most:
-        direction = _next_direction(scene, views, maps, taken, azimuths, config)
+    while len(searched) < most:
+        left = segments.of(_left(piece[piece >= 0], taken[at[piece >= 0]], len(segments.owner)))
+        direction = _next_direction(scene, views, left, searched, config)
         if direction is None:
             break
-        azimuths.append(direction.azimuth_rad)
+        searched.append(direction)
         pieces, before, ridges = [], taken.copy(), LineRidges(scene, direction, config.evidence)
         for window in windows_along(direction, views, config.windows):
             found, sharpness = _in_window(
@@ -72,7 +76,7 @@ def detect_wires(
             )
             pieces.append(found)
         wires += joined(pieces, config.join)
-        report(images + (images + 2 * most) * len(azimuths) // most)
+        report(images + (images + 2 * most) * len(searched) // most)
     report(steps)
     return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
 
@@ -83,6 +87,11 @@ def compile_kernels() -> None:
     views = Views(np.eye(3)[None], np.zeros((1, 3)), 8 * one, 4 * one, np.zeros((1, 5)),
                   np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
     x = np.linspace(-1, 1, 4)
+    two = Views(*(np.repeat(part, 2, axis=0) for part in views))
+    first, dot = np.zeros(1, np.int64), np.ones((1, 3), np.float32)
+    linked(LineMaps(first, first, dot[:, 0], dot), views, DEFAULT.segments)
+    seen = Segments(np.arange(2), np.eye(3)[:2], np.ones((2, 2, 3)), np.ones(2))
+    vote(seen, two, DEFAULT.directions)
     search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
     chains = chains_of(search.responses, views, DEFAULT.odds.min_response, DEFAULT.chains)
     curves_where_chains_meet(chains, views, x, np.full(2, -1.0), np.full(2, 1.0), DEFAULT.chains)
@@ -95,21 +104,29 @@ def compile_kernels() -> None:
 def _next_direction(
     scene: Scene,
     views: Views,
-    maps: LineMaps,
-    taken: UInt8[np.ndarray, " p"],
-    azimuths: list[float],
+    segments: Segments,
+    searched: list[Direction],
     config: DetectConfig,
 ) -> Direction | None:
     """The direction in which most lines run that are not found yet; None where images agree on none."""
     known_deg = config.directions.azimuth_deg
-    if known_deg is not None and azimuths:
+    if known_deg is not None and searched:
         return None
-    votes = vote(maps.of(taken[views.starts[maps.view] + maps.pixel] == 0), config.directions)
+    votes = vote(segments, views, config.directions)
     if known_deg is not None:
         x, y, _ = heading(scene.frames, known_deg)
         return given(float(np.arctan2(y, x)) % np.pi, votes, config.directions)
-    direction = strongest(votes, azimuths, config.directions)
-    return direction if direction.excess >= config.directions.min_excess else None
+    direction = strongest(votes, [one.azimuth_rad for one in searched], config.directions)
+    first = searched[0].excess if searched else direction.excess
+    least = max(config.directions.min_excess, config.directions.min_share * first)
+    return direction if direction.excess >= least else None
+
+
+def _left(
+    piece: Int[np.ndarray, " m"], taken: UInt8[np.ndarray, " m"], count: int
+) -> Bool[np.ndarray, " s"]:
+    """Which segments are not found yet: lines took less than half of their pixels."""
+    return 2 * np.bincount(piece, taken, count) < np.bincount(piece, minlength=count)
 
 
 class LineRidges:
@@ -148,11 +165,11 @@ def _in_window(
     mine, responses = window.seen_by(views), ridges.of(window.views)
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
     responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
-    search = Search(mine, responses, middles_of_planes(config.search.planes), config, sharpness)
+    search = Search(mine, responses, middles_of_planes(window.planes), config, sharpness)
     lines = find_lines(search, window, surroundings)
     _mark(lines, search, replace(window, views=np.arange(len(views.R))).seen_by(views), taken)
     frame, x, length = LineFrame.of_scene(scene.frames), search.x, search.length
-    chosen = select_wires(lines, length, config.select, config.search)
+    chosen = select_wires(lines, length, config.select)
     wires = []
     for line in chosen:
         footprint = typical_footprint(mine, line.theta, x, config.certainty)

@@ -21,6 +21,8 @@ from plnerf.ops.kernel_cache import njit, prange
 
 SAMPLES = 9
 """Places along a chain at which its surface is cut by the other's."""
+PLACES = (24, 16, 12)
+"""Places along, across and upwards that views may have in common: a long lens shows few metres at a time."""
 STEPS = 3
 """Steps of Newton's method from the middle of a chain: few, because chains are nearly straight."""
 
@@ -58,7 +60,8 @@ def partners(
     One after another, each for what those before it do not show: surfaces of two views meet at a small angle
     in a line that runs between them, and no one partner serves all places.
     """
-    axes = [np.linspace(-1, 1, 12), np.linspace(low[0], high[0], 8), np.linspace(low[1], high[1], 6)]
+    box = zip((-1.0, *low), (1.0, *high), PLACES, strict=True)
+    axes = [np.linspace(*side) for side in box]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen = seen_places(views, places)
     across = places[None, :, 1:] - views.centre[:, None, 1:]

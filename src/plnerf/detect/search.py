@@ -56,7 +56,7 @@ class Search:
 
     def rated(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "3 c"]:
         """Odds of each curve's best stretch on a few planes, and where it begins and ends, 0 to 1."""
-        planes = self.config.search.coarse_planes
+        planes = max(2, len(self.x) // self.config.search.coarse)
         x = np.linspace(self.x[0], self.x[-1], planes)
         odds = curve_odds(self.views, self.odds, curves, x, self.config.search.reach)[:, :, 0]
         total, first, last = stretches(odds)
@@ -120,10 +120,14 @@ class Search:
         self._mask(line)
         self._update_odds()
 
-    def refit(self, line: Candidate, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
-        """The best near some curves with a line's own ridges put back; it then takes the line's place."""
+    def free_ridges(self, line: Candidate) -> None:
+        """Puts a line's ridges back."""
         self.masks -= self._own(line)
         self._update_odds()
+
+    def refit(self, line: Candidate, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
+        """The best near some curves with a line's own ridges put back; it then takes the line's place."""
+        self.free_ridges(line)
         best, _ = self.best(self.ranked(curves), least)
         if best is None:
             return None

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.detect.candidate import Candidate, hang_alike, leaders, without_gaps
+from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, without_gaps
 from plnerf.detect.chains import chains_of
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.parabola import curve_points
@@ -40,10 +40,10 @@ def find_lines(search: Search, window: Window, surroundings: Surroundings) -> li
         return replace(line, likeness=likeness)
 
     lines = _found_near(search, met, config.select.min_odds, config.search.max_lines, judged)
-    first = leaders(lines, search.length, config.select, config.search)
+    first = leaders(lines, search.length, config.select)
     if not first or not first[0].fixed:
         return lines
-    lines = refit_all(search, lines)
+    lines = without_mixtures(search, refit_all(search, lines))
     for _ in range(config.search.rounds):
         new = _like_the_leaders(search, met, lines, judged)
         lines += new
@@ -54,7 +54,7 @@ def find_lines(search: Search, window: Window, surroundings: Surroundings) -> li
     if more := _like_the_leaders(search, met, lines, judged):
         lines = refit_all(search, [*lines, *more])
     pixel = typical_footprint(search.views, first[0].theta, search.x, config.certainty)
-    return without_gaps(lines, pixel, config.search)
+    return without_gaps(lines, len(search.x), pixel, config.search)
 
 
 def _like_the_leaders(
@@ -62,7 +62,7 @@ def _like_the_leaders(
 ) -> list[Candidate]:
     """Further lines that hang as the best of the lines do: of each span in the window."""
     config, length, new = search.config, search.length, list[Candidate]()
-    for leader in leaders(lines, length, config.select, config.search):
+    for leader in leaders(lines, length, config.select):
         most = config.search.max_lines - len(lines) - len(new)
         wanted = partial(hang_alike, leader, length=length, config=config.select)
         pending = search.alike(leader.theta, met)
@@ -95,27 +95,43 @@ def _found_near(
     return lines
 
 
+def without_mixtures(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
+    """The lines without those in the air that do not hang, whose ridges are free again.
+
+    Nothing else is straight there: each is a part of one wire and a part of another.
+    """
+    select, kept = search.config.select, list[Candidate]()
+    for line in lines:
+        if line.likeness <= select.free and not hangs(line, search.length, select):
+            search.free_ridges(line)
+        else:
+            kept.append(line)
+    return kept
+
+
 def refit_all(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
     """Each line fitted again where the others are known: the first ones had others' ridges near them."""
     lines = list(lines)
     for _ in range(search.config.search.refits):
         before, lines = lines, []
         for line in before:
-            again = search.refit(line, variants(line, before), search.config.select.min_odds_similar)
+            near = variants(line, before, len(search.x))
+            again = search.refit(line, near, search.config.select.min_odds_similar)
             if again is not None:
                 lines.append(again)
     return lines
 
 
-def variants(line: Candidate, lines: Sequence[Candidate]) -> Float[np.ndarray, "c 6"]:
-    """The line, and those that hang as the others do and meet it at one of three places.
+def variants(line: Candidate, lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:
+    """The line, and those that hang as the others do and meet it at one of three places that show it.
 
     Where two hang side by side, one may have been found as half of the one and half of the other.
     """
     own, out = line.theta, [line.theta]
+    first, last = (plane / (planes - 1) for plane in line.seen)
     for other in lines:
         if other is not line:
-            for s in (1 / 6, 1 / 2, 5 / 6):
+            for s in (first + part * (last - first) for part in (1 / 6, 1 / 2, 5 / 6)):
                 y, z = np.subtract(curve_points(own, s), curve_points(other.theta, s))
                 out.append(other.theta + np.array([y, y, z, z, 0, 0]))
     return np.array(out)

@@ -30,6 +30,8 @@ class Window:
     high: Float[np.ndarray, "2"]
     views: Int[np.ndarray, " k"]
     """Those that are used."""
+    planes: int
+    """Planes across it in which lines are looked for."""
 
     @property
     def R(self) -> Float[np.ndarray, "3 3"]:
@@ -81,10 +83,12 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
     height = views.centre[:, 2]
     spacing = spacing_along(views.centre, u)
     first, last = along.min(), along.max()
-    longer = max(config.margin * (last - first), (np.ptp(across) - (last - first)) / 2)
+    flown = max(last - first, np.ptp(across))
+    whole = flown <= config.whole * spacing
+    longer = config.margin * min(flown, config.whole * spacing) + (flown - (last - first)) / 2
     first, last = first - longer, last + longer
-    whole = last - first <= config.whole * spacing
     length = last - first if whole else config.spacings * spacing
+    planes = round(config.planes * length / flown) if whole else config.planes
     count = int(np.ceil((last - first - length) / (length / 2) - 1e-9)) + 1
     for middle in np.linspace(first + length / 2, last - length / 2, count):
         near = np.abs(along - middle) <= (0.5 + config.near) * length
@@ -97,5 +101,5 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
         high = [beside.max() - y + config.aside * length, level.max() - z + config.above * length]
         yield Window(
             np.array([*(middle * u + y * np.array([-u[1], u[0]])), z]), direction.azimuth_rad, half,
-            np.array(low) / half, np.array(high) / half, np.flatnonzero(near),
+            np.array(low) / half, np.array(high) / half, np.flatnonzero(near), planes,
         )  # fmt: skip
