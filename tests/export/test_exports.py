@@ -25,8 +25,10 @@ from plnerf.export.exports import Exports, write_exports
 from plnerf.export.las import wkt_of
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Open, Quantity
+from plnerf.line.files import survey_json
 from plnerf.line.frame import LineFrame
 from plnerf.line.survey import Survey, WirePoints
+from plnerf.report.page_tables import wire_tables
 from plnerf.scene.ply import read_ply
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
@@ -191,7 +193,7 @@ def test_the_tables_hold_the_catenaries_and_the_verdicts(survey: Survey, written
             assert float(row[f"{name}_95_m"]) == pytest.approx(half(one), abs=1e-4)
         assert row["no_sag_because"] == "" and (row["end_a"], row["end_b"]) == ("structure 1", "structure 2")
         dense = world(survey, wire.points(np.linspace(0, wire.base.length_m, 200_001)))
-        lowest = [float(row[f"lowest_{axis}"]) for axis in "xyz"]
+        lowest = [float(row[f"lowest_in_span_{axis}"]) for axis in "xyz"]
         assert lowest == pytest.approx(dense[dense[:, 2].argmin()], abs=1e-3)
         s = float(row["sag_from_a_m"])
         (_, z_a), (_, z_b), (_, z) = wire.at(np.array([0.0, wire.base.length_m, s]))
@@ -224,7 +226,7 @@ def test_open_ends_have_no_figure_but_the_reason(survey: Survey, tmp_path: Path)
     empty = [f"{name}{end}" for name in ("sag", "span", "length", "p") for end in ("_m", "_95_m")]
     assert {row[name] for name in (*empty, "sag_from_a_m")} == {""} and row["no_sag_because"] == reason
     assert row["end_b"] == "open: the cloud ends there" and other["no_sag_because"] == ""
-    assert float(row["lowest_z"]) == pytest.approx(cut.lowest[1], abs=1e-3)
+    assert float(row["lowest_in_span_z"]) == pytest.approx(cut.lowest[1], abs=1e-3)
     said = json.loads(done.files["conductors.geojson"].read_text())["features"][0]["properties"]
     assert said["sag_m"] is said["span_m"] is said["p_m"] is None and said["no_sag_because"] == reason
     drawn = next(iter(ezdxf.readfile(done.files["conductors.dxf"]).modelspace().query("POLYLINE")))
@@ -236,7 +238,7 @@ def test_the_lowest_point_is_between_the_ends(survey: Survey, written: Exports) 
     """Of the steep shield wire the catenary's own lowest point lies before its first end."""
     row, wire = table(written.files["conductors.csv"])[2], survey.wires[2]
     assert wire.lowest[0] == 0.0
-    assert [row[f"lowest_{axis}"] for axis in "xyz"] == [row[f"a_{axis}"] for axis in "xyz"]
+    assert [row[f"lowest_in_span_{axis}"] for axis in "xyz"] == [row[f"a_{axis}"] for axis in "xyz"]
 
 
 def test_two_lines_keep_their_numbers(tmp_path: Path) -> None:
@@ -278,13 +280,58 @@ def test_rows_of_wires_say_where_along_their_line_they_hang(bent: Survey, many: 
     assert (rows[9]["structure_a"], rows[9]["structure_b"], rows[9]["end_b"]) == ("3", "", "open: not filmed")
     for row, wire in zip(rows, bent.wires, strict=True):
         dense = wire.points(np.linspace(0, wire.base.length_m, 20_001))
-        lowest = [float(row[f"lowest_{axis}"]) for axis in "xyz"]
+        lowest = [float(row[f"lowest_in_span_{axis}"]) for axis in "xyz"]
         assert lowest == pytest.approx(world_map(bent, dense[[dense[:, 2].argmin()]])[0], abs=0.01)
     places = table(many.files["clearances.csv"])
     for row in places:
         low, high = (float(rows[int(row["wire"]) - 1][f"station_{end}_m"]) for end in "ab")
         assert low - 0.1 <= float(row["station_m"]) <= high + 0.1
     assert {row["line"] for row in places} == {"1", "2"} and {row["span"] for row in places} == set("1234")
+
+
+def test_every_output_numbers_spans_structures_and_wires_alike(bent: Survey, many: Exports) -> None:
+    """Tables, GeoJSON, drawing, cloud, survey.json and the report: from 1, through all lines."""
+    wires = {
+        (line.id, span.id, wire.id) for line in bent.lines for span in line.spans for wire in span.wires
+    }
+    structures = {(line.id, one.id) for line in bent.lines for one in line.structures}
+    assert {span for _, span, _ in wires} == {1, 2, 3, 4} and {k for _, k in structures} == {1, 2, 3, 4, 5}
+
+    def numbers(some: list, *names: str) -> set[tuple[int, ...]]:
+        return {tuple(int(row[name]) for name in names) for row in some}
+
+    def properties(name: str) -> list:
+        return [one["properties"] for one in json.loads(many.files[name].read_text())["features"]]
+
+    for found in (table(many.files["conductors.csv"]), properties("conductors-projected.geojson")):
+        assert numbers(found, "line", "span", "id") == wires
+    for found in (table(many.files["clearances.csv"]), properties("clearances.geojson")):
+        assert numbers(found, "line", "span", "wire") == wires
+    for found in (table(many.files["structures.csv"]), properties("structures.geojson")):
+        assert numbers(found, "line", "structure") == structures
+    drawn = set()
+    for one in ezdxf.readfile(many.files["conductors.dxf"]).modelspace():
+        number, about, *_ = (tag.value for tag in one.get_xdata("PLNERF"))
+        if one.dxf.layer.startswith("CONDUCTOR"):
+            line, span = (int(part.split()[1]) for part in about.split(", "))
+            drawn.add((line, span, number))
+    assert drawn == wires
+    assert set(np.unique(laspy.read(many.files["cloud.laz"]).wire_id)) - {0} <= {k for *_, k in wires}
+    written = survey_json(bent)
+    assert {
+        (line["id"], span["id"], wire["id"])
+        for line in written["lines"] for span in line["spans"] for wire in span["wires"]
+    } == wires  # fmt: skip
+    shown = [(*str(row[1]).split(" / "), row[0]) for row in wire_tables(bent)[0].rows]
+    assert {tuple(int(str(number)) for number in one) for one in shown} == wires
+
+
+def test_the_lowest_point_is_that_in_the_span_and_is_named_so(written: Exports, survey: Survey) -> None:
+    columns = [name for name in table(written.files["conductors.csv"])[0] if name.startswith("lowest")]
+    assert columns == ["lowest_in_span_95_m", *(f"lowest_in_span_{axis}" for axis in "xyz")]
+    wire = survey_json(survey)["lines"][0]["spans"][0]["wires"][2]
+    assert [name for name in wire if name.startswith("lowest")] == ["lowest_in_span"]
+    assert 0 <= wire["lowest_in_span"]["s"] <= wire["base"]["length"]
 
 
 def world_map(survey: Survey, points: np.ndarray) -> np.ndarray:
@@ -450,7 +497,7 @@ def test_a_survey_without_scale_claims_no_metres(tmp_path: Path) -> None:
     rows = table(done.files["conductors.csv"])
     assert "sag_unscaled" in rows[0] and "sag_95_unscaled" in rows[0]
     assert not [name for name in rows[0] if name.endswith("_m")]
-    assert float(rows[0]["lowest_z"]) == pytest.approx(survey.wires[0].lowest[1], abs=1e-4)
+    assert float(rows[0]["lowest_in_span_z"]) == pytest.approx(survey.wires[0].lowest[1], abs=1e-4)
     assert ezdxf.readfile(done.files["conductors.dxf"]).header["$INSUNITS"] == 0
     vertex = read_ply(done.files["cloud.ply"])["vertex"]
     assert np.array_equal(vertex["z"], survey.cloud.xyz[:, 2])

@@ -33,13 +33,14 @@ DECIMALS = 4
 
 def wire_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
     """A row for each wire: `wire_properties`, and coordinates of its ends and of its lowest point between
-    them."""
+    them, `lowest_in_span`: the catenary's own may lie far outside of the span."""
     rows = []
     for line in survey.lines:
         for span in line.spans:
             for wire in span.wires:
                 at = wire.points(np.array([0.0, wire.base.length_m, wire.lowest[0]]))
-                coordinates = _coordinates(transform, dict(zip(("a", "b", "lowest"), at, strict=True)))
+                named = dict(zip(("a", "b", "lowest_in_span"), at, strict=True))
+                coordinates = _coordinates(transform, named)
                 rows.append(wire_properties(survey, line, span, wire, transform) | coordinates)
     return rows
 
@@ -83,7 +84,7 @@ def wire_properties(survey: Survey, line: Line, span: Span, wire: Wire, transfor
         "azimuth_deg": math.degrees(math.atan2(b[0] - a[0], b[1] - a[1])) % 360,
         "swing_deg": swing.value if swing else None,
         "swing_95_deg": swing.half_95 if swing else None,
-        "lowest_95_m": lowest_95,
+        "lowest_in_span_95_m": lowest_95,
         "residual_across_m": seen.residual_across_m,
         "residual_up_m": seen.residual_up_m,
         "coverage": seen.coverage,

@@ -26,9 +26,9 @@ from plnerf.scene.files import write_text
 
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
-SURVEY_VERSION = 4
-"""3 had no crossings; 2 had conductors in place of lines, and no frame; 1 was written before conductors were
-fitted."""
+SURVEY_VERSION = 5
+"""4 named a wire's lowest point differently; 3 had no crossings; 2 had conductors in place of lines, and no
+frame; 1 was written before conductors were fitted."""
 WIRES_VERSION = 1
 
 
@@ -162,7 +162,7 @@ def _wire_row(wire: Wire) -> dict[str, Any]:
         "no_sag_because": wire.open,
         "wire_length": wire.length_m,
         "swing_rad": wire.swing_rad,
-        "lowest_between_ends": {"s": s, "z": z},
+        "lowest_in_span": {"s": s, "z": z},
         "base": {"a": wire.base.a, "b": wire.base.b, "length": wire.base.length_m},
         "theta": wire.theta,
         "covariance": wire.covariance,
