@@ -5,13 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyproj import CRS
 from tests.support.catenary_surveys import UTM, corridor
+from tests.support.lidar_clouds import line
 
 from plnerf.errors import SurveyError
 from plnerf.line.clearances import GROUPS
+from plnerf.line.survey import Survey
+from plnerf.survey import altitude, run
+from plnerf.survey.altitude import Altitude, altitude_at, altitude_of
+from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config import SurveyConfig
 from plnerf.survey.config_ground import ClearanceConfig
+from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.thresholds import (
-    altitude_m,
+    AboveTableError,
+    check_altitude,
     load_table,
     own_requirement,
     required_clearance,
@@ -31,6 +40,10 @@ class = [{nominal_kv = 110, distance = [3.0, 3.5]}, {nominal_kv = 27.5, distance
 """
 
 
+def at(altitude_m: float) -> Altitude:
+    return Altitude(altitude_m, altitude_m)
+
+
 def own(tmp_path: Path, text: str = TABLE) -> Path:
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
@@ -41,32 +54,32 @@ def test_the_table_of_the_package_says_what_the_standard_does_and_where_it_is_fr
     table = load_table()
     feet = {230: 4.0, 345: 4.3, 500: 7.0, 765: 11.6}
     for voltage, distance in feet.items():
-        assert required_clearance(float(voltage), 0.0, table).distance_m == pytest.approx(distance * FOOT)
-    assert required_clearance(765.0, 1500.0, table).distance_m == pytest.approx(12.4 * FOOT)
-    found = required_clearance(345.0, -20.0, table)  # below the sea there is more air, not less
-    assert found.applies_to == ("vegetation",) and found.date == "2016-04-26"
-    assert "FAC-003-4" in found.source and "345 kV" in found.name
+        assert required_clearance(float(voltage), at(0.0), table).distance_m == pytest.approx(distance * FOOT)
+    assert required_clearance(765.0, at(1500.0), table).distance_m == pytest.approx(12.4 * FOOT)
+    found = required_clearance(345.0, at(-20.0), table)  # below the sea there is more air, not less
+    assert found.applies_to == ("vegetation",) and found.date == "2024-04-01"
+    assert "FAC-003-5" in found.source and "345 kV" in found.name
     assert any("flash-over distance" in caveat for caveat in found.caveats)
 
 
 def test_bands_of_altitude_hold_their_upper_bound_and_never_ask_for_less_above() -> None:
     table = load_table()
-    assert required_clearance(500.0, 500 * FOOT, table).distance_m == pytest.approx(7.0 * FOOT)
-    assert required_clearance(500.0, 500 * FOOT + 1e-6, table).distance_m == pytest.approx(7.1 * FOOT)
+    assert required_clearance(500.0, at(500 * FOOT), table).distance_m == pytest.approx(7.0 * FOOT)
+    assert required_clearance(500.0, at(500 * FOOT + 1e-6), table).distance_m == pytest.approx(7.1 * FOOT)
     for distances in table.distances_m.values():
         assert list(distances) == sorted(distances)
 
 
 def test_a_voltage_that_is_no_class_is_not_interpolated() -> None:
     with pytest.raises(SurveyError, match=r"no class of 400 kV. Its classes are 230, 345, 500, 765 kV"):
-        required_clearance(400.0, 0.0, load_table())
+        required_clearance(400.0, at(0.0), load_table())
     with pytest.raises(SurveyError, match="up to 1524 m above sea level, but the line is at 1600 m"):
-        required_clearance(230.0, 1600.0, load_table())
+        required_clearance(230.0, at(1600.0), load_table())
 
 
 def test_a_table_of_the_user(tmp_path: Path) -> None:
     table = load_table(own(tmp_path))
-    found = required_clearance(27.5, 1001.0, table)
+    found = required_clearance(27.5, at(1001.0), table)
     assert found.distance_m == 2.25 and found.applies_to == ("ground", "vegetation")
     assert found.name == "Works standard 7: 27.5 kV, up to 2000 m above sea level"
 
@@ -74,7 +87,7 @@ def test_a_table_of_the_user(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('source = "of the works"', "", "does not say source. Copy nerc-fac-003-4.toml"),
+        ('source = "of the works"', "", "does not say source. Copy nerc-fac-003-5.toml"),
         ('unit = "m"', 'unit = "yd"', "its unit is 'yd', but must be one of ft, m"),
         ('["ground", "vegetation"]', '["trees"]', "it applies to trees, but knows only ground, vegetation,"),
         ("[1000, 2000]", "[2000, 1000]", "must rise"),
@@ -127,15 +140,80 @@ def test_settings_that_require_nothing_meaningful_are_refused_before_a_survey(tm
 
 def test_what_is_required_is_the_distance_given_or_the_table_s_at_the_line_s_altitude(tmp_path: Path) -> None:
     """The highest end of a wire is 55 m above the LineFrame's origin."""
-    low = corridor(UTM, count=50)
-    high = corridor(UTM + np.array([0.0, 0.0, 980.0]), count=50)
+    low = above_sea(0.0)
+    high = above_sea(980.0)
     in_local = replace(low, frame=replace(low.frame, origin_lon_lat_height=np.array([9.0, 51.0, 980.0])))
-    assert altitude_m(low) == pytest.approx(55, abs=0.1)
-    assert altitude_m(high) == altitude_m(in_local) == pytest.approx(1035, abs=0.1)
-    assert altitude_m(replace(low, lines=())) == 0.0
+    assert altitude_of(low).low_m == altitude_of(low).high_m == pytest.approx(55, abs=0.1)
+    assert altitude_of(high) == altitude_of(in_local)
+    assert altitude_of(high).low_m == pytest.approx(1035, abs=0.1)
+    assert altitude_of(replace(low, lines=())) == at(0.0)
     found = [requirement(one, 110.0, own(tmp_path), None) for one in (low, high, in_local)]
     assert [one and one.distance_m for one in found] == [3.0, 3.5, 3.5]
     assert requirement(low, 110.0, own(tmp_path), 9.0) == own_requirement(9.0)
     assert requirement(low, None, None, None) is None
-    with pytest.raises(SurveyError, match="goes up to 2000 m above sea level, but the line is at 2055 m"):
-        requirement(corridor(UTM + np.array([0.0, 0.0, 2000.0]), count=50), 110.0, own(tmp_path), None)
+    with pytest.raises(AboveTableError, match="goes up to 2000 m above sea level, but the line is at 2055 m"):
+        requirement(above_sea(2000.0), 110.0, own(tmp_path), None)
+
+
+def above_sea(height_m: float, crs: str | None = "EPSG:25832+7837") -> Survey:
+    survey = corridor(UTM + np.array([0.0, 0.0, height_m]), count=50)
+    return replace(survey, frame=replace(survey.frame, crs=crs))
+
+
+@pytest.mark.parametrize(
+    ("crs", "said"),
+    [
+        (None, "heights are above nothing that the input states"),
+        ("EPSG:25832", "heights are above nothing that ETRS89 / UTM zone 32N states"),
+        (CRS("EPSG:25832").to_3d().to_wkt(), "heights are above the ellipsoid of ETRS89, and no grid"),
+    ],
+)
+def test_a_line_whose_height_above_the_sea_is_not_known_is_judged_by_the_worse_of_its_bands(
+    crs: str | None, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The geoid lies 107 m below to 86 m above the ellipsoid: at 55 + 900 m the line may be above 1000 m."""
+    monkeypatch.setattr(altitude, "geoid_height_m", lambda longitude, latitude: None)
+    survey = above_sea(900.0, crs)
+    found = requirement(survey, 110.0, own(tmp_path), None)
+    assert found is not None and found.distance_m == 3.5
+    assert found.caveats[0].startswith("The altitude above the sea is known to be 869 to 1062 m only, since ")
+    assert said in found.caveats[0] and "the greatest distance of the 2 bands" in found.caveats[0]
+    low = requirement(above_sea(0.0, crs), 110.0, own(tmp_path), None)
+    assert low is not None and low.distance_m == 3.0 and "these are in one band" in low.caveats[0]
+    known = requirement(above_sea(900.0), 110.0, own(tmp_path), None)
+    assert known is not None and known.distance_m == 3.0 and known.caveats == ()
+
+
+def test_a_geoid_s_grid_makes_an_altitude_of_an_ellipsoid_s_height(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(altitude, "geoid_height_m", lambda longitude, latitude: 47.0 + 0 * longitude)
+    frame = above_sea(0.0, CRS("EPSG:25832").to_3d().to_wkt()).frame
+    assert altitude_at(frame, np.array([0.0, 0.0, 100.0])) == at(53.0)
+
+
+def test_a_line_above_the_table_fails_before_it_is_surveyed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the lower points of a cloud; where it is certain only afterwards, nothing is judged."""
+    made = line(np.array([[0.0, 0.0], [110.0, 20.0]])).xyz
+    monkeypatch.setattr(run, "find_lines", lambda *_: pytest.fail("the line was surveyed"))
+    config = SurveyConfig(clearance=ClearanceConfig(voltage_kv=110.0, thresholds=own(tmp_path)))
+    cloud = PointCloud(made + UTM + np.array([0.0, 0.0, 2100.0]), "EPSG:25832+7837", Path("line.laz"))
+    with pytest.raises(SurveyError, match=r"up to 2000 m above sea level, but the line is at 20\d\d m"):
+        run.survey_cloud(cloud, config)
+    check_altitude(at(1999.0), 110.0, own(tmp_path), None)
+    check_altitude(Altitude(1990.0, 2090.0), 110.0, own(tmp_path), None)
+    check_altitude(at(9000.0), 110.0, own(tmp_path), 7.0)
+    found, findings = measure_clearances(above_sea(1980.0), config.clearance)
+    assert found.requirement is None and {found.verdict(place) for place in found.all_places()} == {None}
+    (said,) = [one for one in findings if one.kind == "required clearance"]
+    assert said.degree == "harms" and said.what.startswith("Nothing is judged. ") and "2035 m" in said.what
+
+
+def test_both_standards_come_with_the_package_and_say_which_is_in_force() -> None:
+    old, new = (load_table(Path(name)) for name in ("nerc-fac-003-4.toml", "nerc-fac-003-5.toml"))
+    assert load_table() == replace(new, path=load_table().path)
+    assert "no longer in force" in old.in_force and "2024-04-01" in old.in_force
+    assert "is in force from 2024-04-01" in new.in_force
+    assert new.distances_m == old.distances_m and "FAC-003-4" in old.source and "FAC-003-5" in new.source
+    assert any("was not compared with NERC's own document" in caveat for caveat in new.caveats)
+    assert required_clearance(230.0, at(0.0), new).caveats[0] == new.in_force

@@ -30,7 +30,8 @@ def survey(
             not used.
         out: Folder to write; survey in the folder of the run or scene, or beside the cloud, when left out.
         voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
-        thresholds: Table of required clearances (TOML); NERC FAC-003-4 when left out.
+        thresholds: Table of required clearances (TOML), or nerc-fac-003-4.toml; NERC FAC-003-5 when left
+            out.
         clearance_m: A distance in metres to be kept from everything, in place of a table's.
         line_azimuth: Of the line, in degrees clockwise from north (the world's +y), where wires are to be
             found in images; found too when left out.

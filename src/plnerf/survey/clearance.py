@@ -32,7 +32,7 @@ from plnerf.survey.config_ground import ClearanceConfig, ObstacleConfig
 from plnerf.survey.crossings import find_crossings, variance_towards
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import CLASSES, NO_THING, Nearest, beside, nearest_along, obstacles, stations
-from plnerf.survey.thresholds import requirement
+from plnerf.survey.thresholds import AboveTableError, requirement
 
 STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
 REQUIRED = "required clearance"
@@ -44,22 +44,26 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
     """Distances of every wire to every group of the cloud's classes (`obstacles.rules`), and what a reader
     must know of them.  A wire with an open end is measured up to it.
 
-    Raises SurveyError for a survey without scale, in which a clearance would be a number without meaning, and
-    for a line above the altitudes of the table of required clearances.
+    Without a requirement, and with a finding, where the line lies above the altitudes of its table.  Raises
+    SurveyError for a survey without scale, in which a clearance would be a number without meaning.
     """
     if survey.frame.unit != "m":
         raise SurveyError(
             f"The survey {survey.source} has no scale, so that clearances in metres cannot be measured. Give "
             "the photos' positions or control points, and survey again."
         )
-    required = requirement(survey, config.voltage_kv, config.thresholds, config.clearance_m)
+    required, above = None, []
+    try:
+        required = requirement(survey, config.voltage_kv, config.thresholds, config.clearance_m)
+    except AboveTableError as error:
+        above = [harms(REQUIRED, f"Nothing is judged. {error}")]
     found = obstacles(survey, config.obstacles)
     shared = _shared(survey)
     wires = tuple(
         _measure(span, wire, survey.cloud, found, shared, config) for span, wire in survey.wires_by_span()
     )
     clearances = Clearances(wires, required, crossings=find_crossings(survey))
-    return clearances, tuple(_findings(survey, found, clearances, config.obstacles))
+    return clearances, (*above, *_findings(survey, found, clearances, config.obstacles))
 
 
 def _shared(survey: Survey) -> set[int]:

@@ -220,7 +220,7 @@ class ClearanceConfig:
     voltage_kv: float | None = None
     """Nominal voltage of the line; None: it is not known, and no table applies."""
     thresholds: Path | None = None
-    """A table of required clearances; None: the one that comes with the package."""
+    """A table of required clearances, or the name of one of the package; None: the one in force."""
     clearance_m: float | None = None
     """A distance to be kept from everything, which precedes the table's."""
     station_m: float = 0.5

@@ -1,6 +1,7 @@
 """How wires are fitted and judged, and what holds them.  Without NumPy: the command line shows it at once."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.errors import ConfigError
@@ -49,9 +50,12 @@ class FitConfig:
             )
 
 
+Kind = Literal["phase", "shield", "neutral", "communication"]
+
+
 @dataclass(frozen=True)
 class KindsConfig:
-    """How shields are told from phases."""
+    """How shields, neutrals and communication cables are told from phases."""
 
     level_m: float = 2.0
     """Wires so little below the highest, in their middles, are level with it (metres)."""
@@ -73,7 +77,41 @@ class KindsConfig:
     min_share: float = 0.5
     """Share of a wire's length, over all spans that it goes through, in which it must look like a shield to
     be one.  Where nothing tells it from the phases it may still be one: of equal shares the one with a reason
-    counts."""
+    counts.  The same holds of neutrals and communication cables."""
+    crossarm_m: float = 0.6
+    """Three phases whose heights differ by less are on one crossarm (metres): what hangs alone below them is
+    none of theirs."""
+    neutral_m: tuple[float, float] = (0.8, 2.6)
+    """How far below such a crossarm a neutral may hang, in metres."""
+    communication_m: float = 5.0
+    """How far below such a crossarm communication cables may hang, in metres, below the neutral."""
+    phase: tuple[int, ...] = ()
+    """Numbers of wires that are known to be phases, whatever they look like."""
+    shield: tuple[int, ...] = ()
+    """Numbers of wires that are known to be shields."""
+    neutral: tuple[int, ...] = ()
+    """Numbers of wires that are known to be neutrals: nothing is required of their clearances."""
+    communication: tuple[int, ...] = ()
+    """Numbers of wires that are known to be communication cables: likewise."""
+
+    @property
+    def stated(self) -> dict[int, Kind]:
+        """The kinds that are known, by the wires' numbers."""
+        every: tuple[tuple[Kind, tuple[int, ...]], ...] = (
+            ("phase", self.phase), ("shield", self.shield), ("neutral", self.neutral),
+            ("communication", self.communication),
+        )  # fmt: skip
+        return {number: kind for kind, numbers in every for number in numbers}
+
+    def __post_init__(self) -> None:
+        every = (*self.phase, *self.shield, *self.neutral, *self.communication)
+        if len(set(every)) < len(every) or min(every, default=1) < 1:
+            raise ConfigError(f"Wires of known kinds are numbered from 1, each once, but got {every}.")
+        if not 0 < self.neutral_m[0] < self.neutral_m[1]:
+            raise ConfigError(
+                f"A neutral hangs between two heights below the phases, the first of them less, but got "
+                f"neutral_m={self.neutral_m}."
+            )
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,12 @@
-"""Which wires of a span are shields, by where they hang and what they look like.
+"""Which wires of a span are shields, neutrals or communication cables, by where they hang and how they look.
 
 The wires within `level_m` of the highest are shields if they are one or two, hang alone (no bundles), have
 three wires or more at least `below_m` beneath them, and differ from those as shields do: the others are
 bundles, or they sag less, or they are so thin that they have fewer points.
+
+A wire is no phase either if it hangs alone below three phases on one crossarm: the neutral if it is the next
+one below, a communication cable if it is further down.  A vertical or a triangular circuit, and one of fewer
+phases, has no such crossarm: there all wires stay phases, since one taken for a neutral loses its verdict.
 
 Along a line a wire stays what it is: those that go on in the next span, held by the same structure at the
 same place across the line, have one kind.
@@ -21,6 +25,9 @@ from plnerf.line.ends import Attached
 from plnerf.line.line import Line
 from plnerf.line.wire import Kind, Wire
 from plnerf.survey.config_wires import KindsConfig
+
+PHASES = 3
+"""Of a circuit."""
 
 
 def with_kinds(
@@ -59,7 +66,7 @@ def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = Ki
         or below.sum() < config.min_below
         or (~top & ~below).any()
     ):  # fmt: skip
-        return phases
+        return _below_crossarm(h, config)
     members = (np.linalg.norm(at[:, None] - at, axis=2) <= config.bundle_m).sum(1)
     hang = np.array([
         8 * wire.drop_between(0.0, length) / length**2 for wire, length in zip(wires, L, strict=True)
@@ -71,6 +78,22 @@ def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = Ki
     if members[top].max() > 1 or not (bundled or flatter or thinner):
         return phases
     return ["shield" if high else "phase" for high in top]
+
+
+def _below_crossarm(h: Float[np.ndarray, " w"], config: KindsConfig) -> list[Kind]:
+    """Kinds of wires by their heights where none is a shield."""
+    named: list[Kind] = ["phase"] * len(h)
+    order = np.argsort(-h, kind="stable")
+    arm, rest = order[:PHASES], order[PHASES:]
+    if len(rest) == 0 or np.ptp(h[arm]) > config.crossarm_m:
+        return named
+    down = h[arm].min() - h[rest]
+    alone = np.diff(down, prepend=0.0) > config.crossarm_m  # side by side they may be another circuit
+    low, high = config.neutral_m
+    if alone.all() and low <= down[0] <= high and down[-1] <= config.communication_m:
+        for k, wire in enumerate(rest.tolist()):
+            named[wire] = "communication" if k else "neutral"
+    return named
 
 
 def _section(wires: Sequence[Wire]) -> Float[np.ndarray, "w 3"]:
@@ -93,11 +116,19 @@ def same_along(spans: Sequence[Sequence[Wire]], config: KindsConfig = KindsConfi
     one, other = np.array(_going_on(spans, config), np.int64).reshape(-1, 2).T
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(wires), len(wires)))
     _, through = connected_components(graph, directed=False)
-    shield = np.array([wire.kind == "shield" for wire in wires], np.float64)
     length = np.array([wire.base.length_m for wire in wires])
-    share = np.bincount(through, length * shield) / np.bincount(through, length)
-    kinds: list[Kind] = ["shield" if part >= config.min_share else "phase" for part in share[through]]
-    same = [replace(wire, kind=kind) for wire, kind in zip(wires, kinds, strict=True)]
+
+    def share(kind: Kind) -> Float[np.ndarray, " w"]:
+        """Of each wire's length in all spans, that in which it looks like one of the kind."""
+        like = np.array([wire.kind == kind for wire in wires], np.float64)
+        parts: Float[np.ndarray, " w"] = np.bincount(through, length * like) / np.bincount(through, length)
+        return parts[through]
+
+    is_shield = share("shield") >= config.min_share
+    # More than that: a phase that is taken for one of these would lose its verdict.
+    is_neutral, is_cable = (share(kind) > config.min_share for kind in ("neutral", "communication"))
+    named = np.select([is_shield, is_neutral, is_cable], ["shield", "neutral", "communication"], "phase")
+    same = [replace(wire, kind=kind) for wire, kind in zip(wires, named.tolist(), strict=True)]
     return [same[a:b] for a, b in pairwise(first)]
 
 

@@ -12,6 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
+import numpy as np
+from jaxtyping import Float
+
 from plnerf.detect.detect import detect_wires
 from plnerf.findings import Finding, harms, note
 from plnerf.line.frame import LineFrame
@@ -19,6 +22,7 @@ from plnerf.line.line import Line
 from plnerf.line.survey import Survey, WirePoints
 from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
+from plnerf.survey.altitude import altitude_at
 from plnerf.survey.attach import hung_between, lines_of, numbered, trimmed
 from plnerf.survey.chains import find_chains, wires_of, with_wires
 from plnerf.survey.classify import classified, ground_of, standing_on
@@ -26,6 +30,7 @@ from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.field_surface import field_surface
 from plnerf.survey.kinds import with_kinds
+from plnerf.survey.known_kinds import with_stated
 from plnerf.survey.lidar.find import find_lines
 from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
@@ -36,12 +41,17 @@ from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.structure_kinds import with_structure_kinds
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
+from plnerf.survey.thresholds import check_altitude
 from plnerf.survey.wire_evidence import counts, with_evidence
 from plnerf.survey.wire_points import wire_points
 from plnerf.train.run import TrainedRun
 from plnerf.train.settings import to_json
 
 Progress = Callable[[int, int], None]
+FLIGHT_M = 120.0
+"""Greatest height above the ground at which drones commonly may fly."""
+LOW_SHARE = 20
+"""One of so many points of a cloud counts as below any line: noise may lie deeper."""
 
 
 def survey_run(
@@ -51,6 +61,7 @@ def survey_run(
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
     photos = photos_of(run.scene)
+    _check_altitude(photos.frame, _low_point(photos), config)
     found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
     points = wire_points(run, photos.frame, found, config.points, parts[0])
     field = field_surface(run, photos.frame, found, config.surface, parts[1])
@@ -64,9 +75,11 @@ def survey_scene(
     """A survey from images and poses alone: no training is needed."""
     config = config or SurveyConfig()
     parts = _parts(progress, 3)
+    photos = photos_of(scene)
+    _check_altitude(photos.frame, _low_point(photos), config)
     found = detect_wires(scene, config.detect, parts[0])
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
-    return _of_images(photos_of(scene), found, None, config, parts[1:], str(scene.root), made)
+    return _of_images(photos, found, None, config, parts[1:], str(scene.root), made)
 
 
 def survey_cloud(
@@ -75,7 +88,9 @@ def survey_cloud(
     """A survey of a point cloud in metres with z up; classes that it has are not used."""
     config = config or SurveyConfig()
     frame = LineFrame.of_cloud(cloud.xyz, cloud.crs)
-    found = find_lines(frame.from_world(cloud.xyz), config.lidar, progress)
+    points = frame.from_world(cloud.xyz)
+    _check_altitude(frame, points[np.argsort(points[:, 2])[len(points) // LOW_SHARE]], config)
+    found = find_lines(points, config.lidar, progress)
     made = {"input": f"{cloud.path.name}, {len(cloud.xyz):,} points; its classes were not used"}
     survey = Survey(
         frame, found.lines, found.cloud, str(cloud.path), made,
@@ -125,6 +140,19 @@ def _of_images(
     return _finished(survey, config)
 
 
+def _check_altitude(frame: LineFrame, low: Float[np.ndarray, "3"], config: SurveyConfig) -> None:
+    """Raises SurveyError where a line above the point `low` is above the table of required clearances."""
+    own = config.clearance
+    if frame.unit == "m" and own.voltage_kv is not None:
+        check_altitude(altitude_at(frame, low), own.voltage_kv, own.thresholds, own.clearance_m)
+
+
+def _low_point(photos: Photos) -> Float[np.ndarray, "3"]:
+    """A point that is not above the ground, by the heights at which drones fly."""
+    centres: Float[np.ndarray, "n 3"] = photos.cameras.centre.numpy()
+    return np.array([*np.median(centres[:, :2], axis=0), centres[:, 2].min() - FLIGHT_M])
+
+
 def _finished(survey: Survey, config: SurveyConfig) -> Survey:
     """With clearances where lengths are metres, and with how it was made."""
     survey = replace(
@@ -133,6 +161,7 @@ def _finished(survey: Survey, config: SurveyConfig) -> Survey:
         settings=to_json(config),
         made={**survey.made, "program": f"plnerf {version('plnerf')}"},
     )
+    survey = with_stated(survey, config.kinds)
     if survey.frame.unit != "m" or not survey.wires:
         return survey
     clearances, findings = measure_clearances(survey, config.clearance)

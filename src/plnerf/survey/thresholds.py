@@ -10,16 +10,20 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from plnerf.errors import SurveyError
 from plnerf.line.clearances import GROUPS, Group, Requirement
 from plnerf.line.survey import Survey
+from plnerf.survey.altitude import Altitude, altitude_of
 
 METRES = {"ft": 0.3048, "m": 1.0}
 """Length of the units that a table may have."""
-DEFAULT_TABLE = "nerc-fac-003-4.toml"
+TABLES = files("plnerf") / "data" / "clearances"
+DEFAULT_TABLE = "nerc-fac-003-5.toml"
 _KEYS = ("name", "source", "date", "applies_to", "unit", "altitude_up_to", "caveats", "class")
+
+
+class AboveTableError(SurveyError):
+    """The line lies, or may lie, above the altitudes of a table."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Table:
     up_to_m: tuple[float, ...]
     """Upper bound of each band, which belongs to it."""
     distances_m: dict[float, tuple[float, ...]]
+    in_force: str = ""
+    """Whether the standard is in force, from when on and until when, as a sentence."""
 
     def of_class(self, voltage_kv: float) -> tuple[float, ...]:
         """Distances by band of altitude.  Raises SurveyError for a voltage that is no class of the table."""
@@ -58,18 +64,27 @@ def own_requirement(distance_m: float) -> Requirement:
     return Requirement(distance_m, GROUPS, f"{distance_m:g} m", "given by the user")
 
 
-def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Requirement:
-    """The distance that a table asks for at a nominal voltage and an altitude above sea level.
+def required_clearance(voltage_kv: float, altitude: Altitude, table: Table) -> Requirement:
+    """The greatest distance that a table asks for at a nominal voltage, of the bands in which a line may be.
 
-    Raises SurveyError for a voltage that is no class of the table, or an altitude above its bands.
+    Raises SurveyError for a voltage that is no class of the table, AboveTableError where the line may be
+    above its bands.
     """
     distances = table.of_class(voltage_kv)
-    band = next((i for i, bound in enumerate(table.up_to_m) if altitude_m <= bound), None)
-    if band is None:
-        raise SurveyError(
-            f"{table.path} goes up to {table.up_to_m[-1]:.0f} m above sea level, but the line is at "
-            f"{altitude_m:.0f} m, where air insulates less. Give a table of your own, or the distance itself "
-            "in metres."
+    bands = [_band(table, bound) for bound in (altitude.low_m, altitude.high_m)]
+    if bands[1] == len(table.up_to_m):
+        raise _above(table, altitude)
+    band = max(range(bands[0], bands[1] + 1), key=lambda k: distances[k])
+    caveats = [table.in_force] * bool(table.in_force)
+    if altitude.why:
+        counts = (
+            f"the greatest distance of the {bands[1] - bands[0] + 1} bands between them counts"
+            if bands[0] < bands[1]
+            else "these are in one band"
+        )
+        caveats.append(
+            f"The altitude above the sea is known to be {altitude.words} only, since {altitude.why}: "
+            f"{counts}."
         )
     return Requirement(
         distances[band],
@@ -77,8 +92,34 @@ def required_clearance(voltage_kv: float, altitude_m: float, table: Table) -> Re
         f"{table.name}: {voltage_kv:g} kV, up to {table.up_to_m[band]:.0f} m above sea level",
         table.source,
         table.date,
-        table.caveats,
+        (*caveats, *table.caveats),
     )
+
+
+def _band(table: Table, altitude_m: float) -> int:
+    """The number of the band that an altitude is in; that of the bands where it is above all."""
+    return sum(altitude_m > bound for bound in table.up_to_m)
+
+
+def _above(table: Table, altitude: Altitude) -> AboveTableError:
+    why = f" ({altitude.why})" if altitude.why else ""
+    return AboveTableError(
+        f"{table.path} goes up to {table.up_to_m[-1]:.0f} m above sea level, but the line is at "
+        f"{altitude.words}{why}, where air insulates less. Give a table of your own, or the distance itself "
+        "in metres."
+    )
+
+
+def check_altitude(
+    lowest: Altitude, voltage_kv: float | None, thresholds: Path | None, clearance_m: float | None
+) -> None:
+    """Raises AboveTableError where even the lowest altitude that the line may have is above the table: before
+    a line is surveyed."""
+    if voltage_kv is None or clearance_m is not None:
+        return
+    table = load_table(thresholds)
+    if _band(table, lowest.low_m) == len(table.up_to_m):
+        raise _above(table, lowest)
 
 
 def check_required(voltage_kv: float | None, thresholds: Path | None, clearance_m: float | None) -> None:
@@ -100,36 +141,25 @@ def requirement(
     """The clearance that the conductors of a survey must keep; None where neither voltage nor distance is
     given.
 
-    clearance_m, a distance to be kept from everything, precedes the table's.  thresholds: path of a table;
-    None: the one that comes with the package.  Raises SurveyError for a line above the table's altitudes.
+    clearance_m, a distance to be kept from everything, precedes the table's.  thresholds: path or name of a
+    table (`load_table`).  Raises AboveTableError for a line above the table's altitudes.
     """
     if clearance_m is not None:
         return own_requirement(clearance_m)
     if voltage_kv is None:
         return None
-    return required_clearance(voltage_kv, altitude_m(survey), load_table(thresholds))
-
-
-def altitude_m(survey: Survey) -> float:
-    """Height of the highest end of a wire in the world's heights, 0 without wires.
-
-    These are above the ellipsoid rather than the sea where the world has an origin, or a CRS without heights
-    of its own: off by the height of the geoid, 110 m at most.
-    """
-    ends = [wire.points(np.array([0.0, wire.base.length_m])) for wire in survey.wires]
-    if not ends:
-        return 0.0
-    origin = survey.frame.origin_lon_lat_height
-    highest = float(survey.frame.to_world(np.concatenate(ends))[:, 2].max())
-    return highest + (0.0 if origin is None else float(origin[2]))
+    return required_clearance(voltage_kv, altitude_of(survey), load_table(thresholds))
 
 
 def load_table(path: Path | None = None) -> Table:
-    """Reads a table from a TOML file; None: the one that comes with the package.
+    """Reads a table from a TOML file.
 
+    path: where nothing is there, the name of a table that comes with the package; None: `DEFAULT_TABLE`.
     Raises SurveyError where the file is missing, or not of the form of `data/clearances/`.
     """
-    place = path or files("plnerf") / "data" / "clearances" / DEFAULT_TABLE
+    place = path or TABLES / DEFAULT_TABLE
+    if path is not None and not path.exists() and (TABLES / path.name).is_file():
+        place = TABLES / path.name
     try:
         data = tomllib.loads(place.read_text(encoding="utf-8"))
     except OSError as error:
@@ -183,4 +213,5 @@ def _table(data: dict[str, Any], path: str) -> Table:
         caveats=tuple(str(caveat) for caveat in data["caveats"]),
         up_to_m=tuple(bound * metres for bound in bounds),
         distances_m=distances,
+        in_force=str(data.get("in_force", "")),
     )
