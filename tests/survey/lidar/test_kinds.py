@@ -56,10 +56,10 @@ ARM = [wire(y, 10.0, 0.75) for y in (-1.12, 0.4, 1.12)]
     ([*ARM, wire(-0.2, 8.2, 0.85), wire(0.2, 7.0, 0.9)], ["neutral", "communication"]),
     ([*ARM, wire(-0.2, 9.7, 0.85)], ["phase"]),  # on the same crossarm
     ([*ARM, wire(-0.2, 6.0, 0.85)], ["phase"]),  # too far below for a neutral of these
-    ([*ARM, wire(-0.6, 8.2), wire(0.6, 8.2)], ["phase"] * 2),  # side by side: another circuit
-    ([*ARM[:2], wire(-0.2, 8.2)], ["phase"]),  # one of three phases
+    ([*ARM, wire(-0.6, 8.2, 0.8), wire(0.6, 8.2, 0.8)], ["phase"] * 2),  # side by side: another circuit
+    ([*ARM[:2], wire(-0.2, 8.2, 0.8)], ["phase"]),  # one of three phases
     ([wire(0.0, 10.0), wire(0.0, 8.8), wire(0.0, 7.6), wire(0.0, 6.4)], ["phase"]),  # a vertical circuit
-    ([wire(0.0, 11.4), *ARM[:2], wire(0.0, 8.2)], ["phase"]),  # a triangle
+    ([wire(0.0, 11.4, 0.8), *ARM[:2], wire(0.0, 8.2, 0.8)], ["phase"]),  # a triangle
 ])  # fmt: skip
 def test_what_hangs_alone_below_three_phases_on_a_crossarm_is_none(
     wires: list[Hung], expected: list[str]
