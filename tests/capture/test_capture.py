@@ -15,6 +15,7 @@ from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.sfm import SfmConfig
+from plnerf.capture.summary import read_report, summary
 from plnerf.cli.main import main
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.formats import read_listing
@@ -90,7 +91,10 @@ def test_photos_become_a_scene_in_metres(tmp_path: Path) -> None:
 
 
 def test_control_points_in_the_photos_hold_the_scene(tmp_path: Path) -> None:
-    """Without them, positions good to 3 m leave it degrees off: with six on the floor it is in its place."""
+    """Without them, positions good to 3 m leave it degrees off: with four on the floor it is in its place.
+
+    Two more say how well.  Heights that are above something else than those of good positions are an error.
+    """
     truth = photos_with_positions(tmp_path / "photos")
     lines = ["EPSG:4979"]
     for k, (x, y) in enumerate([(2.2, 1.0), (3.2, 2.2), (4.0, 1.2), (4.6, 2.0), (2.8, 1.6), (4.9, 1.5)]):
@@ -100,16 +104,30 @@ def test_control_points_in_the_photos_hold_the_scene(tmp_path: Path) -> None:
             px, py = FOCAL * u / depth + W / 2, FOCAL * v / depth + H / 2
             if 0 < px < W and 0 < py < H:
                 lines.append(f"{place[0]:.10f} {place[1]:.10f} {place[2]:.4f} {px} {py} {i:02d}.jpg p{k}")
+                lines[-1] += " check" * (k in {1, 4})
     (tmp_path / "photos" / "gcp_list.txt").write_text("\n".join(lines))
     listing = read_listing(capture(tmp_path / "photos", tmp_path / "scene", CONFIG))
     report = json.loads((tmp_path / "scene" / "capture.json").read_text())["georeference"]
     assert (
-        report["source"] == "the photos' GPS tags and 6 control points" and report["held_by"] == "positions"
+        report["source"] == "the photos' GPS tags and 4 control points" and report["held_by"] == "positions"
     )
     frame = LocalFrame.from_json(json.loads((tmp_path / "scene" / "transforms.json").read_text())["plnerf"])
     found = PLACE.to_local(frame.to_crs(np.stack([shot.T_world_camera[:3, 3] for shot in listing.shots])))
     track = np.linalg.norm(np.diff(truth, axis=0), axis=1).sum()
     assert np.linalg.norm(found - truth, axis=1).max() < 0.01 * track
+    assert (report["control"]["n"], report["check"]["n"]) == (4, 2)
+    assert max(report["check"]["rmse_h_m"], report["check"]["rmse_v_m"]) < 0.005 * track
+    assert {one["name"] for one in report["points"] if one["role"] == "check"} == {"p1", "p4"}
+    said = summary(read_report(tmp_path / "scene"))
+    assert "Control points, n = 4: RMSE_H 0." in said and "Check points, n = 2 (the standard asks" in said
+
+    places = (" ".join(map(str, xyz)) for xyz in PLACE.to_crs(truth + np.array([0.0, 0.0, 47.0])))
+    rows = [f"{i:02d}.jpg {place} 0 0 0 0.05 0.05" for i, place in enumerate(places)]
+    (tmp_path / "photos" / "geo.txt").write_text("\n".join(["EPSG:4979", *rows]))
+    before = (tmp_path / "scene" / "transforms.json").read_bytes()
+    with pytest.raises(CaptureError, match=r"only 0 agree .* they lie 4\d\.\d\d m lower"):
+        capture(tmp_path / "photos", tmp_path / "scene", CONFIG)
+    assert (tmp_path / "scene" / "transforms.json").read_bytes() == before
 
 
 def test_a_video_becomes_an_unscaled_scene(video: Path, tmp_path: Path) -> None:  # noqa: F811 (a fixture)

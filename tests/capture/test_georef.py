@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.capture.test_exif import HERE, photo
 
-from plnerf.capture.control import nearest_point, read_gcp_list
+from plnerf.capture.accuracy import accuracy_text
+from plnerf.capture.control import nearest_point, read_gcp_list, split
 from plnerf.capture.exif import PhotoFacts, read_facts
-from plnerf.capture.georef import Anchor, georeference
+from plnerf.capture.georef import Anchor, ControlError, georeference
 from plnerf.capture.gravity import gravity_from_gimbal, up_in_camera
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.references import Reference, References, from_photos, read_geo_txt
@@ -224,6 +225,103 @@ def test_rays_meet_where_they_are_nearest() -> None:
     assert nearest_point(centres, x - centres) == pytest.approx(x)
     apart = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     assert nearest_point(apart, np.array([[1.0, 0, 0], [0, 1.0, 0]])) == pytest.approx([0, 0, 0])
+
+
+def test_roles_of_control_points_are_stated_or_counted(tmp_path: Path) -> None:
+    rows = [f"{k} 0 0 {px} 1 {name}.jpg p{k}" for k in range(6) for px, name in ((1, "a"), (2, "b"))]
+    rows[2] += " check"
+    rows[4], rows[5] = f"{rows[4]} Control", f"{rows[5]} wrong"
+    path = tmp_path / "gcp_list.txt"
+    path.write_text("\n".join(["EPSG:25832", *rows]))
+    found = read_gcp_list(path, ["a.jpg", "b.jpg"])
+    assert found.problems == ("p2: 'wrong' is no role (control, check) and is not considered",)
+
+    def checks(every: int) -> list[str]:
+        return [one.name for one in split(found, every).points if one.role == "check"]
+
+    assert checks(0) == ["p1"] and checks(2) == ["p1", "p3", "p5"] and checks(4) == ["p1", "p5"]
+    path.write_text("\n".join(["EPSG:25832", *rows, "1 0 0 3 1 a.jpg p1 control"]))
+    with pytest.raises(CaptureError, match="p1 is a control point here and a check point before"):
+        read_gcp_list(path, ["a.jpg", "b.jpg"])
+
+
+def on_the_ground(
+    truth: Similarity, ground: np.ndarray, height_m: float = 0.0, crs: str = PLACE.crs
+) -> list[Anchor]:
+    """Places of the ground in the reconstruction, with surveyed heights that are off."""
+    surveyed = PLACE.to_crs(ground) + np.array([0.0, 0.0, height_m])
+    x = ((ground - truth.shift) @ truth.R) / truth.scale
+    return [
+        Anchor(f"p{k}", x[k], tuple(xyz), (0.02,) * 3, crs, "control") for k, xyz in enumerate(surveyed)
+    ]
+
+
+SIX = np.array([[20.0, 40, 0], [100, 50, 2], [80, -20, 1], [30, -20, 3], [60, 10, 0], [10, 0, 1]])
+
+
+def test_points_held_back_say_how_accurate_it_is() -> None:
+    """Half of 80 points hold the scene; the others' RMSE are those of the errors that they were given."""
+    centres, references, truth = flown(curve())
+    random = np.random.default_rng(5)
+    ground = random.uniform([0, -40, 0], [120, 40, 4], (80, 3))
+    error = random.normal(size=(80, 3)) * [0.03, 0.04, 0.06]
+    points = [
+        replace(one, role="check" if k % 2 else "control", x=one.x + truth.R.T @ off / truth.scale)
+        for k, (one, off) in enumerate(zip(on_the_ground(truth, ground), error, strict=True))
+    ]
+    found = georeference(centres, references, None, points)
+    summary = found.summary()
+    check, true = summary["check"], np.sqrt((error[1::2] ** 2).mean(0))
+    assert check["n"] == summary["control"]["n"] == 40 and len(summary["points"]) == 80
+    assert check["rmse_h_m"] == pytest.approx(np.hypot(*true[:2]), abs=0.01)
+    assert check["rmse_v_m"] == pytest.approx(true[2], abs=0.01)
+    assert check["rmse_h_m"] == pytest.approx(np.hypot(check["rmse_east_m"], check["rmse_north_m"]))
+    assert found.source == "a test and 40 control points" and "p1" not in found.names
+    alone = georeference(centres, references, None, [replace(one, role="check") for one in points]).summary()
+    assert alone["control"] is None and alone["check"]["n"] == 80 and alone["source"] == "a test"
+    said = accuracy_text("check", check)
+    assert said.startswith("Check points, n = 40: RMSE_H 0.0") and "asks" not in said
+    assert "n = 6 (the standard asks for 30)" in accuracy_text("check", check | {"n": 6})
+
+
+def test_heights_above_different_things_are_an_error_that_states_the_offset() -> None:
+    centres, references, truth = flown(curve())
+    with pytest.raises(ControlError) as raised:
+        georeference(centres, references, None, on_the_ground(truth, SIX, -47.0))
+    said = str(raised.value)
+    assert "Of 6 control points only 0 agree with a test, and all differ alike: they lie 47.0" in said
+    assert "m lower and 0.0" in said and "--height-datum" in said
+    with pytest.raises(ControlError, match="only 0 agree"):
+        georeference(centres, references, None, on_the_ground(truth, SIX, -47.0)[:1])
+    checks = [replace(one, role="check") for one in on_the_ground(truth, SIX, 47.0)]
+    told = georeference(centres, references, None, checks).summary()["check_points_off"]
+    assert told.startswith(("47.0", "46.9")) and "m higher" in told
+
+
+def test_poor_positions_give_way_to_control_points_and_their_offset_is_stated() -> None:
+    """GPS without corrections: good to 10 m upright, and 47 m above what control points say."""
+    centres, references, truth = flown(curve(), accuracy_m=1.0)
+    rows = {name: replace(one, sigma_m=(3.0, 3.0, 10.0)) for name, one in references.by_name.items()}
+    references = replace(references, by_name=rows)
+    agreeing = georeference(centres, references, None, on_the_ground(truth, SIX))
+    assert agreeing.positions_off is None
+    found = georeference(centres, references, None, on_the_ground(truth, SIX, -47.0))
+    assert found.summary()["control"]["rmse_v_m"] < 0.05
+    assert found.positions_off is not None and found.positions_off.off_m[2] == pytest.approx(47.0, abs=1.0)
+    assert "m higher" in found.summary()["positions_off"]
+
+
+def test_control_points_that_are_wrong_each_in_its_own_way_are_an_error_if_they_are_most() -> None:
+    centres, references, truth = flown(curve())
+    points = on_the_ground(truth, SIX)
+    for k, wrong in enumerate([(30.0, 5.0, -9.0), (-20.0, 8.0, 12.0), (3.0, -44.0, 1.0), (9.0, 9.0, 30.0)]):
+        points[k] = replace(points[k], xyz=tuple(np.add(points[k].xyz, wrong)))
+        if k == 1:
+            found = georeference(centres, references, None, points)
+            assert found.summary()["not_trusted"] == ["p0", "p1"]
+            assert [one.trusted for one in found.points] == [False, False, True, True, True, True]
+    with pytest.raises(ControlError, match=r"only 2 agree with a test within 4 .* off by p2 4\d\.\d\d m"):
+        georeference(centres, references, None, points)
 
 
 def test_control_points_hold_what_positions_do_not() -> None:

@@ -20,10 +20,10 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float
 
-from plnerf.capture.control import GCP_LIST, SIGMA_M, ControlPoints, nearest_point, read_gcp_list
+from plnerf.capture.control import GCP_LIST, SIGMA_M, ControlPoints, nearest_point, read_gcp_list, split
 from plnerf.capture.exif import PhotoFacts, read_facts
 from plnerf.capture.frames import LEAST, MOST, Taken, choose_frames
-from plnerf.capture.georef import Anchor, Georeference, georeference
+from plnerf.capture.georef import Anchor, ControlError, Georeference, georeference
 from plnerf.capture.gravity import Gravity, gravity_from_gimbal, gravity_from_level_cameras
 from plnerf.capture.local_frame import local_frame
 from plnerf.capture.mapping import LEAST_IMAGES, Tell
@@ -54,8 +54,15 @@ class CaptureConfig:
     """Of a video: overlap that is kept."""
     masks: Path | None = None
     """A folder of masks of the images, or one for all of them."""
+    check_every: int = 0
+    """Every so manyth control point whose role is not stated is a check point; 0: none is."""
 
     def __post_init__(self) -> None:
+        if self.check_every < 0 or self.check_every == 1:
+            raise ConfigError(
+                f"Every 2nd, 3rd, ... control point can be a check point, or none (0), but got check_every = "
+                f"{self.check_every}."
+            )
         if not 0 < self.least < self.most < 1:
             raise ConfigError(
                 f"The overlap of a video's pictures must lie above 0 and below {self.most:g}, but is "
@@ -83,7 +90,7 @@ def capture(
     pairs = choose_pairs(len(facts), config.sfm.pairs, _positions(facts, references))
     found = reconstruct(images, facts, out / "sfm", pairs, config.sfm, masks=masks, tell=tell)
     gravity = _gravity(found, facts)
-    control = _control(source, list(facts))
+    control = _control(source, list(facts), config.check_every)
     placed, why_not = _placed(found, references, gravity, control)
     # Without a place on the earth it is upright at least: later stages take z for up.
     upright = Similarity(1.0, upright_rotation(gravity.up), np.zeros(3))
@@ -195,9 +202,9 @@ def _gravity(found: SfmResult, facts: dict[str, PhotoFacts]) -> Gravity:
     return gravity_from_gimbal(R[said], angles) or gravity_from_level_cameras(R, centres)
 
 
-def _control(source: Path, names: list[str]) -> ControlPoints | None:
+def _control(source: Path, names: list[str], check_every: int) -> ControlPoints | None:
     table = (source if source.is_dir() else source.parent) / GCP_LIST
-    return read_gcp_list(table, names) if table.is_file() else None
+    return split(read_gcp_list(table, names), check_every) if table.is_file() else None
 
 
 def _anchors(found: SfmResult, control: ControlPoints) -> list[Anchor]:
@@ -217,20 +224,25 @@ def _anchors(found: SfmResult, control: ControlPoints) -> list[Anchor]:
         ]
         rays = np.stack([R[i] @ np.append(xy, 1.0) for i, xy in zip(at, flat, strict=True)])
         x = nearest_point(centres[at], rays)
-        anchors.append(Anchor(point.name, x, point.xyz, (SIGMA_M,) * 3, control.crs))
+        anchors.append(Anchor(point.name, x, point.xyz, (SIGMA_M,) * 3, control.crs, point.role))
     return anchors
 
 
 def _placed(
     found: SfmResult, references: References, gravity: Gravity, control: ControlPoints | None
 ) -> tuple[Georeference | None, str | None]:
-    """Where the reconstruction lies on the earth, or why that is not known."""
+    """Where the reconstruction lies on the earth, or why that is not known.
+
+    Raises ControlError where control points contradict all else: lengths without them would be wrong, too.
+    """
     anchors = _anchors(found, control) if control is not None else []
     if not references.by_name and not anchors:
         return None, "no image says where it was taken"
     centres = dict(zip(found.registered, _poses(found)[1], strict=True))
     try:
         return georeference(centres, references, gravity, anchors), None
+    except ControlError:
+        raise
     except CaptureError as error:
         return None, str(error)
 

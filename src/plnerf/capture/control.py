@@ -1,25 +1,30 @@
 """Control points: surveyed places that can be seen in some photos (ODM's gcp_list.txt).
 
     line 1     EPSG:<code>, a PROJ string or WKT
-    then       x y z  pixel_x pixel_y  image  [name]
+    then       x y z  pixel_x pixel_y  image  [name  [role]]
 
-Lines of one name, or of one place where none has a name, are one point seen in several images.
+Lines of one name, or of one place where none has a name, are one point seen in several images.  The role is
+`control`, a point that holds the scene, or `check`, one that says how well it is held; it stands in one line
+of a point or in all.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.capture.accuracy import Role
 from plnerf.capture.references import crs_of, names_by_file, read_rows
 from plnerf.errors import CaptureError
 
 GCP_LIST = "gcp_list.txt"
 SIGMA_M = 0.02
 """Standard deviation of a control point's position, surveying and clicking together."""
+
+ROLES: dict[str, Role] = {"control": "control", "check": "check"}
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,8 @@ class ControlPoint:
     xyz: tuple[float, float, float]
     seen_px: Mapping[str, tuple[float, float]]
     """By image, from its top-left corner."""
+    role: Role = "control"
+    role_stated: bool = False
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,7 @@ def read_gcp_list(path: Path, names: Sequence[str]) -> ControlPoints:
     crs, files = crs_of(rows[0][1]), names_by_file(names)
     places: dict[str, tuple[float, float, float]] = {}
     seen: dict[str, dict[str, tuple[float, float]]] = {}
+    roles: dict[str, Role] = {}
     problems = []
     for number, line in rows[1:]:
         words = line.split()
@@ -71,11 +79,33 @@ def read_gcp_list(path: Path, names: Sequence[str]) -> ControlPoints:
                 f"{' '.join(f'{v:g}' for v in places[point])} before. Correct one of the two."
             )
         seen.setdefault(point, {})[image] = (px, py)
+        if len(words) > 7 and words[7].lower() not in ROLES:
+            problems.append(f"{point}: {words[7]!r} is no role (control, check) and is not considered")
+        elif len(words) > 7:
+            role = ROLES[words[7].lower()]
+            if roles.setdefault(point, role) != role:
+                raise CaptureError(
+                    f"{path}, line {number}: control point {point} is a {role} point here and a "
+                    f"{roles[point]} point before. Correct one of the two."
+                )
     for point in [point for point in seen if len(seen[point]) < 2]:
         problems.append(f"{point}: a control point that one image alone shows is not used")
         del seen[point]
-    points = tuple(ControlPoint(point, places[point], by_image) for point, by_image in seen.items())
-    return ControlPoints(crs, points, tuple(problems))
+    points = tuple(
+        ControlPoint(point, places[point], by_image, roles.get(point, "control"), point in roles)
+        for point, by_image in seen.items()
+    )
+    return ControlPoints(crs, points, tuple(dict.fromkeys(problems)))
+
+
+def split(control: ControlPoints, check_every: int) -> ControlPoints:
+    """With every `check_every`-th of the points whose role is not stated as a check point, in their order."""
+    if not check_every:
+        return control
+    open_ones = [point.name for point in control.points if not point.role_stated]
+    checks = set(open_ones[check_every - 1 :: check_every])
+    points = (replace(one, role="check") if one.name in checks else one for one in control.points)
+    return replace(control, points=tuple(points))
 
 
 def nearest_point(

@@ -5,16 +5,18 @@ What held it is always reported.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from plnerf.capture.accuracy import Offset, PointResidual, Role, accuracy, common_offset
 from plnerf.capture.gravity import Gravity
+from plnerf.capture.heights import heights_of
 from plnerf.capture.local_frame import LocalFrame, local_frame
 from plnerf.capture.references import References
-from plnerf.capture.similarity import RobustFit, robust_similarity
+from plnerf.capture.similarity import INLIER_SIGMAS, RobustFit, robust_similarity
 from plnerf.errors import CaptureError
 
 ROLL_LIMIT_DEG = 1.0
@@ -24,6 +26,17 @@ LEAST_TRUSTED = 0.5
 SAME_M = 1e-3
 SCALE_LIMIT = 0.2
 """Scale known worse than this, relatively: lengths in metres would be a guess."""
+
+
+LEAST_TRUSTED_CONTROL = 0.5
+"""Share of the control points that must agree with the rest, or the scene is not where they say."""
+
+LEAST_POOR_M = 1.0
+"""Standard deviation of heights from which on they may be off alike: they are no heights of RTK."""
+
+
+class ControlError(CaptureError):
+    """Control points and all else contradict each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +49,8 @@ class Anchor:
     xyz: tuple[float, float, float]
     sigma_m: tuple[float, float, float]
     crs: str
+    role: Literal["position", Role] = "position"
+    """The position of a camera; a control point, which holds the scene; a check point, which does not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +65,12 @@ class Georeference:
     held_by: str
     """What holds the turn about the track, in words."""
     gravity_scatter_deg: float | None
+    points: tuple[PointResidual, ...] = ()
+    """Control and check points."""
+    positions_off: Offset | None = None
+    """By how much the cameras' stated positions differ from what control points say, if all do alike."""
+    checks_off: Offset | None = None
+    """The same of check points."""
 
     def summary(self) -> dict[str, Any]:
         """Plain values: residuals in metres (all, and those that were trusted), and what holds the turn."""
@@ -72,6 +93,11 @@ class Georeference:
             "held_by": self.held_by,
             "roll_sigma_deg": None if np.isinf(roll) else roll,
             "gravity_scatter_deg": self.gravity_scatter_deg,
+            "control": accuracy([point for point in self.points if point.role == "control"]),
+            "check": accuracy([point for point in self.points if point.role == "check"]),
+            "points": [point.to_json() for point in self.points],
+            "positions_off": None if self.positions_off is None else self.positions_off.words,
+            "check_points_off": None if self.checks_off is None else self.checks_off.words,
         }
 
 
@@ -83,9 +109,12 @@ def georeference(
 ) -> Georeference:
     """The similarity from the reconstruction to metres east, north and up.
 
-    centres: of the cameras that have a pose, by name.  control: further places that are known in both, whose
-    CRS is then the survey's.  Raises CaptureError where too few are known in both, or they do not agree.
+    centres: of the cameras that have a pose, by name.  control: control and check points, whose CRS is then
+    the survey's.  Raises CaptureError where too few are known in both, or they do not agree, ControlError
+    where most control points contradict the rest.
     """
+    checks = [anchor for anchor in control if anchor.role == "check"]
+    control = [replace(anchor, role="control") for anchor in control if anchor.role != "check"]
     named = [name for name in centres if name in references.by_name]
     known = [(name, references.by_name[name]) for name in named]
     anchors = [Anchor(name, centres[name], ref.xyz, ref.sigma_m, references.crs) for name, ref in known]
@@ -95,19 +124,22 @@ def georeference(
             f"None of the {len(centres)} images with a pose has a position from {references.source}. Give a "
             "geo.txt with positions, or go on without: lengths are then unscaled."
         )
-    crs = anchors[-1].crs
-    frame = local_frame(crs, np.array([anchor.xyz for anchor in anchors if anchor.crs == crs]))
-    x = np.stack([anchor.x for anchor in anchors])
-    y = np.concatenate([
-        LocalFrame(anchor.crs, frame.origin).to_local(np.array([anchor.xyz])) for anchor in anchors
-    ])
-    sigma = np.array([anchor.sigma_m for anchor in anchors])
+    crs = (control or checks or anchors)[-1].crs
+    own = [anchor.xyz for anchor in (*anchors, *checks) if anchor.crs == crs]
+    frame = local_frame(crs, np.array(own))
+    x, y, sigma = _known(anchors, frame)
     if len(y) > 1 and np.ptp(y, axis=0).max() < SAME_M:
         raise CaptureError(
             f"All {len(y)} positions are the same, so that they hold no scale. The receiver stood still: "
             "give positions in geo.txt, or go on without: lengths are then unscaled."
         )
     fit = robust_similarity(x, y, sigma)
+    of_control = np.array([anchor.role == "control" for anchor in anchors])
+    positions_off = _height_offset(fit, of_control, sigma)
+    if positions_off is not None:
+        y[~of_control, 2] -= positions_off.off_m[2]
+        fit = robust_similarity(x, y, sigma)
+    _check_control(fit, of_control, anchors, sigma, references.source)
     if fit.scale_sigma > SCALE_LIMIT:
         extent = float(np.linalg.norm(np.ptp(y[fit.inlier], axis=0)))
         raise CaptureError(
@@ -126,7 +158,80 @@ def georeference(
         fit, held = robust_similarity(x, y, sigma, gravity.up), f"positions and {gravity.source}"
     elif fit.roll_sigma_deg > ROLL_LIMIT_DEG:
         held = "positions alone, the roll is open"
+    points = [
+        PointResidual(anchor.name, "control", off, bool(good))
+        for anchor, off, good in zip(anchors, fit.residual, fit.inlier, strict=True)
+        if anchor.role == "control"
+    ]
+    checks_off = None
+    if checks:
+        x, y, its = _known(checks, frame)
+        off = fit.similarity(x) - y
+        good = np.sqrt(((off / its) ** 2).mean(1)) <= INLIER_SIGMAS
+        points += [
+            PointResidual(anchor.name, "check", one, bool(well))
+            for anchor, one, well in zip(checks, off, good, strict=True)
+        ]
+        checks_off = common_offset(-off, its, INLIER_SIGMAS)
+    if positions_off is None and of_control.any() and not of_control.all():
+        positions_off = common_offset(-fit.residual[~of_control], sigma[~of_control], INLIER_SIGMAS)
     parts = [references.source] * bool(named) + [f"{len(control)} control points"] * bool(control)
     scatter = None if gravity is None else gravity.scatter_deg
     names = tuple(anchor.name for anchor in anchors)
-    return Georeference(frame, fit, names, " and ".join(parts), held, scatter)
+    return Georeference(
+        frame, fit, names, " and ".join(parts), held, scatter, tuple(points), positions_off, checks_off
+    )
+
+
+def _known(
+    anchors: Sequence[Anchor], frame: LocalFrame
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Places in the reconstruction and in metres, and standard deviations of the latter."""
+    y = [LocalFrame(anchor.crs, frame.origin).to_local(np.array([anchor.xyz]))[0] for anchor in anchors]
+    return np.stack([anchor.x for anchor in anchors]), np.stack(y), np.array([a.sigma_m for a in anchors])
+
+
+def _height_offset(
+    fit: RobustFit, of_control: Bool[np.ndarray, " n"], sigma: Float[np.ndarray, "n 3"]
+) -> Offset | None:
+    """By how much the heights of all positions are off if most control points say so and the positions are no
+    good ones: barometers and receivers without corrections state heights above anything."""
+    if _most_agree(fit, of_control) or np.median(sigma[~of_control, 2]) < LEAST_POOR_M:
+        return None
+    common = common_offset(-fit.residual[of_control], sigma[of_control], INLIER_SIGMAS)
+    return None if common is None else replace(common, off_m=-common.off_m)
+
+
+def _most_agree(fit: RobustFit, of_control: Bool[np.ndarray, " n"]) -> bool:
+    return not of_control.any() or bool(fit.inlier[of_control].mean() >= LEAST_TRUSTED_CONTROL)
+
+
+def _check_control(
+    fit: RobustFit, of_control: Bool[np.ndarray, " n"], anchors: Sequence[Anchor],
+    sigma: Float[np.ndarray, "n 3"], source: str,
+) -> None:  # fmt: skip
+    """Raises ControlError where most control points disagree with the photos' positions: in a common offset,
+    as of heights above different things, or each in its own way."""
+    if _most_agree(fit, of_control):
+        return
+    count, good = int(of_control.sum()), int(fit.inlier[of_control].sum())
+    off = -fit.residual[of_control]
+    named = [anchor for anchor, one in zip(anchors, of_control, strict=True) if one]
+    head = f"Of {count} control points only {good} agree with {source}"
+    common = common_offset(off, sigma[of_control], INLIER_SIGMAS)
+    if common is not None:
+        others = heights_of(next(anchor.crs for anchor in anchors if anchor.role == "position"))
+        raise ControlError(
+            f"{head}, and all differ alike: they lie {common.words}. Heights of the two are above different "
+            f"things: of the photos {others.words}, of the control points "
+            f"{heights_of(named[0].crs).words}. State what the control points' heights are above "
+            "(--height-datum EPSG:7837, for example, or EPSG:25832+7837 in the first line of their file), or "
+            "correct them."
+        )
+    worst = sorted(zip(np.linalg.norm(off, axis=1).tolist(), named, strict=True), key=lambda one: -one[0])
+    some = ", ".join(f"{anchor.name} {far:.2f} m" for far, anchor in worst[:5])
+    raise ControlError(
+        f"{head} within {INLIER_SIGMAS:g} standard deviations; they are off by {some}. Check their "
+        "coordinate reference system, the order of their axes, and where they are marked in the images; or "
+        "remove those that are wrong."
+    )

@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from plnerf.capture.accuracy import accuracy_text
 from plnerf.capture.capture import REPORT
 
 SHOWN = 5
@@ -50,6 +51,20 @@ def summary(report: dict[str, Any]) -> str:
         f"({place['source']}): median {place['residual_median_m']:.2f} m off, worst "
         f"{place['residual_worst_m']:.2f} m."
     )
+    for what in ("control", "check"):
+        if place[what] is not None:
+            lines.append(accuracy_text(what, place[what]))
+    if place["check"] is None and place["control"] is not None:
+        lines.append(
+            "No point was held back to check: residuals of points that hold a scene do not say how accurate "
+            "it is (`check` as the last word of a line of gcp_list.txt, or --check-every)."
+        )
+    for whose, off in (("The photos' positions", "positions_off"), ("The check points", "check_points_off")):
+        if place[off] is not None:
+            lines.append(
+                f"{whose} all differ alike from what holds the scene: they lie {place[off]}. Their heights "
+                "are probably above something else (ellipsoid, sea)."
+            )
     if place["held_by"] != "positions":
         roll = place["roll_sigma_deg"]
         known = "not" if roll is None else f"to {roll:.1f} degrees only"

@@ -20,6 +20,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     features: int = 4096,
     overlap: float = 0.75,
     masks: Path | None = None,
+    check_every: int = 0,
     seed: int = 0,
 ) -> None:
     """Make a scene of photos or a video: poses by COLMAP, place by GPS; goes on where it was cut off.
@@ -33,13 +34,16 @@ def capture(  # noqa: PLR0913 (an argument is an option)
         features: Largest number of features of an image.
         overlap: Video only: minimum overlap of consecutive selected frames.
         masks: Folder of masks (IMAGE.png, black where an image is ignored), or one for all images.
+        check_every: Every so manyth control point of gcp_list.txt whose role is not stated there is held
+            back to check the result; 0: none is.
         seed: Decides the random draws of structure from motion.
     """
     from plnerf.capture.capture import CaptureConfig
     from plnerf.capture.sfm import SfmConfig
 
     sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
-    capture_shown(Console(), source, out, CaptureConfig(sfm, least=overlap, masks=masks))
+    config = CaptureConfig(sfm, least=overlap, masks=masks, check_every=check_every)
+    capture_shown(Console(), source, out, config)
 
 
 def capture_shown(console: Console, source: Path, out: Path, config: Any) -> Path:
