@@ -220,7 +220,8 @@ def test_the_command_tells_what_came_of_it(
     out = capsys.readouterr().out
     assert f"{COUNT} of {COUNT + 1} images have a pose" in out and str(tmp_path / "scene") in out
     assert "No pose: grey.jpg: hardly a feature: blurred, dark, or without texture." in out
-    assert f"Georeferenced in EPSG:4979 by {COUNT} of {COUNT} positions (the photos' GPS tags)" in out
+    where = "Georeferenced in WGS 84 (EPSG:4326), heights above what is not stated"
+    assert f"{where}, by {COUNT} of {COUNT} positions (the photos' GPS tags)" in " ".join(out.split())
     assert "hold the turn about their main direction to" in out
 
 

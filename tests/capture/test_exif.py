@@ -60,6 +60,39 @@ def test_dji_states_heights_accuracies_and_directions(tmp_path: Path) -> None:
     assert facts.gimbal_deg == (12.5, -45.2, 0.1)
 
 
+def dji(**tags: str) -> str:
+    """XMP of a drone with RTK, whose deviations are those of a fixed solution."""
+    more = " ".join(f'drone-dji:{name}="{value}"' for name, value in tags.items())
+    return DJI.replace("drone-dji:AbsoluteAltitude", f"{more} drone-dji:AbsoluteAltitude")
+
+
+@pytest.mark.parametrize(
+    ("tags", "heights", "deviations"),
+    [
+        ({"AltitudeType": "RtkAlt", "RtkFlag": "50"}, "ellipsoid", (0.014, 0.031)),
+        ({"RtkFlag": "50"}, "ellipsoid", (0.014, 0.031)),
+        ({"AltitudeType": "GpsFusionAlt", "RtkFlag": "50"}, "unknown", (0.014, 0.031)),
+        ({"AltitudeType": "RtkAlt", "RtkFlag": "34"}, "ellipsoid", (0.5, 1.0)),
+        ({"AltitudeType": "GpsFusionAlt", "RtkFlag": "16"}, "unknown", (HORIZONTAL_M, VERTICAL_M)),
+        ({"RtkFlag": "0"}, "unknown", (HORIZONTAL_M, VERTICAL_M)),
+    ],
+)
+def test_dji_says_what_its_heights_are_above_and_whether_rtk_was_fixed(
+    tags: dict[str, str], heights: str, deviations: tuple[float, float], tmp_path: Path
+) -> None:
+    fix = photo(tmp_path, HERE, xmp=dji(**tags)).fix
+    assert fix is not None and fix.heights == heights
+    assert (fix.horizontal_m, fix.vertical_m) == deviations
+
+
+@pytest.mark.parametrize(("ref", "height", "heights"), [(2, 58.25, "ellipsoid"), (3, -58.25, "ellipsoid")])
+def test_exif_3_says_that_heights_are_above_the_ellipsoid(
+    ref: int, height: float, heights: str, tmp_path: Path
+) -> None:
+    fix = photo(tmp_path, {**HERE, G.GPSAltitudeRef: bytes([ref])}).fix
+    assert fix is not None and (fix.height_m, fix.heights) == (height, heights)
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [

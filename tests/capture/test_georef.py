@@ -8,11 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.capture.test_exif import HERE, photo
 
+from plnerf.capture import georef
 from plnerf.capture.accuracy import accuracy_text
 from plnerf.capture.control import nearest_point, read_gcp_list, split
 from plnerf.capture.exif import PhotoFacts, read_facts
 from plnerf.capture.georef import Anchor, ControlError, georeference
 from plnerf.capture.gravity import gravity_from_gimbal, up_in_camera
+from plnerf.capture.heights import heights_of, with_heights
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.references import Reference, References, from_photos, read_geo_txt
 from plnerf.capture.similarity import Similarity
@@ -119,7 +121,7 @@ def test_photos_positions_are_collected_with_what_was_wrong(tmp_path: Path) -> N
     facts["flat.jpg"] = photo(tmp_path, flat)
     facts["zero.jpg"] = photo(tmp_path, {**HERE, 2: (0.0, 0.0, 0.0), 4: (0.0, 0.0, 0.0)})
     found = from_photos(facts)
-    assert list(found.by_name) == ["good.jpg"] and found.crs == "EPSG:4979"
+    assert list(found.by_name) == ["good.jpg"] and found.crs == "EPSG:4326"
     assert [problem.split(":")[0] for problem in found.problems] == ["flat.jpg", "zero.jpg"]
 
 
@@ -296,6 +298,48 @@ def test_heights_above_different_things_are_an_error_that_states_the_offset() ->
     checks = [replace(one, role="check") for one in on_the_ground(truth, SIX, 47.0)]
     told = georeference(centres, references, None, checks).summary()["check_points_off"]
     assert told.startswith(("47.0", "46.9")) and "m higher" in told
+
+
+def above_the_ellipsoid(references: References) -> References:
+    return replace(references, crs=with_heights(references.crs, "ellipsoid"))
+
+
+def test_rtk_and_a_datum_meet_by_the_control_points_where_no_grid_is_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Photos above the ellipsoid, control points above DHHN2016, 47 m lower: the offset is estimated, or the
+    grid's; the survey's heights are those of the control points."""
+    centres, references, truth = flown(curve())
+    references = above_the_ellipsoid(references)
+    points = on_the_ground(truth, SIX, -47.0, "EPSG:25832+7837")
+    monkeypatch.setattr(georef, "datum_height_m", lambda crs, lon_lat: None)
+    found = georeference(centres, references, None, points)
+    summary = found.summary()
+    assert found.frame.crs == "EPSG:25832+7837" and summary["control"]["rmse_v_m"] < 0.03
+    assert found.positions_off is not None and found.positions_off.off_m[2] == pytest.approx(47.0, abs=0.03)
+    assert summary["positions_trusted"] == 46
+    ground = found.frame.to_crs(found.fit.similarity(np.stack([one.x for one in points])))
+    assert ground == pytest.approx(np.array([one.xyz for one in points]), abs=0.05)
+    checks = [replace(one, role="check") for one in points]
+    with pytest.raises(ControlError, match=r"cannot be compared. Its grid .*de_bkg_gcg2016.tif"):
+        georeference(centres, references, None, checks)
+
+    monkeypatch.setattr(
+        georef, "datum_height_m", lambda crs, lon_lat: np.full(len(lon_lat), 47.0 if "7837" in crs else 0.0)
+    )
+    found = georeference(centres, references, None, points)
+    assert found.positions_off is None and found.fit.inlier.all()
+    judged = georeference(centres, references, None, checks)
+    assert judged.summary()["check"]["rmse_v_m"] < 0.05
+    assert heights_of(judged.frame.crs).kind == "ellipsoid"
+
+
+def test_control_points_that_agree_with_rtk_are_above_the_ellipsoid_too() -> None:
+    centres, references, truth = flown(curve())
+    found = georeference(centres, above_the_ellipsoid(references), None, on_the_ground(truth, SIX))
+    assert heights_of(found.frame.crs).kind == "ellipsoid"
+    plain = georeference(centres, references, None, on_the_ground(truth, SIX))
+    assert plain.frame.crs == "EPSG:25832"
 
 
 def test_poor_positions_give_way_to_control_points_and_their_offset_is_stated() -> None:

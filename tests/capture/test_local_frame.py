@@ -67,3 +67,19 @@ def test_an_unknown_crs_is_told(crs: str) -> None:
 def test_coordinates_outside_of_a_crs_are_told() -> None:
     with pytest.raises(CaptureError, match="1 of 2 coordinates lie outside of what EPSG:32632 can say"):
         LocalFrame("EPSG:32632", (9.0, 48.0, 0.0)).to_local(np.array([[5e5, 5e6, 0.0], [np.inf, 0.0, 0.0]]))
+
+
+def test_heights_above_a_datum_pass_through_without_its_grid() -> None:
+    """Metres above DHHN2016, and feet above NAVD88: in and out the same, metres inside."""
+    german = local_frame("EPSG:25832+7837", np.array([[600_000.0, 5_700_000.0, 300.0]]))
+    assert german.origin[2] == 300.0
+    places = np.array([[600_100.0, 5_700_050.0, 312.5], [600_000.0, 5_700_000.0, 300.0]])
+    local = german.to_local(places)
+    assert np.abs(german.to_crs(local) - places).max() < 1e-3
+    flat = LocalFrame("EPSG:25832", german.origin).to_local(places)
+    assert local == pytest.approx(flat, abs=1e-9)
+    foot = 1200 / 3937
+    york = local_frame("EPSG:2263+6360", np.array([[1_000_000.0, 200_000.0, 100.0]]))
+    assert york.origin[2] == pytest.approx(100 * foot, abs=1e-3)
+    up = york.to_local(np.array([[1_000_000.0, 200_000.0, 200.0]]))[0]
+    assert up == pytest.approx([0, 0, 100 * foot], abs=2e-2)

@@ -17,12 +17,12 @@ from scipy.spatial import cKDTree
 from tests.support import many_spans, surveys
 from tests.support.catenary_surveys import UTM, ZERO, corridor, line_of
 
+from plnerf.capture.heights import heights_of, horizontal
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.errors import CaptureError, SurveyError
 from plnerf.export import crs, dxf, exports, gis, las, rows
 from plnerf.export.crs import crs_transform
 from plnerf.export.exports import Exports, write_exports
-from plnerf.export.las import wkt_of
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Open, Quantity
 from plnerf.line.files import survey_json
@@ -83,7 +83,7 @@ def test_all_files_are_written(written: Exports) -> None:
     assert set(written.files) == ALL
     assert all(path.is_file() for path in written.files.values())
     assert not list(written.files["cloud.laz"].parent.glob("*partial*"))
-    assert any("says nothing of heights" in text for text in written.about)
+    assert any("heights above what is not stated" in text for text in written.about)
 
 
 def test_the_laz_is_what_the_format_asks_for(survey: Survey, written: Exports) -> None:
@@ -130,9 +130,71 @@ def test_a_crs_comes_back_out_of_the_laz(name: str, origin: np.ndarray, tmp_path
     assert np.abs(laspy.read(laz).xyz - world(survey, survey.cloud.xyz)).max() < 1e-3
 
 
-def test_a_crs_of_three_dimensions_is_written_by_its_horizontal_part() -> None:
-    assert CRS.from_wkt(wkt_of(CRS("EPSG:32632").to_3d())).to_epsg() == 32632
-    assert CRS.from_wkt(wkt_of(CRS("EPSG:7415"))).is_compound
+SOLID = CRS("EPSG:25832").to_3d().to_wkt()
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words", "urn"),
+    [
+        ("EPSG:25832", "unknown", "heights above what is not stated", "urn:ogc:def:crs:EPSG::25832"),
+        (SOLID, "ellipsoid", "heights above the ellipsoid of ETRS89", "urn:ogc:def:crs:EPSG::25832"),
+        (
+            "EPSG:25832+7837",
+            "datum",
+            "heights above DHHN2016 (EPSG:7837)",
+            "urn:ogc:def:crs,crs:EPSG::25832,crs:EPSG::7837",
+        ),
+    ],
+)
+def test_every_file_names_what_its_heights_are_above(
+    name: str, kind: str, words: str, urn: str, survey: Survey, tmp_path: Path
+) -> None:
+    """And none passes heights above the ellipsoid off as others, nor the other way round."""
+    done = write_exports(reframed(survey, crs=name), tmp_path)
+    whole = f"ETRS89 / UTM zone 32N (EPSG:25832), {words}"
+    with laspy.open(done.files["cloud.laz"]) as file:
+        found = file.header.parse_crs()
+    assert found is not None and heights_of(found).kind == kind
+    assert horizontal(found).to_epsg(min_confidence=20) == 25832
+    assert kind != "datum" or found.sub_crs_list[1].to_epsg() == 7837
+    assert ezdxf.readfile(done.files["conductors.dxf"]).header.custom_vars.get("REFERENCE") == whole
+    for table_name in ("conductors.csv", "structures.csv", "clearances.csv"):
+        assert {row["reference"] for row in table(done.files[table_name])} == {whole}
+    projected = json.loads(done.files["conductors-projected.geojson"].read_text())
+    assert projected["crs"]["properties"]["name"] == urn
+    assert projected["heights"] == heights_of(name).words
+    assert any(whole in text for text in done.about)
+    on_earth = json.loads(done.files["conductors.geojson"].read_text())
+    height = on_earth["features"][0]["geometry"]["coordinates"][0][2]
+    assert height == pytest.approx(world(survey, survey.wires[0].points(np.zeros(1)))[0, 2], abs=0.01)
+    # No grid of DHHN2016 is installed here: heights stay what they are, and the file says so.
+    above = "above the WGS 84 ellipsoid" if kind == "ellipsoid" else heights_of(name).words
+    assert on_earth["heights"] == above
+    assert any("de_bkg_gcg2016.tif" in text for text in done.about) == (kind == "datum")
+
+
+def test_longitudes_and_latitudes_have_heights_above_the_ellipsoid_where_a_grid_is_there(
+    survey: Survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a datum 47 m above the ellipsoid, which falls by 1 m per degree northwards."""
+    monkeypatch.setattr(crs, "datum_height_m", lambda name, lon_lat: 47.0 - (lon_lat[:, 1] - 51.0))
+    done = write_exports(reframed(survey, crs="EPSG:25832+7837"), tmp_path)
+    on_earth = json.loads(done.files["conductors.geojson"].read_text())
+    _, latitude, height = on_earth["features"][0]["geometry"]["coordinates"][0]
+    stated = world(survey, survey.wires[0].points(np.zeros(1)))[0, 2]
+    assert height == pytest.approx(stated + 47.0 - (latitude - 51.0), abs=0.01)
+    assert on_earth["heights"] == "above the WGS 84 ellipsoid"
+
+
+def test_heights_in_feet_are_those_of_the_crs_in_the_files(local: Survey, tmp_path: Path) -> None:
+    """New York's plane in survey feet over NAVD88 in feet: metres inside, feet outside."""
+    place = np.array([-73.9, 40.7, 30.0])
+    done = write_exports(reframed(local, crs="EPSG:2263+6360", origin_lon_lat_height=place), tmp_path)
+    row, wire = table(done.files["structures.csv"])[0], local.structures[0]
+    east = local.frame.to_world(wire.foot[None])[0]
+    assert float(row["foot_z"]) * 1200 / 3937 == pytest.approx(30.0 + east[2], abs=0.01)
+    assert "heights above NAVD88 (ftUS)" in row["reference"]
+    assert ezdxf.readfile(done.files["conductors.dxf"]).header["$INSUNITS"] == 21
 
 
 def test_geojson_has_longitudes_and_latitudes(survey: Survey, written: Exports) -> None:
@@ -440,11 +502,14 @@ def test_every_transform_can_be_undone(name: str, request: pytest.FixtureRequest
 def test_degrees_are_no_metres(local: Survey, survey: Survey, tmp_path: Path) -> None:
     done = write_exports(reframed(local, crs="EPSG:4979"), tmp_path)
     with laspy.open(done.files["cloud.laz"]) as file:
-        assert file.header.parse_crs().to_epsg() == 32632
-    assert "EPSG:4979 has longitudes and latitudes; files that need metres are in EPSG:32632" in done.about[0]
+        found = file.header.parse_crs()
+    assert horizontal(found).to_epsg(min_confidence=20) == 32632 and heights_of(found).kind == "ellipsoid"
+    assert "WGS 84 has longitudes and latitudes; files that need metres are in UTM" in done.about[0]
+    orthometric = crs_transform(reframed(local, crs="EPSG:4326+5773"))
+    assert orthometric.reference == "WGS 84 / UTM zone 32N (EPSG:32632), heights above EGM96 (EPSG:5773)"
     andes = np.array([-70.5, -33.0, 500.0])
     south = crs_transform(reframed(local, crs="EPSG:4979", origin_lon_lat_height=andes))
-    assert south.crs is not None and south.crs.to_epsg() == 32719
+    assert south.crs is not None and horizontal(south.crs).to_epsg(min_confidence=20) == 32719
     with pytest.raises(SurveyError, match="are degrees, so that they hold no metres"):
         crs_transform(reframed(survey, crs="EPSG:4326"))
 
@@ -546,13 +611,13 @@ def test_a_drawing_that_reads_back_differently_is_not_kept(
 
     monkeypatch.setattr(dxf, "readfile", moved)
     with pytest.raises(SurveyError, match=r"of its 2 vertices, number 0 \(from 0\) should be at"):
-        dxf.write_dxf(tmp_path / "t.dxf", [line], "metre")
+        dxf.write_dxf(tmp_path / "t.dxf", [line], "metre", "somewhere")
     assert not list(tmp_path.iterdir())
 
 
 def test_long_texts_are_cut_where_dxf_allows_no_more(tmp_path: Path) -> None:
     line = dxf.Drawn("STRUCTURE", 1, np.array([UTM, UTM + 1]), ("ä" * 200,))
-    dxf.write_dxf(tmp_path / "t.dxf", [line], "metre")
+    dxf.write_dxf(tmp_path / "t.dxf", [line], "metre", "somewhere")
     (read,) = ezdxf.readfile(tmp_path / "t.dxf").modelspace()
     assert read.get_xdata("PLNERF")[-1].value == "ä" * 127
 

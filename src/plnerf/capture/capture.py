@@ -25,6 +25,7 @@ from plnerf.capture.exif import PhotoFacts, read_facts
 from plnerf.capture.frames import LEAST, MOST, Taken, choose_frames
 from plnerf.capture.georef import Anchor, ControlError, Georeference, georeference
 from plnerf.capture.gravity import Gravity, gravity_from_gimbal, gravity_from_level_cameras
+from plnerf.capture.heights import check_height_datum
 from plnerf.capture.local_frame import local_frame
 from plnerf.capture.mapping import LEAST_IMAGES, Tell
 from plnerf.capture.masks import bring_masks
@@ -54,10 +55,13 @@ class CaptureConfig:
     """Of a video: overlap that is kept."""
     masks: Path | None = None
     """A folder of masks of the images, or one for all of them."""
+    height_datum: str | None = None
+    """What heights are above whose file does not say it: `ellipsoid`, or a vertical CRS such as EPSG:7837."""
     check_every: int = 0
     """Every so manyth control point whose role is not stated is a check point; 0: none is."""
 
     def __post_init__(self) -> None:
+        check_height_datum(self.height_datum)
         if self.check_every < 0 or self.check_every == 1:
             raise ConfigError(
                 f"Every 2nd, 3rd, ... control point can be a check point, or none (0), but got check_every = "
@@ -86,11 +90,11 @@ def capture(
         photos = bring_upright(find_photos(source, lambda done, of: tell("photos", done, of)), images)
         facts, problems = photos.facts, photos.problems
     masks = bring_masks(config.masks, facts, out / "masks") if config.masks is not None else {}
-    references = _references(source, facts)
+    references = _references(source, facts, config.height_datum)
     pairs = choose_pairs(len(facts), config.sfm.pairs, _positions(facts, references))
     found = reconstruct(images, facts, out / "sfm", pairs, config.sfm, masks=masks, tell=tell)
     gravity = _gravity(found, facts)
-    control = _control(source, list(facts), config.check_every)
+    control = _control(source, list(facts), config)
     placed, why_not = _placed(found, references, gravity, control)
     # Without a place on the earth it is upright at least: later stages take z for up.
     upright = Similarity(1.0, upright_rotation(gravity.up), np.zeros(3))
@@ -173,9 +177,11 @@ def _chosen_before(path: Path, inputs: list[Any], images: Path) -> list[Taken] |
     return taken if content["inputs"] == inputs and whole else None
 
 
-def _references(source: Path, facts: dict[str, PhotoFacts]) -> References:
+def _references(source: Path, facts: dict[str, PhotoFacts], height_datum: str | None) -> References:
     table = (source if source.is_dir() else source.parent) / GEO_TXT
-    return read_geo_txt(table, list(facts)) if table.is_file() else from_photos(facts)
+    if table.is_file():
+        return read_geo_txt(table, list(facts), height_datum)
+    return from_photos(facts, height_datum)
 
 
 def _positions(facts: dict[str, PhotoFacts], references: References) -> Float[np.ndarray, "n 3"] | None:
@@ -202,9 +208,11 @@ def _gravity(found: SfmResult, facts: dict[str, PhotoFacts]) -> Gravity:
     return gravity_from_gimbal(R[said], angles) or gravity_from_level_cameras(R, centres)
 
 
-def _control(source: Path, names: list[str], check_every: int) -> ControlPoints | None:
+def _control(source: Path, names: list[str], config: CaptureConfig) -> ControlPoints | None:
     table = (source if source.is_dir() else source.parent) / GCP_LIST
-    return split(read_gcp_list(table, names), check_every) if table.is_file() else None
+    if not table.is_file():
+        return None
+    return split(read_gcp_list(table, names, config.height_datum), config.check_every)
 
 
 def _anchors(found: SfmResult, control: ControlPoints) -> list[Anchor]:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.capture.accuracy import Role
+from plnerf.capture.heights import with_heights
 from plnerf.capture.references import crs_of, names_by_file, read_rows
 from plnerf.errors import CaptureError
 
@@ -48,10 +49,13 @@ class ControlPoints:
     problems: tuple[str, ...] = ()
 
 
-def read_gcp_list(path: Path, names: Sequence[str]) -> ControlPoints:
-    """Control points that two or more of the images show.  Raises CaptureError for a malformed file."""
+def read_gcp_list(path: Path, names: Sequence[str], height_datum: str | None = None) -> ControlPoints:
+    """Control points that two or more of the images show.  Raises CaptureError for a malformed file.
+
+    height_datum: what heights are above, where the file's CRS does not say it.
+    """
     rows = read_rows(path, "x y z pixel_x pixel_y image")
-    crs, files = crs_of(rows[0][1]), names_by_file(names)
+    crs, files = with_heights(crs_of(rows[0][1]), height_datum), names_by_file(names)
     places: dict[str, tuple[float, float, float]] = {}
     seen: dict[str, dict[str, tuple[float, float]]] = {}
     roles: dict[str, Role] = {}

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from PIL import ExifTags, Image, UnidentifiedImageError
 
@@ -16,6 +16,10 @@ from plnerf.errors import CaptureError
 
 HORIZONTAL_M, VERTICAL_M = 3.0, 10.0
 """Standard deviations of a position that states none: a receiver without correction signals."""
+FLOAT_M, FLOAT_UP_M = 0.5, 1.0
+"""Least standard deviations of a position whose RTK solution has no fixed ambiguities, whatever it states."""
+RTK_FIXED, RTK_FLOAT = 50, 34
+"""DJI's RtkFlag of solutions with fixed and with floating ambiguities; 16 is a single point, 0 none."""
 _XMP = re.compile(rb"(?<!/)(?:drone-dji|Camera):(\w+)(?:=\"([^\"]*)\"|>([^<]*)<)")
 
 
@@ -26,9 +30,12 @@ class GpsFix:
     longitude_deg: float
     latitude_deg: float
     height_m: float | None
-    """As stated: above the ellipsoid or the sea, which receivers do not say."""
+    """As stated; `heights` says above what."""
     horizontal_m: float
     vertical_m: float
+    heights: Literal["ellipsoid", "unknown"] = "unknown"
+    """What the height is above: the ellipsoid where RTK (AltitudeType, RtkFlag) or EXIF 3.0 say so.  Else it
+    may be anything: receivers write ellipsoidal heights as "above sea level", barometers drift."""
 
 
 @dataclass(frozen=True)
@@ -102,18 +109,28 @@ def _fix(gps: dict[int, Any], dji: dict[str, str]) -> tuple[GpsFix | None, str |
     if abs(latitude) > 90 or abs(longitude) > 180:
         return None, f"there is no latitude {latitude:g} or longitude {longitude:g}"
     height = _number(gps.get(tags.GPSAltitude))
-    below = gps.get(tags.GPSAltitudeRef) in {b"\x01", 1}
+    below = gps.get(tags.GPSAltitudeRef) in {b"\x01", 1, b"\x03", 3}
     height = -height if height is not None and below else height
     precise = _number(dji.get("AbsoluteAltitude"))
+    flag = _number(dji.get("RtkFlag"))
+    kind = dji.get("AltitudeType", "").lower()
+    by_rtk = precise is not None and (kind == "rtkalt" or (not kind and flag == RTK_FIXED))
+    by_exif = precise is None and gps.get(tags.GPSAltitudeRef) in {b"\x02", 2, b"\x03", 3}
     sides = [_number(dji.get(f"RtkStd{axis}")) for axis in ("Lon", "Lat")]
     horizontal = max((side for side in sides if side), default=_number(dji.get("GPSXYAccuracy")))
     vertical = _number(dji.get("RtkStdHgt")) or _number(dji.get("GPSZAccuracy"))
+    # RTK that has no fixed solution states deviations that are too small, or of a solution before.
+    floating = flag == RTK_FLOAT
+    least, least_up = (FLOAT_M, FLOAT_UP_M) if floating else (HORIZONTAL_M, VERTICAL_M)
+    if flag is None or flag == RTK_FIXED:
+        least = least_up = 0.0
     return GpsFix(
         longitude,
         latitude,
         height if precise is None else precise,
-        horizontal or HORIZONTAL_M,
-        vertical or VERTICAL_M,
+        max(horizontal or HORIZONTAL_M, least),
+        max(vertical or VERTICAL_M, least_up),
+        "ellipsoid" if by_rtk or by_exif else "unknown",
     ), None
 
 

@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 
 from plnerf.capture.accuracy import Offset, PointResidual, Role, accuracy, common_offset
 from plnerf.capture.gravity import Gravity
-from plnerf.capture.heights import heights_of
-from plnerf.capture.local_frame import LocalFrame, local_frame
-from plnerf.capture.references import References
+from plnerf.capture.heights import ELLIPSOID, datum_height_m, heights_of, missing_grids, with_heights
+from plnerf.capture.local_frame import GEOGRAPHIC, LocalFrame, local_frame
+from plnerf.capture.references import Reference, References
 from plnerf.capture.similarity import INLIER_SIGMAS, RobustFit, robust_similarity
 from plnerf.errors import CaptureError
 
@@ -124,9 +124,12 @@ def georeference(
             f"None of the {len(centres)} images with a pose has a position from {references.source}. Give a "
             "geo.txt with positions, or go on without: lengths are then unscaled."
         )
-    crs = (control or checks or anchors)[-1].crs
-    own = [anchor.xyz for anchor in (*anchors, *checks) if anchor.crs == crs]
-    frame = local_frame(crs, np.array(own))
+    crs = anchors[-1].crs  # of the control points, if there are any
+    own = np.array([anchor.xyz for anchor in anchors if anchor.crs == crs])
+    if heights_of(references.crs).kind == "ellipsoid" and _good(known):
+        # What agrees with good heights above the ellipsoid is above it, too; what does not, is refused.
+        crs = with_heights(crs, ELLIPSOID)
+    frame = local_frame(crs, own)
     x, y, sigma = _known(anchors, frame)
     if len(y) > 1 and np.ptp(y, axis=0).max() < SAME_M:
         raise CaptureError(
@@ -135,7 +138,7 @@ def georeference(
         )
     fit = robust_similarity(x, y, sigma)
     of_control = np.array([anchor.role == "control" for anchor in anchors])
-    positions_off = _height_offset(fit, of_control, sigma)
+    positions_off = _height_offset(fit, of_control, sigma, anchors)
     if positions_off is not None:
         y[~of_control, 2] -= positions_off.off_m[2]
         fit = robust_similarity(x, y, sigma)
@@ -165,6 +168,7 @@ def georeference(
     ]
     checks_off = None
     if checks:
+        _check_heights(checks, frame)
         x, y, its = _known(checks, frame)
         off = fit.similarity(x) - y
         good = np.sqrt(((off / its) ** 2).mean(1)) <= INLIER_SIGMAS
@@ -186,17 +190,62 @@ def georeference(
 def _known(
     anchors: Sequence[Anchor], frame: LocalFrame
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Places in the reconstruction and in metres, and standard deviations of the latter."""
-    y = [LocalFrame(anchor.crs, frame.origin).to_local(np.array([anchor.xyz]))[0] for anchor in anchors]
-    return np.stack([anchor.x for anchor in anchors]), np.stack(y), np.array([a.sigma_m for a in anchors])
+    """Places in the reconstruction and in metres, and standard deviations of the latter.
+
+    Heights are those above what the frame's are above, where both are known and the grids between them are
+    installed; else as they are stated.
+    """
+    y = np.zeros((len(anchors), 3))
+    for crs in dict.fromkeys(anchor.crs for anchor in anchors):
+        of_it = [k for k, anchor in enumerate(anchors) if anchor.crs == crs]
+        y[of_it] = LocalFrame(crs, frame.origin).to_local(np.array([anchors[k].xyz for k in of_it]))
+        if _differ(crs, frame.crs):
+            lon_lat = LocalFrame(GEOGRAPHIC, frame.origin).to_crs(y[of_it])[:, :2]
+            here, there = (datum_height_m(one, lon_lat) for one in (crs, frame.crs))
+            if here is not None and there is not None:
+                y[of_it, 2] += here - there
+    return np.stack([anchor.x for anchor in anchors]), y, np.array([anchor.sigma_m for anchor in anchors])
+
+
+def _good(known: Sequence[tuple[str, Reference]]) -> bool:
+    return bool(np.median([reference.sigma_m[2] for _, reference in known] or [np.inf]) < LEAST_POOR_M)
+
+
+def _differ(one: str, other: str) -> bool:
+    """Whether heights of two CRSs are known to be above different things."""
+    heights = heights_of(one), heights_of(other)
+    if {"unknown"} & {each.kind for each in heights}:
+        return False
+    return heights[0].kind != heights[1].kind or (heights[0].kind == "datum" and heights[0] != heights[1])
+
+
+def _check_heights(checks: Sequence[Anchor], frame: LocalFrame) -> None:
+    """Raises ControlError where check points' heights cannot be compared with the scene's."""
+    for crs in {anchor.crs for anchor in checks}:
+        lon_lat = np.array([frame.origin[:2]])
+        lost = [one for one in (crs, frame.crs) if datum_height_m(one, lon_lat) is None]
+        if _differ(crs, frame.crs) and lost:
+            raise ControlError(
+                f"Heights of the scene are {heights_of(frame.crs).words}, of the check points "
+                f"{heights_of(crs).words}, so that they cannot be compared. {missing_grids(lost[0])} Or make "
+                "some of the points control points: these then hold the heights."
+            )
 
 
 def _height_offset(
-    fit: RobustFit, of_control: Bool[np.ndarray, " n"], sigma: Float[np.ndarray, "n 3"]
-) -> Offset | None:
-    """By how much the heights of all positions are off if most control points say so and the positions are no
-    good ones: barometers and receivers without corrections state heights above anything."""
-    if _most_agree(fit, of_control) or np.median(sigma[~of_control, 2]) < LEAST_POOR_M:
+    fit: RobustFit, of_control: Bool[np.ndarray, " n"], sigma: Float[np.ndarray, "n 3"],
+    anchors: Sequence[Anchor],
+) -> Offset | None:  # fmt: skip
+    """By how much the heights of all positions are off if most control points say so, and it may be: both are
+    known to be above different things, or the positions are no good ones.  Barometers and receivers without
+    corrections state heights above anything."""
+    if _most_agree(fit, of_control) or of_control.all():
+        return None
+    positions, points = (
+        next(anchor.crs for anchor, one in zip(anchors, of_control, strict=True) if one == control)
+        for control in (False, True)
+    )
+    if not _differ(positions, points) and np.median(sigma[~of_control, 2]) < LEAST_POOR_M:
         return None
     common = common_offset(-fit.residual[of_control], sigma[of_control], INLIER_SIGMAS)
     return None if common is None else replace(common, off_m=-common.off_m)

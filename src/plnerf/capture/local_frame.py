@@ -3,6 +3,10 @@
 Everything here is float64: a UTM coordinate in float32 is half a metre off.  Between a survey's CRS and the
 local frame lie geocentric coordinates (EPSG:4978), and no plane: far from the origin the local frame stays
 exact, and its z leaves the earth's surface by d^2 / 12,700 km.
+
+Heights stay what they are: those above a vertical datum are not turned into heights above the ellipsoid,
+which needs the datum's grid.  The local frame then lies as if the datum were the ellipsoid, tens of metres
+off in height, which changes lengths by less than 1 mm in 50 m, and coordinates come back as they went in.
 """
 
 from collections.abc import Mapping
@@ -15,6 +19,7 @@ from jaxtyping import Float
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError, ProjError
 
+from plnerf.capture.heights import height_unit_m, horizontal, known_crs
 from plnerf.errors import CaptureError
 
 GEOCENTRIC, GEOGRAPHIC = "EPSG:4978", "EPSG:4979"
@@ -25,10 +30,9 @@ class LocalFrame:
     """Metres east, north and up of an origin."""
 
     crs: str
-    """Of the survey: what pyproj understands, such as EPSG:25832.  Without a height of its own, heights are
-    above the ellipsoid."""
+    """Of the survey: what pyproj understands, such as EPSG:25832 or, with heights, EPSG:25832+7837."""
     origin: tuple[float, float, float]
-    """Longitude and latitude in degrees, height above the WGS 84 ellipsoid in metres."""
+    """Longitude and latitude in degrees, height in metres above what the heights of `crs` are above."""
 
     def to_local(self, xyz: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Coordinates of the CRS, x or longitude first, to metres.  Raises CaptureError where it has none."""
@@ -94,21 +98,27 @@ def _of_geocentric(crs: str) -> Transformer:
 
 def _transformer(source: str, target: str, crs: str) -> Transformer:
     try:
-        there, here = (CRS.from_user_input(part).to_3d() for part in (source, target))
+        there, here = (horizontal(known_crs(part)).to_3d() if part != GEOCENTRIC else CRS(part)
+                       for part in (source, target))  # fmt: skip
         return Transformer.from_crs(there, here, always_xy=True, allow_ballpark=False)
     except (CRSError, ProjError) as error:
         raise CaptureError(
             f"The coordinate reference system {crs!r} cannot be used ({error}). Give an EPSG code such as "
-            "EPSG:25832, a PROJ string or WKT; a vertical datum needs its grid installed (`projsync`)."
+            "EPSG:25832, EPSG:25832+7837 with heights, a PROJ string or WKT."
         ) from error
 
 
 def _geocentric(crs: str, xyz: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return _transformed(_to_geocentric(crs), crs, xyz)
+    return _transformed(_to_geocentric(crs), crs, xyz * [1.0, 1.0, _height_unit_m(crs)])
 
 
 def _from_geocentric(crs: str, xyz: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return _transformed(_of_geocentric(crs), crs, xyz)
+    return _transformed(_of_geocentric(crs), crs, xyz) / [1.0, 1.0, _height_unit_m(crs)]
+
+
+@cache
+def _height_unit_m(crs: str) -> float:
+    return height_unit_m(known_crs(crs))
 
 
 def _transformed(

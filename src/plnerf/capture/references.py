@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plnerf.capture.exif import HORIZONTAL_M, VERTICAL_M, PhotoFacts
-from plnerf.capture.local_frame import GEOGRAPHIC, check_crs
+from plnerf.capture.heights import ELLIPSOID, with_heights
+from plnerf.capture.local_frame import check_crs
 from plnerf.errors import CaptureError
 
 GEO_TXT = "geo.txt"
+WGS_84 = "EPSG:4326"
+"""Of EXIF's longitudes and latitudes, without heights."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,13 @@ class References:
     """What could not be used, and why."""
 
 
-def from_photos(facts: Mapping[str, PhotoFacts]) -> References:
-    """The photos' own positions, those with a height.  Without any, `by_name` is empty."""
-    found, problems = {}, []
+def from_photos(facts: Mapping[str, PhotoFacts], height_datum: str | None = None) -> References:
+    """The photos' own positions, those with a height.  Without any, `by_name` is empty.
+
+    height_datum: what heights are above of which the photos do not say it (`heights.with_heights`).  Raises
+    CaptureError where the photos' heights are then above different things.
+    """
+    fixes, problems = {}, []
     for name, fact in facts.items():
         if fact.fix_problem:
             problems.append(f"{name}: its GPS position is not used: {fact.fix_problem}")
@@ -49,21 +56,45 @@ def from_photos(facts: Mapping[str, PhotoFacts]) -> References:
         if fact.fix.height_m is None:
             problems.append(f"{name}: its GPS position is not used: it has no height")
             continue
-        fix = fact.fix
-        found[name] = Reference(
-            (fix.longitude_deg, fix.latitude_deg, fact.fix.height_m),
+        fixes[name] = fact.fix
+    by_rtk = [name for name, fix in fixes.items() if fix.heights == "ellipsoid"]
+    others = [name for name in fixes if name not in by_rtk]
+    if by_rtk and others and height_datum != ELLIPSOID:
+        if height_datum is not None:
+            raise CaptureError(
+                f"{len(by_rtk)} of {len(fixes)} photos, such as {by_rtk[0]}, state heights above the "
+                f"ellipsoid (RTK), the others, such as {others[0]}, are said to be above {height_datum}. "
+                "Capture the two apart, or give all positions in a geo.txt."
+            )
+        # Of a flight with RTK some photos may have lost it: their heights are of another kind.
+        if len(by_rtk) >= len(others):
+            text = "its GPS position is not used: its height is no RTK height as the others' are"
+            problems += [f"{name}: {text}" for name in others]
+            fixes = {name: fixes[name] for name in by_rtk}
+        else:
+            what = f"{len(by_rtk)} photos are above the ellipsoid, of {len(others)} above what is not stated"
+            problems.append(f"heights of {what}: these may be off each other by tens of metres")
+            by_rtk = []
+    found = {
+        name: Reference(
+            (fix.longitude_deg, fix.latitude_deg, float(fix.height_m or 0.0)),
             (fix.horizontal_m, fix.horizontal_m, fix.vertical_m),
         )
-    return References(GEOGRAPHIC, found, "the photos' GPS tags", tuple(problems))
+        for name, fix in fixes.items()
+    }
+    crs = with_heights(WGS_84, ELLIPSOID if by_rtk else height_datum)
+    return References(crs, found, "the photos' GPS tags", tuple(problems))
 
 
-def read_geo_txt(path: Path, names: Sequence[str]) -> References:
+def read_geo_txt(path: Path, names: Sequence[str], height_datum: str | None = None) -> References:
     """Positions from ODM's geo.txt, for those of the images that it names.
+
+    height_datum: what heights are above, where the file's CRS does not say it.
 
     Raises CaptureError where the file cannot be read, a line is malformed, or none of the images is named.
     """
     rows = read_rows(path, "image x y z")
-    crs = crs_of(rows[0][1])
+    crs = with_heights(crs_of(rows[0][1]), height_datum)
     files = names_by_file(names)
     found, strangers = {}, []
     for number, line in rows[1:]:

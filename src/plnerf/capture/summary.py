@@ -7,6 +7,7 @@ from typing import Any
 
 from plnerf.capture.accuracy import accuracy_text
 from plnerf.capture.capture import REPORT
+from plnerf.capture.heights import crs_name
 
 SHOWN = 5
 """Most images that are named for one reason; capture.json names all."""
@@ -47,9 +48,9 @@ def summary(report: dict[str, Any]) -> str:
         lines.append(f"Not georeferenced, lengths are unscaled: {report['not_georeferenced_because']}.")
         return "\n".join(lines)
     lines.append(
-        f"Georeferenced in {place['crs']} by {place['positions_trusted']} of {place['positions']} positions "
-        f"({place['source']}): median {place['residual_median_m']:.2f} m off, worst "
-        f"{place['residual_worst_m']:.2f} m."
+        f"Georeferenced in {crs_name(place['crs'])}, by {place['positions_trusted']} of "
+        f"{place['positions']} positions ({place['source']}): median {place['residual_median_m']:.2f} m off, "
+        f"worst {place['residual_worst_m']:.2f} m."
     )
     for what in ("control", "check"):
         if place[what] is not None:

@@ -20,6 +20,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     features: int = 4096,
     overlap: float = 0.75,
     masks: Path | None = None,
+    height_datum: str | None = None,
     check_every: int = 0,
     seed: int = 0,
 ) -> None:
@@ -34,6 +35,8 @@ def capture(  # noqa: PLR0913 (an argument is an option)
         features: Largest number of features of an image.
         overlap: Video only: minimum overlap of consecutive selected frames.
         masks: Folder of masks (IMAGE.png, black where an image is ignored), or one for all images.
+        height_datum: What heights are above whose file does not say it: ellipsoid, or a vertical datum such
+            as EPSG:7837.
         check_every: Every so manyth control point of gcp_list.txt whose role is not stated there is held
             back to check the result; 0: none is.
         seed: Decides the random draws of structure from motion.
@@ -42,7 +45,9 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     from plnerf.capture.sfm import SfmConfig
 
     sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
-    config = CaptureConfig(sfm, least=overlap, masks=masks, check_every=check_every)
+    config = CaptureConfig(
+        sfm, least=overlap, masks=masks, height_datum=height_datum, check_every=check_every
+    )
     capture_shown(Console(), source, out, config)
 
 

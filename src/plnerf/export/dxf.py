@@ -1,7 +1,8 @@
 """Wires, structures, clearances and crossings as three-dimensional polylines for CAD, a layer for each kind.
 
-DXF knows no CRS: coordinates are map coordinates (`crs.py`).  The extended data of each polyline, application
-PLNERF, hold its id and what is known of it in words.
+DXF knows no CRS: coordinates are map coordinates (`crs.py`), and the custom property `REFERENCE` of the
+header says what they and their heights refer to.  The extended data of each polyline, application PLNERF,
+hold its id and what is known of it in words.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from plnerf.scene.files import complete_file
 
 VERSION = "R2010"
 APPLICATION = "PLNERF"
+REFERENCE = "REFERENCE"
+"""Name of the header's custom property."""
 COLOURS = {"CONDUCTOR-PHASE": 1, "CONDUCTOR-SHIELD": 5, "STRUCTURE": 8}
 """Of AutoCAD's index, by layer; of all others `COLOUR`."""
 COLOUR = 30
@@ -40,13 +43,14 @@ class Drawn:
     """What is known of it, in words."""
 
 
-def write_dxf(path: Path, lines: list[Drawn], unit: str | None) -> None:
+def write_dxf(path: Path, lines: list[Drawn], unit: str | None, reference: str) -> None:
     """Writes polylines and reads them back.  unit: of the coordinates, by its name; None: without.
 
-    Raises SurveyError where they differ.
+    reference: what coordinates and heights refer to, in words.  Raises SurveyError where they differ.
     """
     drawing = new(VERSION)
     drawing.header["$INSUNITS"] = UNITS.get(unit or "", 0)
+    drawing.header.custom_vars.append(REFERENCE, reference)
     drawing.appids.add(APPLICATION)
     for layer in dict.fromkeys(line.layer for line in lines):
         drawing.layers.add(layer, color=COLOURS.get(layer, COLOUR))
@@ -56,7 +60,9 @@ def write_dxf(path: Path, lines: list[Drawn], unit: str | None) -> None:
         drawn.set_xdata(APPLICATION, _data(line))
     with complete_file(path) as beside:
         drawing.saveas(beside)
-        found = [entity for entity in readfile(beside).modelspace() if isinstance(entity, Polyline)]
+        back = readfile(beside)
+        check_same(path, reference, back.header.custom_vars.get(REFERENCE), "what coordinates refer to")
+        found = [entity for entity in back.modelspace() if isinstance(entity, Polyline)]
         check_same(path, len(lines), len(found), "the number of lines")
         for line, read in zip(lines, found, strict=True):
             check_same(path, line.layer, read.dxf.layer, "a layer")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from plnerf.capture.heights import heights_of
 from plnerf.export.cloud_ply import write_cloud_ply, write_wires_ply
 from plnerf.export.crs import CrsTransform, crs_transform
 from plnerf.export.dxf import Drawn, write_dxf
@@ -63,7 +64,7 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
     about = list(transform.about)
     write_las(folder / LAS, survey.cloud, transform, synthetic=survey.from_images)
     write_cloud_ply(folder / PLY, survey.cloud, transform)
-    write_dxf(folder / DXF, _drawn(survey, transform), transform.unit_name)
+    write_dxf(folder / DXF, _drawn(survey, transform), transform.unit_name, transform.reference)
     written = [LAS, PLY, DXF]
     if survey.wire_points is not None and len(survey.wire_points.xyz):
         write_wires_ply(folder / WIRE_POINTS, survey.wire_points, transform)
@@ -99,8 +100,11 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
         for wire in span.wires
     ]
     written = []
+    heights = heights_of(transform.crs).words
+    on_map = (transform.to_map, transform.from_map, transform.crs_json, heights)
+    on_earth = (transform.to_lon_lat, transform.from_lon_lat, None, transform.lon_lat_heights)
     if wires and transform.crs is not None:
-        write_geojson(folder / PROJECTED, wires, transform.to_map, transform.from_map, transform.crs_json)
+        write_geojson(folder / PROJECTED, wires, *on_map)
         written.append(PROJECTED)
     elif wires:
         about.append(f"{PROJECTED} is left out: without a CRS, GIS programs cannot place it.")
@@ -108,7 +112,7 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
         about.append(f"{GEOJSON} and {NEAR_PLACES} are left out: they need longitudes and latitudes.")
         return written
     if wires:
-        write_geojson(folder / GEOJSON, wires, transform.to_lon_lat, transform.from_lon_lat, None)
+        write_geojson(folder / GEOJSON, wires, *on_earth)
         written.append(GEOJSON)
     masts = [
         Feature("Point", one.foot[None], structure_properties(survey, line, one))
@@ -116,7 +120,7 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
         for one in line.structures
     ]
     if masts:
-        write_geojson(folder / PLACED_STRUCTURES, masts, transform.to_lon_lat, transform.from_lon_lat, None)
+        write_geojson(folder / PLACED_STRUCTURES, masts, *on_earth)
         written.append(PLACED_STRUCTURES)
     if _places(survey):
         rows = clearance_rows(survey, transform)
@@ -124,7 +128,7 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
             Feature("Point", place.on_obstacle[None], row)
             for place, row in zip(_places(survey), rows, strict=True)
         ]
-        write_geojson(folder / NEAR_PLACES, points, transform.to_lon_lat, transform.from_lon_lat, None)
+        write_geojson(folder / NEAR_PLACES, points, *on_earth)
         written.append(NEAR_PLACES)
     return written
 

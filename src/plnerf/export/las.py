@@ -1,8 +1,9 @@
 """The classified cloud as LAZ: LAS 1.4, point format 7, ASPRS classes, its CRS as WKT.
 
 Format 7 because classes of wires and towers are reserved in formats before 6.  The specification asks for
-the first WKT (OGC 01-009) there, which has no three-dimensional projected CRS: of such a one the horizontal
-part is written.  Every point has its `wire_id`, and `sigma` (m) where the cloud states it.
+the first WKT (OGC 01-009) there.  It has no three-dimensional projected CRS: heights above an ellipsoid are
+written as a compound one, whose vertical datum is the ellipsoid (type 2002).  Every point has its `wire_id`,
+and `sigma` (m) where the cloud states it.
 """
 
 from collections.abc import Iterator
@@ -23,6 +24,10 @@ from plnerf.scene.files import complete_file
 
 SCALE = 0.001
 CHUNK = 500_000
+_ELLIPSOIDAL = (
+    'VERT_CS["Ellipsoid (metre)",VERT_DATUM["Ellipsoid",2002],UNIT["metre",1,AUTHORITY["EPSG","9001"]],'
+    'AXIS["Up",UP]]'
+)
 COLOUR_STEP = 257
 """LAS colours have 16 bits: 255 becomes 65535."""
 
@@ -48,10 +53,12 @@ def write_las(path: Path, cloud: Cloud, transform: CrsTransform, *, synthetic: b
 
 
 def wkt_of(crs: CRS) -> str:
-    """A CRS in the WKT that LAS 1.4 asks for, without a third axis of its own."""
-    flat = crs if crs.is_compound else crs.to_2d()
+    """A CRS in the WKT that LAS 1.4 asks for, with what its heights are above, where that is known."""
     try:
-        return str(flat.to_wkt("WKT1_GDAL"))
+        if crs.is_compound or len(crs.axis_info) < 3:
+            return str(crs.to_wkt("WKT1_GDAL"))
+        flat = crs.to_2d()
+        return f'COMPD_CS["{flat.name} + ellipsoidal height",{flat.to_wkt("WKT1_GDAL")},{_ELLIPSOIDAL}]'
     except CRSError:  # a projection that the first WKT has no name for
         return str(crs.to_wkt())
 

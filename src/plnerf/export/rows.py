@@ -1,9 +1,10 @@
 """Wires, structures, clearances and crossings as rows, and rows as CSV.
 
 Columns end in their unit: _m, _deg, _c for degrees Celsius; _95_m is half the width of a length's 95 %
-interval.  x, y and z are map coordinates (`crs.py`).  What is not known is an empty cell; why a wire has no
-sag, span length and p is in the column `no_sag_because`.  Lines, spans, structures and wires are numbered
-from 1; stations count along each line from its first structure (`line/stations.py`).
+interval.  x, y and z are map coordinates (`crs.py`), and `reference` says what they and their heights refer
+to.  What is not known is an empty cell; why a wire has no sag, span length and p is in the column
+`no_sag_because`.  Lines, spans, structures and wires are numbered from 1; stations count along each line from
+its first structure (`line/stations.py`).
 """
 
 import csv
@@ -229,11 +230,12 @@ def _state(survey: Survey) -> str:
 def _coordinates(transform: CrsTransform, points: dict[str, Float[np.ndarray, "3"]]) -> Row:
     """Columns of the points' map coordinates."""
     at = transform.to_map(np.array(list(points.values()), dtype=np.float64))
-    return {
+    named: Row = {
         f"{name}_{axis}": _plain(float(value))
         for name, point in zip(points, at, strict=True)
         for axis, value in zip("xyz", point, strict=True)
     }
+    return named | {"reference": transform.reference}
 
 
 def _unit(name: str, survey: Survey) -> str:

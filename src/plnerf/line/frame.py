@@ -32,10 +32,10 @@ class LineFrame:
     unit: Literal["m", "unscaled"]
     """Of lengths in this frame."""
     crs: str | None = None
-    """Of the survey, such as "EPSG:28992"; None: unknown."""
+    """Of the survey, such as "EPSG:28992", or with heights "EPSG:28992+5709"; None: unknown."""
     origin_lon_lat_height: Float[np.ndarray, "3"] | None = None
-    """Of the world's origin (degrees, metres above the WGS 84 ellipsoid) where the world is local
-    east-north-up; None: the world's coordinates are those of the CRS, or unknown."""
+    """Of the world's origin (degrees, metres above what the heights of `crs` are above) where the world is
+    local east-north-up; None: the world's coordinates are those of the CRS, or unknown."""
     scene_per_unit: float | None = None
     """Scene units per unit of this frame; None: there is no scene."""
 

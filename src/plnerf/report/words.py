@@ -5,6 +5,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from plnerf.capture.heights import crs_name
 from plnerf.findings import Degree
 from plnerf.line.cloud import GROUND
 from plnerf.line.line import Line, Span
@@ -76,12 +77,12 @@ def where(survey: Survey) -> str:
     if frame.crs is None:
         return "Metres, z up; the place on the earth is not known."
     if frame.origin_lon_lat_height is None:
-        return f"Metres; coordinates and heights of {frame.crs}."
+        return f"Metres; coordinates: {crs_name(frame.crs)}."
     longitude, latitude, height = frame.origin_lon_lat_height
     east, north = "E" if longitude >= 0 else "W", "N" if latitude >= 0 else "S"
     return (
         f"Metres east, north and up of {abs(latitude):.7f}° {north}, {abs(longitude):.7f}° {east}, "
-        f"{height:.2f} m above the WGS 84 ellipsoid; the survey's reference system is {frame.crs}."
+        f"height {height:.2f} m; the survey's reference system: {crs_name(frame.crs)}."
     )
 
 

@@ -61,7 +61,7 @@ class Listing:
     unit: Literal["m", "unscaled"] = "unscaled"
     crs: str | None = None
     origin: Float[np.ndarray, "3"] | None = None
-    """Longitude, latitude (degrees) and ellipsoidal height (m) of the world's origin, if it has one."""
+    """Longitude, latitude (degrees) and height (m) of the world's origin, if it has one."""
     truth: Path | None = None
     left_out: tuple[str, ...] = ()
 

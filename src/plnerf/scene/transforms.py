@@ -40,8 +40,8 @@ class Frames:
     up_source: str
     """How gravity was found: "file", or the name of the estimate."""
     origin: Float[np.ndarray, "3"] | None = None
-    """Longitude and latitude in degrees, and height above the WGS 84 ellipsoid in metres, of the world's
-    origin, where the world is local east-north-up."""
+    """Longitude and latitude in degrees, and height in metres above what the heights of `crs` are above, of
+    the world's origin, where the world is local east-north-up."""
 
     def to_scene(self, x_world: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
         """World coordinates to scene coordinates, float64."""

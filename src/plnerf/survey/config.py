@@ -42,6 +42,9 @@ class SurveyConfig:
     """Clearances, and what is required of them."""
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
+    height_datum: str | None = None
+    """What heights are above where the input's CRS does not say it: `ellipsoid`, or a vertical CRS such as
+    EPSG:7837."""
     temperature_c: float | None = None
     """Of the conductors when they were surveyed, in degrees Celsius, if it is known."""
     pictures: int = 4

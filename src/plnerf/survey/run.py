@@ -15,7 +15,9 @@ from importlib.metadata import version
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.capture.heights import check_height_datum, with_heights
 from plnerf.detect.detect import detect_wires
+from plnerf.errors import ConfigError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line
@@ -60,7 +62,7 @@ def survey_run(
     """A survey of a trained run: its field shows points on wires, and supports hidden from stereo."""
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
-    photos = photos_of(run.scene)
+    photos = _with_heights(photos_of(run.scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
     found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
     points = wire_points(run, photos.frame, found, config.points, parts[0])
@@ -75,7 +77,7 @@ def survey_scene(
     """A survey from images and poses alone: no training is needed."""
     config = config or SurveyConfig()
     parts = _parts(progress, 3)
-    photos = photos_of(scene)
+    photos = _with_heights(photos_of(scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
     found = detect_wires(scene, config.detect, parts[0])
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
@@ -87,7 +89,7 @@ def survey_cloud(
 ) -> Survey:
     """A survey of a point cloud in metres with z up; classes that it has are not used."""
     config = config or SurveyConfig()
-    frame = LineFrame.of_cloud(cloud.xyz, cloud.crs)
+    frame = _frame_with_heights(LineFrame.of_cloud(cloud.xyz, cloud.crs), config)
     points = frame.from_world(cloud.xyz)
     _check_altitude(frame, points[np.argsort(points[:, 2])[len(points) // LOW_SHARE]], config)
     found = find_lines(points, config.lidar, progress)
@@ -138,6 +140,23 @@ def _of_images(
         pictures=pictures_of(photos, every, config.pictures), from_images=True,
     )  # fmt: skip
     return _finished(survey, config)
+
+
+def _with_heights(photos: Photos, config: SurveyConfig) -> Photos:
+    return replace(photos, frame=_frame_with_heights(photos.frame, config))
+
+
+def _frame_with_heights(frame: LineFrame, config: SurveyConfig) -> LineFrame:
+    """With what heights are above, where the settings state it and the CRS does not."""
+    if config.height_datum is None:
+        return frame
+    check_height_datum(config.height_datum)
+    if frame.crs is None:
+        raise ConfigError(
+            f"Heights are said to be above {config.height_datum}, but the input states no coordinate "
+            "reference system that they could belong to. Give it one, or leave out --height-datum."
+        )
+    return replace(frame, crs=with_heights(frame.crs, config.height_datum))
 
 
 def _check_altitude(frame: LineFrame, low: Float[np.ndarray, "3"], config: SurveyConfig) -> None:
