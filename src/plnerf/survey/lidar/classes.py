@@ -17,14 +17,16 @@ from plnerf.survey.lidar.config import LidarConfig
 
 def wires_and_structures(
     points: Float[np.ndarray, "d 3"], wires: Sequence[Wire], of_wire: dict[int, Int[np.ndarray, " _"]],
-    bodies: Sequence[Int[np.ndarray, " _"]],
+    bodies: Sequence[Int[np.ndarray, " _"]], loose: Int[np.ndarray, " _"],
 ) -> Cloud:  # fmt: skip
     """The cloud with the points of wires and structures classified.
 
-    of_wire: indices of the points of each wire, by its id; bodies: those of each structure.
+    of_wire: indices of the points of each wire, by its id; bodies: those of each structure; loose: those of
+    conductors that are no wire of a span.
     """
     label = np.full(len(points), UNCLASSIFIED, np.uint8)
     wire_id = np.full(len(points), NO_WIRE, np.int64)
+    label[loose] = CONDUCTOR
     for wire in wires:
         label[of_wire[wire.id]] = SHIELD if wire.kind == "shield" else CONDUCTOR
         wire_id[of_wire[wire.id]] = wire.id

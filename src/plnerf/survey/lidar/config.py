@@ -184,6 +184,8 @@ class SpanConfig:
     """The same as a share of the track's length; the larger of the two counts."""
     min_length_m: float = 30.0
     """Least length of a span that meets no other: booms and crossarms are shorter."""
+    min_open_m: float = 30.0
+    """Wires that all end with the cloud after less than this beyond a structure make no span."""
     max_meeting_m: float = 15.0
     """Ends of spans so near to each other hang on one structure."""
     max_bend_deg: float = 60.0
@@ -202,7 +204,7 @@ class SpanConfig:
     """Least share of the tenths of the span that hold one of its places."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "min_length_m", "cell_m", "min_places")
+        require_positive(self, "min_length_m", "min_open_m", "cell_m", "min_places")
         require_share(self, "min_overlap", "min_tenths_share")
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms, note
-from plnerf.line.cloud import NO_WIRE, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.cloud import CONDUCTOR, NO_WIRE, TOWER, UNCLASSIFIED, Cloud
 from plnerf.line.line import Line
 from plnerf.survey.ground import Ground, find_ground
 from plnerf.survey.lidar.assemble import assemble
@@ -24,6 +24,7 @@ from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.linear import Linear, find_linear
 from plnerf.survey.lidar.spans import TrackSpan, find_spans
 from plnerf.survey.lidar.structures import find_structures
+from plnerf.survey.lidar.stubs import about_stubs, without_stubs
 from plnerf.survey.lidar.tracks import find_tracks
 
 STAGES = 5
@@ -91,17 +92,20 @@ def _found(
     bodies = [tall[outline.own(points[tall], config.structure)] for outline in outlines]
     taken = np.isin(tall, np.concatenate([*bodies, []]))
     candidates = find_wires(spans, outlines, holders, points[tall], taken, config)
+    candidates, stubs = without_stubs(candidates, holders, config.span.min_open_m)
     made = assemble(spans, outlines, holders, candidates, [len(body) for body in bodies], config)
     progress(4, STAGES)
     wires = [wire for line in made.lines for wire in line.wires]
     of_wire = {number: tall[its] for number, its in made.points.items()}
-    cloud = wires_and_structures(points, wires, of_wire, [bodies[k] for k in made.outlines.values()])
+    loose = np.concatenate([*(tall[one.points] for one in stubs), []]).astype(np.int64)
+    cloud = wires_and_structures(points, wires, of_wire, [bodies[k] for k in made.outlines.values()], loose)
     if seen:
         cloud = with_ground(cloud, ground, wires, config)
     if wires:
         inferred = [number for number, k in made.outlines.items() if not outlines[k].seen]
         findings += _inferred(inferred, len(made.outlines))
-        own = points[(cloud.label == TOWER) | (cloud.wire != NO_WIRE)]
+        findings += about_stubs(stubs, config.span.min_open_m)
+        own = points[(cloud.label == TOWER) | (cloud.label == CONDUCTOR) | (cloud.wire != NO_WIRE)]
         findings += _unexplained(linear, own, config)
     else:
         findings.append(_no_wires(len(high), seen, config))
