@@ -80,16 +80,6 @@ def degrees_by_their_crs(folder: Path) -> list[str]:
 
 
 @refused
-def feet(folder: Path) -> list[str]:
-    return [cloud(folder, crs="EPSG:2263")]
-
-
-@refused
-def heights_in_feet(folder: Path) -> list[str]:
-    return [cloud(folder, crs="EPSG:26918+6360")]
-
-
-@refused
 def all_at_one_place(folder: Path) -> list[str]:
     return [cloud(folder, np.repeat(RD[None] + 5.0, 500, 0))]
 

@@ -44,6 +44,8 @@ def heights_of(crs: CRS | str | None) -> Heights:
     crs = known_crs(crs)
     if crs.is_compound:
         vertical = crs.sub_crs_list[1]
+        if vertical.name.lower().startswith("unknown"):  # it says the unit of heights alone
+            return Heights("unknown", f"above nothing that {crs.sub_crs_list[0].name} states")
         authority = vertical.to_authority()
         code = " ({}:{})".format(*authority) if authority else ""
         return Heights("datum", f"above {vertical.name.replace(' height', '')}{code}")
@@ -116,7 +118,7 @@ def with_heights(crs: str, datum: str | None) -> str:
     """
     if datum is None or heights_of(crs).kind != "unknown":
         return crs
-    flat = known_crs(crs)
+    flat = horizontal(known_crs(crs))
     if datum == ELLIPSOID:
         solid = flat.to_3d()
         code = solid.to_epsg()

@@ -26,7 +26,7 @@ def survey(
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
 
     Args:
-        source: Run folder, scene (no training is needed), or a LAS or LAZ file in metres, whose classes are
+        source: Run folder, scene (no training is needed), or a LAS or LAZ file, whose classes are
             not used.
         out: Folder to write; survey in the folder of the run or scene, or beside the cloud, when left out.
         voltage_kv: Nominal voltage in kV, for the clearances that a table requires.

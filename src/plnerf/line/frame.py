@@ -49,11 +49,17 @@ class LineFrame:
         )  # fmt: skip
 
     @classmethod
-    def of_cloud(cls, xyz: Float[np.ndarray, "n 3"], crs: str | None) -> "LineFrame":
-        """Axes of the cloud's own coordinates (metres, z up), its origin at whole metres in their middle."""
+    def of_cloud(
+        cls, xyz: Float[np.ndarray, "n 3"], crs: str | None,
+        origin: tuple[float, float, float] | None = None,
+    ) -> "LineFrame":  # fmt: skip
+        """Axes of the cloud's own coordinates (metres, z up), its origin at whole metres in their middle.
+
+        origin: `origin_lon_lat_height`.
+        """
         middle = np.round((xyz.min(0) + xyz.max(0)) / 2) if len(xyz) else np.zeros(3)
         middle[2] = 0.0  # heights stay what they are
-        return cls(np.eye(3), 1.0, middle, "m", crs)
+        return cls(np.eye(3), 1.0, middle, "m", crs, None if origin is None else np.array(origin))
 
     def from_world(self, x: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
         """World coordinates to this frame's."""

@@ -87,9 +87,10 @@ def survey_scene(
 def survey_cloud(
     cloud: PointCloud, config: SurveyConfig | None = None, progress: Progress | None = None
 ) -> Survey:
-    """A survey of a point cloud in metres with z up; classes that it has are not used."""
+    """A survey of a point cloud; classes that it has are not used."""
     config = config or SurveyConfig()
-    frame = _frame_with_heights(LineFrame.of_cloud(cloud.xyz, cloud.crs), config)
+    frame = LineFrame.of_cloud(cloud.xyz, cloud.crs, cloud.origin)
+    frame = _frame_with_heights(frame, config)
     points = frame.from_world(cloud.xyz)
     _check_altitude(frame, points[np.argsort(points[:, 2])[len(points) // LOW_SHARE]], config)
     found = find_lines(points, config.lidar, progress)

@@ -7,12 +7,12 @@ import laspy
 import lazrs
 import numpy as np
 from jaxtyping import Float
-from pyproj.exceptions import CRSError
 
 from plnerf.errors import SurveyError
-from plnerf.findings import Finding, note
+from plnerf.findings import Finding
 from plnerf.survey.lidar.checks import check_cloud
 from plnerf.survey.lidar.config import CloudConfig
+from plnerf.survey.lidar.metric import in_metres
 
 SUFFIXES = frozenset({".las", ".laz"})
 DEFAULT = CloudConfig()
@@ -23,17 +23,20 @@ class PointCloud:
     """The points of a file; their classes are not read."""
 
     xyz: Float[np.ndarray, "n 3"]
-    """In the file's own coordinates: metres, z up."""
+    """Metres, z up: the file's own, or east, north and up of `origin`."""
     crs: str | None
-    """Of the coordinates, as EPSG code or WKT; None: the file states none."""
+    """Of the file, as EPSG code or WKT; None: the file states none."""
     path: Path
     findings: tuple[Finding, ...] = ()
+    origin: tuple[float, float, float] | None = None
+    """Longitude, latitude and height of what the points are relative to; None: they are in `crs`."""
 
 
 def read_cloud(path: Path, config: CloudConfig = DEFAULT) -> PointCloud:
     """The points of a LAS or LAZ file, in float64.
 
-    Raises SurveyError where it cannot be read, is cut off, or is no cloud in metres.
+    Feet, degrees and other units become metres.  Raises SurveyError where it cannot be read, is cut off, or
+    is no cloud of a line.
     """
     if not path.is_file():
         raise SurveyError(f"There is no cloud {path}. Give a LAS or LAZ file, or a run folder.")
@@ -53,36 +56,6 @@ def read_cloud(path: Path, config: CloudConfig = DEFAULT) -> PointCloud:
         raise SurveyError(
             f"{path} states {stated:,} points, but holds {len(las.points):,}: it is cut off. Copy it again."
         )
-    crs, findings = _crs_of(las.header, path)
-    xyz = np.asarray(las.xyz, np.float64)
-    check_cloud(xyz, config)
-    return PointCloud(xyz, crs, path, findings)
-
-
-def _crs_of(header: laspy.LasHeader, path: Path) -> tuple[str | None, tuple[Finding, ...]]:
-    """The coordinate system that a header states, as EPSG code or WKT, and what is wrong with it.
-
-    Raises SurveyError where it is not in metres.
-    """
-    kind = "coordinate system"
-    try:
-        crs = header.parse_crs()
-    except CRSError as error:
-        return None, (note(kind, f"The coordinate system that the file states is none: {error}."),)
-    if crs is None:
-        what = "The file states no coordinate system: its coordinates are taken for metres."
-        return None, (note(kind, what),)
-    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
-    if horizontal.is_geographic:
-        raise SurveyError(
-            f"{path} is in degrees ({horizontal.name}), but metres are needed. Transform it to a projected "
-            "coordinate system, such as UTM."
-        )
-    units = {axis.unit_name for axis in crs.axis_info if axis.unit_conversion_factor != 1}
-    if units:
-        raise SurveyError(
-            f"{path} is in {' and '.join(sorted(units))} ({crs.name}), but metres are needed. Transform it "
-            "to a projected coordinate system with heights in metres, such as UTM."
-        )
-    code = crs.to_epsg()
-    return f"EPSG:{code}" if code else crs.to_wkt(), ()
+    found = in_metres(np.asarray(las.xyz, np.float64), las.header, path)
+    check_cloud(found.xyz, config)
+    return PointCloud(found.xyz, found.crs, path, found.findings, found.origin)
