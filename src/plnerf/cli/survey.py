@@ -26,8 +26,8 @@ def survey(
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
 
     Args:
-        source: Run folder, scene (no training is needed), or a LAS or LAZ file, whose classes are
-            not used.
+        source: Run folder, scene (no training is needed), or a LAS or LAZ file, whose classes
+            count with --use-classes only.
         out: Folder to write; survey in the folder of the run or scene, or beside the cloud, when left out.
         voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
         thresholds: Table of required clearances (TOML), or nerc-fac-003-4.toml; NERC FAC-003-5 when left

@@ -42,6 +42,11 @@ class SurveyConfig:
     """Clearances, and what is required of them."""
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
+    use_classes: bool = False
+    """Of clouds: whether the input's classes count, for the ground, for noise, and for what wires are near
+    to; wires and structures are found without them."""
+    keep_classes: bool = False
+    """Of clouds: whether files hold the input's classes, with the survey's in `plnerf_class` beside them."""
     height_datum: str | None = None
     """What heights are above where the input's CRS does not say it: `ellipsoid`, or a vertical CRS such as
     EPSG:7837."""

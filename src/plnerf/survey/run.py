@@ -87,16 +87,21 @@ def survey_scene(
 def survey_cloud(
     cloud: PointCloud, config: SurveyConfig | None = None, progress: Progress | None = None
 ) -> Survey:
-    """A survey of a point cloud; classes that it has are not used."""
+    """A survey of a point cloud; classes that it has are used on request only."""
     config = config or SurveyConfig()
     frame = LineFrame.of_cloud(cloud.xyz, cloud.crs, cloud.origin)
     frame = _frame_with_heights(frame, config)
     points = frame.from_world(cloud.xyz)
     _check_altitude(frame, points[np.argsort(points[:, 2])[len(points) // LOW_SHARE]], config)
-    found = find_lines(points, config.lidar, progress)
-    made = {"input": f"{cloud.path.name}, {len(cloud.xyz):,} points; its classes were not used"}
+    own = cloud.attributes.label if config.use_classes and cloud.attributes is not None else None
+    found = find_lines(points, config.lidar, progress, own)
+    used = "its classes were not used" if own is None else "its classes were used"
+    made = {"input": f"{cloud.path.name}, {len(cloud.xyz):,} points; {used}"}
+    given = cloud.attributes
+    if given is not None:
+        given = replace(given, keep_classes=config.keep_classes)
     survey = Survey(
-        frame, found.lines, found.cloud, str(cloud.path), made,
+        frame, found.lines, replace(found.cloud, attributes=given), str(cloud.path), made,
         findings=(*cloud.findings, *found.findings),
     )  # fmt: skip
     return _finished(survey, config)

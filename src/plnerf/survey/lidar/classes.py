@@ -6,7 +6,7 @@ Letters: d distinct points; k of them above the ground; metres, z up.
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 
 from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, SHIELD, TOWER, UNCLASSIFIED, Cloud
@@ -44,6 +44,13 @@ def with_ground(cloud: Cloud, ground: Ground, wires: Sequence[Wire], config: Lid
     plants = plants[~_stray(cloud.xyz[plants], cloud.xyz[cloud.wire != NO_WIRE], wires, config)]
     label[plants] = vegetation(above[plants], config.ground)
     return Cloud(cloud.xyz, label, cloud.wire)
+
+
+def with_given(cloud: Cloud, given: UInt8[np.ndarray, " d"]) -> Cloud:
+    """The cloud with the classes that its file has, but for points of wires and structures found, and for
+    those that it leaves unclassified."""
+    ours = np.isin(cloud.label, (SHIELD, CONDUCTOR, TOWER))
+    return Cloud(cloud.xyz, np.where(ours | (given <= UNCLASSIFIED), cloud.label, given), cloud.wire)
 
 
 def _stray(

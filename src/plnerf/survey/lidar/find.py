@@ -9,17 +9,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms, note
-from plnerf.line.cloud import CONDUCTOR, NO_WIRE, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, TOWER, UNCLASSIFIED, Cloud
 from plnerf.line.line import Line
 from plnerf.survey.ground import Ground, find_ground
 from plnerf.survey.lidar.assemble import assemble
 from plnerf.survey.lidar.candidates import find_wires
 from plnerf.survey.lidar.checks import astray, check_cloud, distinct
-from plnerf.survey.lidar.classes import wires_and_structures, with_ground
+from plnerf.survey.lidar.classes import wires_and_structures, with_given, with_ground
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.linear import Linear, find_linear
 from plnerf.survey.lidar.spans import TrackSpan, find_spans
@@ -27,6 +27,8 @@ from plnerf.survey.lidar.structures import find_structures
 from plnerf.survey.lidar.stubs import about_stubs, without_stubs
 from plnerf.survey.lidar.tracks import find_tracks
 
+NOISE_CLASSES = (7, 18)
+"""Low and high noise."""
 STAGES = 5
 """Of the progress: ground, places on lines, spans, wires, classes."""
 
@@ -46,35 +48,51 @@ def find_lines(
     xyz: Float[np.ndarray, "n 3"],
     config: LidarConfig,
     progress: Callable[[int, int], None] | None = None,
+    given: UInt8[np.ndarray, " n"] | None = None,
 ) -> Found:
     """Every line of a cloud, with all its wires.
 
-    xyz: LineFrame coordinates.  Neither their order nor how often each occurs has any influence.  What is
-    neither ground, wire nor structure is vegetation by its height: buildings are not recognised.  A cloud
+    xyz: LineFrame coordinates.  Neither their order nor how often each occurs has any influence.  given: the
+    points' classes, of which noise takes no part, ground is the ground, and all count for what is neither
+    wire nor structure; None: they are not known.  What is neither ground, wire nor structure is then
+    vegetation by its height: buildings are not recognised.  A cloud
     without wires gives no lines and a finding.  Raises SurveyError for clouds that are empty, not finite, all
     at one place, or in degrees.
     """
     check_cloud(xyz, config.cloud)
     points, which = distinct(xyz)
     kept = ~astray(points, config.cloud)
-    found = _found(points[kept], config, progress or (lambda done, total: None))
+    stated = None
+    if given is not None:
+        stated = np.zeros(len(points), np.uint8)
+        np.maximum.at(stated, which, given)  # of several points at one place, whatever their order
+        noise = np.isin(stated, NOISE_CLASSES)
+        kept &= ~noise
+    found = _found(points[kept], config, progress or (lambda done, total: None), _some(stated, kept))
     findings = found.findings
-    if not kept.all():
-        far = f"{(~kept[which]).sum()} points lie far away from the others in plan and are left out."
+    astray_only = ~kept if stated is None else ~kept & ~np.isin(stated, NOISE_CLASSES)
+    if astray_only.any():
+        far = f"{astray_only[which].sum()} points lie far away from the others in plan and are left out."
         findings = (note("points astray", far), *findings)
     label = np.full(len(points), UNCLASSIFIED, np.uint8)
     wire = np.full(len(points), NO_WIRE, np.int64)
     label[kept], wire[kept] = found.cloud.label, found.cloud.wire
+    if stated is not None:
+        label[~kept] = np.where(stated[~kept] > UNCLASSIFIED, stated[~kept], UNCLASSIFIED)
     return Found(found.lines, Cloud(xyz, label[which], wire[which]), findings)
 
 
 def _found(
-    points: Float[np.ndarray, "d 3"], config: LidarConfig, progress: Callable[[int, int], None]
-) -> Found:
+    points: Float[np.ndarray, "d 3"], config: LidarConfig, progress: Callable[[int, int], None],
+    given: UInt8[np.ndarray, " d"] | None,
+) -> Found:  # fmt: skip
     """`find_lines` of distinct points."""
     findings: list[Finding] = []
     progress(0, STAGES)
-    ground = find_ground(points, config.ground)
+    ground = None
+    if given is not None and (given == GROUND).any():
+        ground = find_ground(points[given == GROUND], config.ground)
+    ground = ground or find_ground(points, config.ground)
     seen = ground is not None
     if ground is None:
         ground = Ground(points[0, :2], 1.0, np.array([[points[:, 2].min()]]))
@@ -101,6 +119,8 @@ def _found(
     cloud = wires_and_structures(points, wires, of_wire, [bodies[k] for k in made.outlines.values()], loose)
     if seen:
         cloud = with_ground(cloud, ground, wires, config)
+    if given is not None:
+        cloud = with_given(cloud, given)
     if wires:
         inferred = [number for number, k in made.outlines.items() if not outlines[k].seen]
         findings += _inferred(inferred, len(made.outlines))
@@ -111,6 +131,10 @@ def _found(
         findings.append(_no_wires(len(high), seen, config))
     progress(STAGES, STAGES)
     return Found(made.lines, cloud, tuple(findings))
+
+
+def _some(given: UInt8[np.ndarray, " d"] | None, kept: Bool[np.ndarray, " d"]) -> np.ndarray | None:
+    return None if given is None else given[kept]
 
 
 def _on_tracks(

@@ -10,6 +10,8 @@ from jaxtyping import Float
 
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding
+from plnerf.line.cloud import Attributes
+from plnerf.survey.lidar.attributes import attributes_of
 from plnerf.survey.lidar.checks import check_cloud
 from plnerf.survey.lidar.config import CloudConfig
 from plnerf.survey.lidar.metric import in_metres
@@ -20,7 +22,7 @@ DEFAULT = CloudConfig()
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """The points of a file; their classes are not read."""
+    """The points of a file."""
 
     xyz: Float[np.ndarray, "n 3"]
     """Metres, z up: the file's own, or east, north and up of `origin`."""
@@ -30,6 +32,7 @@ class PointCloud:
     findings: tuple[Finding, ...] = ()
     origin: tuple[float, float, float] | None = None
     """Longitude, latitude and height of what the points are relative to; None: they are in `crs`."""
+    attributes: Attributes | None = None
 
 
 def read_cloud(path: Path, config: CloudConfig = DEFAULT) -> PointCloud:
@@ -58,4 +61,4 @@ def read_cloud(path: Path, config: CloudConfig = DEFAULT) -> PointCloud:
         )
     found = in_metres(np.asarray(las.xyz, np.float64), las.header, path)
     check_cloud(found.xyz, config)
-    return PointCloud(found.xyz, found.crs, path, found.findings, found.origin)
+    return PointCloud(found.xyz, found.crs, path, found.findings, found.origin, attributes_of(las))
