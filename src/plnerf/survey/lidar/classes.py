@@ -13,6 +13,8 @@ from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, SHIELD, TOWER, UNCLASS
 from plnerf.line.wire import Wire
 from plnerf.survey.ground import Ground, vegetation
 from plnerf.survey.lidar.config import LidarConfig
+from plnerf.survey.lidar.linear import Linear
+from plnerf.survey.lidar.things import no_plants
 
 
 def wires_and_structures(
@@ -35,14 +37,20 @@ def wires_and_structures(
     return Cloud(points, label, wire_id)
 
 
-def with_ground(cloud: Cloud, ground: Ground, wires: Sequence[Wire], config: LidarConfig) -> Cloud:
-    """The cloud with ground and vegetation classified as well, among the points that have no class."""
+def with_ground(
+    cloud: Cloud, ground: Ground, wires: Sequence[Wire], linear: Linear, config: LidarConfig
+) -> Cloud:
+    """The cloud with ground, buildings and vegetation classified as well, among the points without a class.
+
+    linear: places on lines.  What is straight over metres and no wire stays unclassified.
+    """
     above = ground.above(cloud.xyz)
     label = cloud.label.copy()
     label[(label == UNCLASSIFIED) & (np.abs(above) <= config.ground.near_m)] = GROUND
     plants = np.flatnonzero((label == UNCLASSIFIED) & (above > config.ground.near_m))
     plants = plants[~_stray(cloud.xyz[plants], cloud.xyz[cloud.wire != NO_WIRE], wires, config)]
-    label[plants] = vegetation(above[plants], config.ground)
+    others = no_plants(cloud.xyz[plants], above[plants], linear, config.things, config.linear)
+    label[plants] = np.where(others > 0, others, vegetation(above[plants], config.ground))
     return Cloud(cloud.xyz, label, cloud.wire)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from plnerf.errors import ConfigError
 from plnerf.survey.config_ground import GroundConfig
 from plnerf.survey.config_wires import FitConfig, KindsConfig
+from plnerf.survey.lidar.config_things import ThingsConfig
 
 
 def require_positive(owner: object, *names: str) -> None:
@@ -359,6 +360,7 @@ class LidarConfig:
     structure: StructureConfig = field(default_factory=StructureConfig)
     bundle: BundleConfig = field(default_factory=BundleConfig)
     wire: WireConfig = field(default_factory=WireConfig)
+    things: ThingsConfig = field(default_factory=ThingsConfig)
     fit: FitConfig = field(default_factory=FitConfig)
     kinds: KindsConfig = field(default_factory=KindsConfig)
 

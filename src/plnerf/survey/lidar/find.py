@@ -54,8 +54,8 @@ def find_lines(
 
     xyz: LineFrame coordinates.  Neither their order nor how often each occurs has any influence.  given: the
     points' classes, of which noise takes no part, ground is the ground, and all count for what is neither
-    wire nor structure; None: they are not known.  What is neither ground, wire nor structure is then
-    vegetation by its height: buildings are not recognised.  A cloud
+    wire nor structure; None: they are not known.  What is neither ground, wire nor structure is then a
+    building, vegetation or unclassified by its shape (`things.py`).  A cloud
     without wires gives no lines and a finding.  Raises SurveyError for clouds that are empty, not finite, all
     at one place, or in degrees.
     """
@@ -118,7 +118,7 @@ def _found(
     loose = np.concatenate([*(tall[one.points] for one in stubs), []]).astype(np.int64)
     cloud = wires_and_structures(points, wires, of_wire, [bodies[k] for k in made.outlines.values()], loose)
     if seen:
-        cloud = with_ground(cloud, ground, wires, config)
+        cloud = with_ground(cloud, ground, wires, linear, config)
     if given is not None:
         cloud = with_given(cloud, given)
     if wires:

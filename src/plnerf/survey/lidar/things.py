@@ -1,0 +1,154 @@
+"""What stands on the ground and is no plant: buildings by their roofs, and what is straight over metres.
+
+A roof is a smooth plane several metres wide, high above the ground; what is under it belongs to the building.
+Nothing that grows is straight and level over metres, as booms, rails and undiscovered cables are: such things
+are unclassified.  In doubt a point stays a plant, since what is none has no vegetation verdict.
+
+Letters: k points that may be plants; m cells that stand for them; metres, z up.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from plnerf.line.cloud import BUILDING, UNCLASSIFIED
+from plnerf.survey.lidar.config import LinearConfig
+from plnerf.survey.lidar.config_things import ThingsConfig
+from plnerf.survey.lidar.linear import CHUNK, Linear, pieces, thinned
+
+SQUARE = np.ones((3, 3), np.bool_)
+
+
+def no_plants(
+    points: Float[np.ndarray, "k 3"], above_m: Float[np.ndarray, " k"], linear: Linear,
+    config: ThingsConfig, lines: LinearConfig,
+) -> UInt8[np.ndarray, " k"]:  # fmt: skip
+    """Classes of points that are no plants, 0 of the others.
+
+    above_m: heights above the ground; linear: places on lines of the whole cloud.
+    """
+    label = np.zeros(len(points), np.uint8)
+    label[_straight(points, linear, config, lines)] = UNCLASSIFIED
+    label[_under_roofs(points, above_m, config)] = BUILDING
+    return label
+
+
+def _straight(
+    points: Float[np.ndarray, "k 3"], linear: Linear, config: ThingsConfig, lines: LinearConfig
+) -> Bool[np.ndarray, " k"]:
+    """Which points lie on straight pieces of `straight_m` or more, or next to them in something of which
+    these are a good part."""
+    found = np.zeros(len(points), np.bool_)
+    long = [piece for piece in pieces(linear, lines) if _length(linear.at[piece]) >= config.straight_m]
+    if not long or not len(points):
+        return found
+    at = linear.at[np.concatenate(long)]
+    apart = cKDTree(at).query(points, distance_upper_bound=config.beside_m)[0]
+    on: Bool[np.ndarray, " k"] = np.isfinite(apart)
+    near = np.flatnonzero(cKDTree(at).query(points, distance_upper_bound=config.around_m)[0] < np.inf)
+    group = _groups(points[near], config.touching_m)
+    share = np.bincount(group, on[near]) / np.bincount(group)
+    found[near] = share[group] >= config.min_straight_share
+    return found | on
+
+
+def _length(at: Float[np.ndarray, "m 3"]) -> float:
+    return float(np.linalg.norm(np.ptp(at, axis=0)))
+
+
+def _groups(points: Float[np.ndarray, "k 3"], reach_m: float) -> Int[np.ndarray, " k"]:
+    """Numbers of the groups of points that touch each other."""
+    pairs = cKDTree(points).query_pairs(reach_m, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points), len(points)))
+    number: Int[np.ndarray, " k"] = connected_components(graph, directed=False)[1].astype(np.int64)
+    return number
+
+
+def _under_roofs(
+    points: Float[np.ndarray, "k 3"], above_m: Float[np.ndarray, " k"], config: ThingsConfig
+) -> Bool[np.ndarray, " k"]:
+    """Which points belong to roofs, or lie under them and beside their walls."""
+    inside = np.zeros(len(points), np.bool_)
+    high = points[above_m >= config.roof_from_m]
+    if len(high) < config.min_neighbours:
+        return inside
+    at = thinned(high, config.cell_m)
+    flat, normal = _flat(at, config)
+    at, normal = at[flat], normal[flat]
+    roofs = [_covered(at[part], config) for part in _planes(at, normal, config)]
+    cells = np.concatenate([*(cell for cell, _ in roofs), np.zeros((0, 2), np.int64)])
+    if not len(cells):
+        return inside
+    top = np.concatenate([height for _, height in roofs])
+    near = np.floor(points[:, :2]).astype(np.int64)
+    # Each point's cell among those of the roofs: the walls stand in the cells around.
+    apart, index = cKDTree(cells).query(near, distance_upper_bound=1.5)
+    inside = np.isfinite(apart)
+    inside[inside] = points[inside, 2] <= top[index[inside]] + config.over_roof_m
+    return inside
+
+
+def _planes(
+    at: Float[np.ndarray, "m 3"], normal: Float[np.ndarray, "m 3"], config: ThingsConfig
+) -> list[Int[np.ndarray, " _"]]:
+    """Indices of the places of each smooth plane."""
+    if not len(at):
+        return []
+    pairs = cKDTree(at).query_pairs(config.radius_m, output_type="ndarray")
+    one, other = pairs.T
+    alike = np.abs(np.einsum("ij,ij->i", normal[one], normal[other]))
+    off = np.abs(np.einsum("ij,ij->i", at[other] - at[one], normal[one]))
+    linked = (alike >= np.cos(np.radians(config.max_bend_deg))) & (off <= 2 * config.max_rms_m)
+    graph = coo_array((np.ones(linked.sum()), pairs[linked].T), shape=(len(at), len(at)))
+    plane = connected_components(graph, directed=False)[1]
+    order = np.argsort(plane, kind="stable")
+    return [part for part in np.split(order, np.cumsum(np.bincount(plane))[:-1]) if len(part)]
+
+
+def _covered(
+    at: Float[np.ndarray, "m 3"], config: ThingsConfig
+) -> tuple[Int[np.ndarray, "c 2"], Float[np.ndarray, " c"]]:
+    """Square metres that a plane covers, as cells, and its height there; none where it is no roof."""
+    none = np.zeros((0, 2), np.int64), np.zeros(0)
+    if len(at) < config.min_roof_m2 / 2:
+        return none
+    cell = np.floor(at[:, :2]).astype(np.int64)
+    corner = cell.min(0) - 2
+    shape = tuple(cell.max(0) - corner + 3)
+    seen = np.zeros(shape, np.bool_)
+    seen[tuple((cell - corner).T)] = True
+    # Closed over cells without a point, and nowhere narrower than three metres.
+    wide = ndimage.binary_opening(ndimage.binary_closing(seen, SQUARE), SQUARE)
+    if wide.sum() < config.min_roof_m2:
+        return none
+    found = np.argwhere(wide) + corner
+    nearest = cKDTree(at[:, :2]).query(found + 0.5, min(4, len(at)))[1].reshape(len(found), -1)
+    return found, at[nearest, 2].max(1)
+
+
+def _flat(
+    at: Float[np.ndarray, "m 3"], config: ThingsConfig
+) -> tuple[Bool[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
+    """Which places lie on smooth planes that are no walls, and the planes' normals."""
+    tree, flat, normal = cKDTree(at), np.zeros(len(at), np.bool_), np.zeros_like(at)
+    for first in range(0, len(at), CHUNK):
+        part = slice(first, first + CHUNK)
+        apart, which = tree.query(
+            at[part], config.neighbours, distance_upper_bound=config.radius_m, workers=-1
+        )
+        near = np.isfinite(apart)
+        count = near.sum(1)
+        offset = np.where(near[..., None], at[np.minimum(which, len(at) - 1)] - at[part, None], 0.0)
+        middle = offset.sum(1) / count[:, None]
+        spread = np.einsum("mki,mkj->mij", offset, offset) / count[:, None, None]
+        spread -= middle[:, :, None] * middle[:, None, :]
+        values, vectors = np.linalg.eigh(spread)
+        smooth = np.sqrt(np.maximum(values[:, 0], 0.0)) <= config.max_rms_m
+        wide = np.sqrt(np.maximum(values[:, 1], 0.0)) >= config.min_spread_m
+        roof = np.abs(vectors[:, 2, 0]) >= np.cos(np.radians(config.max_slope_deg))
+        flat[part] = smooth & wide & roof & (count >= config.min_neighbours)
+        normal[part] = vectors[:, :, 0]
+    return flat, normal
