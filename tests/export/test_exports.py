@@ -173,6 +173,17 @@ def test_every_file_names_what_its_heights_are_above(
     assert any("de_bkg_gcg2016.tif" in text for text in done.about) == (kind == "datum")
 
 
+def test_the_ply_says_what_its_coordinates_refer_to(local: Survey, survey: Survey, tmp_path: Path) -> None:
+    def comment(one: Survey) -> str:
+        header = write_exports(one, tmp_path).files["cloud.ply"].read_bytes().split(b"end_header")[0]
+        return next(line for line in header.decode().splitlines() if line.startswith("comment "))
+
+    named = "ETRS89 / UTM zone 32N (EPSG:25832), heights above DHHN2016 (EPSG:7837)"
+    assert comment(reframed(survey, crs="EPSG:25832+7837")) == f"comment {named}"
+    place = "metres east, north and up of 9.0000000 degrees east, 51.4500000 degrees north, height 250.000 m"
+    assert comment(reframed(local, crs="EPSG:25832+7837")) == f"comment {place} ({named})"
+
+
 def test_longitudes_and_latitudes_have_heights_above_the_ellipsoid_where_a_grid_is_there(
     survey: Survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -103,6 +103,18 @@ class CrsTransform:
         return crs_name(self.crs) if self.crs is not None else "the survey's own metres"
 
     @property
+    def world_reference(self) -> str:
+        """What world coordinates and their heights refer to, in words."""
+        origin = self.frame.origin_lon_lat_height
+        if self.frame.unit == "unscaled" or origin is None:
+            return self.reference
+        longitude, latitude, height = (float(value) for value in origin)
+        return (
+            f"metres east, north and up of {longitude:.7f} degrees east, {latitude:.7f} degrees north, "
+            f"height {height:.3f} m ({self.reference})"
+        )
+
+    @property
     def lon_lat_heights(self) -> str:
         """What heights beside longitudes and latitudes are above; reads on after "heights are"."""
         if self.to_ellipsoid:

@@ -63,10 +63,12 @@ def write_ply(
     path: Path,
     points: Float[np.ndarray, "n 3"],
     attributes: dict[str, Shaped[np.ndarray, " n"]] | None = None,
+    comment: str = "",
 ) -> None:
     """A binary PLY of points in float64, each attribute in its own type (64-bit integers are not PLY's).
 
-    Complete or absent; raises PlnerfError where it cannot be written.
+    comment: one line for readers, in its header.  Complete or absent; raises PlnerfError where it cannot be
+    written.
     """
     columns = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **(attributes or {})}
     kinds = {name: column.dtype.str.lstrip("<>|=") for name, column in columns.items()}
@@ -77,9 +79,10 @@ def write_ply(
     for name, column in columns.items():
         table[name] = column
     properties = [f"property {_NAMES[kind]} {name}" for name, kind in kinds.items()]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}", *properties]
+    said = [f"comment {' '.join(comment.split())}"] if comment else []
+    header = ["ply", "format binary_little_endian 1.0", *said, f"element vertex {len(points)}", *properties]
     with complete_file(path) as beside, beside.open("wb") as file:
-        file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii"))
+        file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii", "replace"))
         table.tofile(file)
 
 
