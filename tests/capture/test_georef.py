@@ -340,6 +340,11 @@ def test_control_points_that_agree_with_rtk_are_above_the_ellipsoid_too() -> Non
     assert heights_of(found.frame.crs).kind == "ellipsoid"
     plain = georeference(centres, references, None, on_the_ground(truth, SIX))
     assert plain.frame.crs == "EPSG:25832"
+    rows = dict(list(references.by_name.items())[:4])  # fewer than the control points, 47 m above them
+    few = above_the_ellipsoid(replace(references, by_name=rows))
+    outvoted = georeference(centres, few, None, on_the_ground(truth, SIX, -47.0))
+    assert outvoted.frame.crs == "EPSG:25832" and outvoted.positions_off is not None
+    assert outvoted.positions_off.off_m[2] == pytest.approx(47.0, abs=0.1)
 
 
 def test_poor_positions_give_way_to_control_points_and_their_offset_is_stated() -> None:

@@ -126,9 +126,6 @@ def georeference(
         )
     crs = anchors[-1].crs  # of the control points, if there are any
     own = np.array([anchor.xyz for anchor in anchors if anchor.crs == crs])
-    if heights_of(references.crs).kind == "ellipsoid" and _good(known):
-        # What agrees with good heights above the ellipsoid is above it, too; what does not, is refused.
-        crs = with_heights(crs, ELLIPSOID)
     frame = local_frame(crs, own)
     x, y, sigma = _known(anchors, frame)
     if len(y) > 1 and np.ptp(y, axis=0).max() < SAME_M:
@@ -177,6 +174,10 @@ def georeference(
             for anchor, one, well in zip(checks, off, good, strict=True)
         ]
         checks_off = common_offset(-off, its, INLIER_SIGMAS)
+    agree = bool(known) and fit.inlier[~of_control].mean() > LEAST_TRUSTED
+    if agree and heights_of(references.crs).kind == "ellipsoid" and _good(known):
+        # What agrees with good heights above the ellipsoid is above it, too.
+        frame = replace(frame, crs=with_heights(frame.crs, ELLIPSOID))
     if positions_off is None and of_control.any() and not of_control.all():
         positions_off = common_offset(-fit.residual[~of_control], sigma[~of_control], INLIER_SIGMAS)
     parts = [references.source] * bool(named) + [f"{len(control)} control points"] * bool(control)
