@@ -141,14 +141,22 @@ def datum_height_m(
         return np.zeros(len(lon_lat))
     if kind == "unknown":
         return None
-    try:
-        transformer = Transformer.from_crs(WGS_84, crs, always_xy=True, allow_ballpark=False)
-    except (CRSError, ProjError):
+    transformer = _to_datum(crs.to_wkt())
+    if transformer is None:
         return None
     longitude, latitude = lon_lat.T
     above = transformer.transform(longitude, latitude, np.zeros(len(lon_lat)))[2]
     found: Float[np.ndarray, " n"] = -np.asarray(above, np.float64) * height_unit_m(crs)
     return found if np.isfinite(found).all() else None
+
+
+@cache
+def _to_datum(wkt: str) -> Transformer | None:
+    """From heights above the ellipsoid to those of a CRS; None where its grid is not installed."""
+    try:
+        return Transformer.from_crs(WGS_84, CRS.from_wkt(wkt), always_xy=True, allow_ballpark=False)
+    except (CRSError, ProjError):
+        return None
 
 
 @cache

@@ -95,7 +95,7 @@ class CrsTransform:
         found = datum_height_m(self.crs, lon_lat_height[:, :2])
         return np.zeros(len(lon_lat_height)) if found is None else found
 
-    @property
+    @cached_property
     def reference(self) -> str:
         """What map coordinates and their heights refer to, in words."""
         if self.frame.unit == "unscaled":
