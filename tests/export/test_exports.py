@@ -154,6 +154,9 @@ def test_every_file_names_what_its_heights_are_above(
     whole = f"ETRS89 / UTM zone 32N (EPSG:25832), {words}"
     with laspy.open(done.files["cloud.laz"]) as file:
         found = file.header.parse_crs()
+        (wkt,) = [vlr.string for vlr in file.header.vlrs if vlr.record_id == 2112]
+    # The first WKT, as LAS 1.4 asks for it: the second one names them PROJCRS and COMPOUNDCRS.
+    assert wkt.startswith("PROJCS[" if kind == "unknown" else "COMPD_CS[")
     assert found is not None and heights_of(found).kind == kind
     assert horizontal(found).to_epsg(min_confidence=20) == 25832
     assert kind != "datum" or found.sub_crs_list[1].to_epsg() == 7837
