@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 from tests.conftest import ROOT, SNAPSHOTS
 from tests.support.tiny_run import assert_same_bits, tiny_config
 from torch import Tensor
@@ -279,6 +280,83 @@ def test_text_of_another_architecture(
     with safe_open(path.with_suffix(".safetensors"), "pt") as file:
         assert f"model.{tensor[1]}" in file.keys() or tensor[1] in before  # noqa: SIM118 (not a mapping)
     snapshot(f"checkpoint_of_another_model_{name}", message(caught.value, tmp_path))
+
+
+Tensors = dict[str, Tensor]
+OTHER_STATE: dict[str, tuple[Callable[[Tensors], Tensors], str]] = {
+    "fewer_rows": (
+        lambda all: all | {"optimizer.0.exp_avg": all["optimizer.0.exp_avg"][:7].clone()},
+        r"'optimizer.0.exp_avg' has shape \(7, 4\), the optimiser expects \(29489, 4\)",
+    ),
+    "transposed": (
+        lambda all: all | {"optimizer.0.exp_avg_sq": all["optimizer.0.exp_avg_sq"].T.contiguous()},
+        r"'optimizer.0.exp_avg_sq' has shape \(4, 29489\), the optimiser expects \(29489, 4\)",
+    ),
+    "steps_of_a_vector": (
+        lambda all: all | {"optimizer.1.step": torch.zeros(2)},
+        r"'optimizer.1.step' has shape \(2,\), the optimiser expects \(\)",
+    ),
+    "half_precision": (
+        lambda all: all | {"optimizer.3.exp_avg": all["optimizer.3.exp_avg"].half()},
+        r"'optimizer.3.exp_avg' has dtype torch.float16, the optimiser expects torch.float32",
+    ),
+    "one_is_missing": (
+        lambda all: {name: value for name, value in all.items() if name != "optimizer.2.exp_avg"},
+        r"the optimiser has the tensor 'optimizer.2.exp_avg', the checkpoint has not",
+    ),
+    "a_parameter_is_missing": (
+        lambda all: {name: value for name, value in all.items() if "optimizer.5." not in name},
+        r"the optimiser has the tensor 'optimizer.5.exp_avg', the checkpoint has not",
+    ),
+    "one_too_many": (
+        lambda all: all | {"optimizer.2.momentum": torch.zeros(3)},
+        r"the checkpoint has the tensor 'optimizer.2.momentum', the optimiser has not",
+    ),
+    "of_no_parameter": (
+        lambda all: all | {"optimizer.first.step": torch.zeros(())},
+        r"the checkpoint has the tensor 'optimizer.first.step', the optimiser has not",
+    ),
+    "weights_of_another_dtype": (
+        lambda all: all | {"model.field.grid.table": all["model.field.grid.table"].double()},
+        r"'field.grid.table' has dtype torch.float64, the model expects torch.float32",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_STATE)
+def test_state_of_another_optimiser_is_refused_before_any_is_taken(name: str, tmp_path: Path) -> None:
+    """The kernels that step it know no bounds: state that is too short would be read past its end."""
+    path = save(tmp_path, 10)
+    spoil, text = OTHER_STATE[name]
+    save_file(spoil(load_file(path.with_suffix(".safetensors"))), path.with_suffix(".safetensors"))
+    model, optimizer = a_model(seed=1)
+    before = {key: value.clone() for key, value in model.state_dict().items()}
+    with pytest.raises(CheckpointError, match=text):
+        load_checkpoint(path, model, optimizer)
+    assert_same_bits(model.state_dict(), before)
+    assert optimizer.state_dict() == {}
+
+
+def test_poses_may_be_refined_from_a_checkpoint_on_or_no_longer(tmp_path: Path) -> None:
+    model, plain = a_trained_model()
+    cfg = tiny_config(Path("/none"), "train.pose_refinement=true").train
+    refining = build_optimizer(model, cfg)
+    path = save_checkpoint(tmp_path, model, plain, step=1, seconds=0.0, frames=FRAMES).path
+    load_checkpoint(path, model, refining)
+    assert_same_bits(state_of(refining), state_of(plain))
+    poses = len(plain.state)
+    assert refining.late() == {poses} and plain.late() == set()
+
+    for group in refining.param_groups:
+        group["lr"] = group["rate"]
+        for value in group["params"]:
+            value.grad = torch.ones_like(value)
+    refining.step()
+    path = save_checkpoint(tmp_path, model, refining, step=2, seconds=0.0, frames=FRAMES).path
+    load_checkpoint(path, model, plain)
+    its = {name: value for name, value in state_of(refining).items() if name.split(".")[0] != str(poses)}
+    assert len(its) == len(state_of(refining)) - 3
+    assert_same_bits(state_of(plain), its)
 
 
 def test_a_checkpoint_without_an_optimiser_cannot_be_resumed(tmp_path: Path) -> None:

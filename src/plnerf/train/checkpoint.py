@@ -21,6 +21,7 @@ from plnerf.train.optimizer import TableAdam
 
 FORMAT_VERSION = 1
 _NAME = re.compile(r"step-(\d+)\.json")
+_OF_PARAMETER = re.compile(r"optimizer\.(\d{1,9})\..*")
 _REMOVE = "Remove this checkpoint to go on from the one before."
 _OWN_CONFIG = "Open it with the config.json and the scene that it was trained with."
 
@@ -56,7 +57,7 @@ def save_checkpoint(
     about = {"format_version": FORMAT_VERSION, "step": step, "seconds": seconds, "frames": frames}
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
     _check_finite(tensors, folder, step)
-    tensors |= _optimizer_tensors(optimizer)
+    tensors |= _optimizer_tensors(optimizer.state_dict())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _replace(beside, lambda part: part.write_bytes(save(tensors)))
@@ -121,7 +122,9 @@ def drop_old_checkpoints(folder: Path, keep: int) -> None:
 def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = None) -> Checkpoint:
     """Loads weights, and the optimiser's state where one is given.
 
-    Raises CheckpointError where the file is of another format version, damaged, or of another architecture.
+    Every tensor is compared with what is to take it over before any is taken: kernels step the optimiser's
+    state without bounds.  Raises CheckpointError, and leaves model and optimiser as they were, where the file
+    is of another format version, damaged, or of another architecture.
     """
     about = _read_about(path)
     try:
@@ -133,10 +136,10 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
     state = {
         name.removeprefix("model."): value for name, value in tensors.items() if name.startswith("model.")
     }
-    _check_same_architecture(path, state, model.state_dict())
-    model.load_state_dict(state)
+    _check_same_architecture(path, state, model.state_dict(), "the model")
     if optimizer is not None:
-        _load_optimizer_tensors(optimizer, tensors, path)
+        optimizer.load_state_dict(_optimizer_state(optimizer, tensors, path))
+    model.load_state_dict(state)
     return Checkpoint(path, about["step"], about["seconds"], about["frames"])
 
 
@@ -160,37 +163,48 @@ def _read_about(path: Path) -> dict[str, Any]:
     return about
 
 
-def _check_same_architecture(path: Path, state: dict[str, Tensor], expected: dict[str, Tensor]) -> None:
+def _check_same_architecture(
+    path: Path, state: dict[str, Tensor], expected: dict[str, Tensor], whose: str
+) -> None:
+    """By names, shapes and dtypes of the tensors."""
+    another = f"The checkpoint {path} is of another architecture"
     for name in sorted(state.keys() ^ expected.keys()):
-        has, lacks = ("the checkpoint", "the model") if name in state else ("the model", "the checkpoint")
-        raise CheckpointError(
-            f"The checkpoint {path} is of another architecture: {has} has the tensor {name!r}, {lacks} has "
-            f"not. {_OWN_CONFIG}"
-        )
+        has, lacks = ("the checkpoint", whose) if name in state else (whose, "the checkpoint")
+        raise CheckpointError(f"{another}: {has} has the tensor {name!r}, {lacks} has not. {_OWN_CONFIG}")
     for name, value in expected.items():
-        if state[name].shape != value.shape:
-            raise CheckpointError(
-                f"The checkpoint {path} is of another architecture: {name!r} has shape "
-                f"{tuple(state[name].shape)}, the model expects {tuple(value.shape)}. {_OWN_CONFIG}"
-            )
+        its, wanted = _layout(state[name]), _layout(value)
+        for what in its:
+            if its[what] != wanted[what]:
+                has = f"{name!r} has {what} {its[what]}, {whose} expects {wanted[what]}"
+                raise CheckpointError(f"{another}: {has}. {_OWN_CONFIG}")
 
 
-def _optimizer_tensors(optimizer: TableAdam) -> dict[str, Tensor]:
+def _layout(tensor: Tensor) -> dict[str, str]:
+    return {"shape": str(tuple(tensor.shape)), "dtype": str(tensor.dtype)}
+
+
+def _optimizer_tensors(state: dict[int, dict[str, Tensor]]) -> dict[str, Tensor]:
     return {
-        f"optimizer.{index}.{key}": value
-        for index, items in optimizer.state_dict().items()
-        for key, value in items.items()
+        f"optimizer.{index}.{key}": value for index, parts in state.items() for key, value in parts.items()
     }
 
 
-def _load_optimizer_tensors(optimizer: TableAdam, tensors: dict[str, Tensor], path: Path) -> None:
-    state: dict[int, dict[str, Tensor]] = {}
-    for name, value in tensors.items():
-        if name.startswith("optimizer."):
-            _, index, key = name.split(".")
-            state.setdefault(int(index), {})[key] = value
-    if not state:
+def _optimizer_state(
+    optimizer: TableAdam, tensors: dict[str, Tensor], path: Path
+) -> dict[int, dict[str, Tensor]]:
+    """The optimiser's state in a checkpoint, by parameter.
+
+    Poses, the last parameters, may be refined from here on, or no longer: their state is not always there.
+    """
+    found = {name: value for name, value in tensors.items() if name.startswith("optimizer.")}
+    if not found:
         raise CheckpointError(
             f"The checkpoint {path} holds no optimiser state: it can be rendered, not resumed."
         )
-    optimizer.load_state_dict(state)
+    layout = optimizer.layout()
+    of = {name: match for name in found if (match := _OF_PARAMETER.fullmatch(name))}
+    used = {name: found[name] for name in found if name not in of or int(of[name][1]) < len(layout)}
+    stepped = {int(match[1]) for match in of.values()}
+    expected = {k: parts for k, parts in layout.items() if k in stepped or k not in optimizer.late()}
+    _check_same_architecture(path, used, _optimizer_tensors(expected), "the optimiser")
+    return {k: {key: found[f"optimizer.{k}.{key}"] for key in parts} for k, parts in expected.items()}

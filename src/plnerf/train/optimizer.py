@@ -30,7 +30,7 @@ def build_optimizer(model: RadianceSystem, cfg: TrainConfig) -> "TableAdam":
     if tables:  # deep networks have none
         groups.insert(0, {"params": tables, "rate": cfg.hash_lr, "by_row": True})
     if cfg.pose_refinement:
-        groups.append({"params": poses, "rate": cfg.pose_lr})
+        groups.append({"params": poses, "rate": cfg.pose_lr, "late": True})
     if model.appearance.is_cuda:  # a CUDA graph reads what changes from tensors
         groups = [{**group, "lr": torch.zeros((), device=model.appearance.device)} for group in groups]
     return TableAdam(groups, model.backend)
@@ -55,10 +55,13 @@ class TableAdam:
     A table is read by a few samples at a few of its rows: that its other rows stand still saves most of the
     memory traffic of a step, and keeps their moments for when they are seen again.  Stepping such a table
     empties its gradient on the way, so that `zero_grad(set_to_none=False)` need not touch it.
+    Parameters of groups with "late" set may join after the others were stepped, when a run is resumed.
     """
 
     def __init__(self, groups: Iterable[dict[str, Any]], backend: Backend) -> None:
-        usual: dict[str, Any] = {"lr": 1e-3, "betas": (0.9, 0.99), "eps": 1e-15, "by_row": False}
+        usual: dict[str, Any] = {
+            "lr": 1e-3, "betas": (0.9, 0.99), "eps": 1e-15, "by_row": False, "late": False,
+        }  # fmt: skip
         self.param_groups: list[dict[str, Any]] = [usual | group for group in groups]
         self.state: dict[Tensor, dict[str, Tensor]] = {}
         self._adam_rows = kernels(backend).adam_rows
@@ -100,10 +103,20 @@ class TableAdam:
         """Steps and moments of each parameter that was stepped, by its place in the groups."""
         return {k: self.state[value] for k, value in enumerate(self._values()) if value in self.state}
 
+    def layout(self) -> dict[int, dict[str, Tensor]]:
+        """What `state_dict` holds once every parameter was stepped: shapes and dtypes without values."""
+        return {k: self._unstepped(value, torch.device("meta")) for k, value in enumerate(self._values())}
+
+    def late(self) -> set[int]:
+        """Places of the parameters that may join after the others were stepped."""
+        late = [group["late"] for group in self.param_groups for _ in group["params"]]
+        return {k for k, joins in enumerate(late) if joins}
+
     def load_state_dict(self, state: dict[int, dict[str, Tensor]]) -> None:
         """Takes over copies of what `state_dict` gave, on each parameter's device.
 
-        Left out is what belongs to parameters after the last: poses, where they are no longer refined.
+        Left out is what belongs to parameters after the last: poses, where they are no longer refined.  The
+        kernels trust the shapes: state that was on a disk is to be compared with `layout` before.
         """
         values = list(self._values())
         self.state = {
@@ -116,11 +129,17 @@ class TableAdam:
         return (value for group in self.param_groups for value in group["params"])
 
     def _state_of(self, value: Tensor) -> dict[str, Tensor]:
-        state = self.state.setdefault(value, {})
-        if not state:
-            state["step"] = torch.zeros((), dtype=torch.float32, device=value.device)
-            state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(value), torch.zeros_like(value)
-        return state
+        if value not in self.state:
+            self.state[value] = self._unstepped(value, value.device)
+        return self.state[value]
+
+    @staticmethod
+    def _unstepped(value: Tensor, device: torch.device) -> dict[str, Tensor]:
+        return {
+            "step": torch.zeros((), dtype=torch.float32, device=device),
+            "exp_avg": torch.zeros_like(value, device=device),
+            "exp_avg_sq": torch.zeros_like(value, device=device),
+        }
 
 
 @contextmanager
