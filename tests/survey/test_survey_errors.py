@@ -245,6 +245,16 @@ def test_a_cloud_without_wires_has_status_3_and_a_report_that_says_so(
     }  # fmt: skip
 
 
+def test_a_cloud_of_ground_alone_has_status_3(
+    made: Line, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    arguments = [cloud(tmp_path, made.xyz[made.truth == 2] + RD), "-o", str(out)]
+    status, text = plnerf_survey(arguments, monkeypatch, capsys, tmp_path)
+    assert status == 3 and "shows nothing more than 4 m above the ground" in text
+    assert (out / "report.html").exists() and read_survey(out / "survey.json").wires == ()
+
+
 def test_a_cloud_without_ground_is_surveyed_and_says_so(
     made: Line,
     tmp_path: Path,

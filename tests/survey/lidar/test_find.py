@@ -347,6 +347,20 @@ def test_a_few_points_are_no_line() -> None:
         assert found.lines == () and len(found.cloud.label) == count and found.findings
 
 
+@pytest.mark.parametrize("above_m", [0.0, 3.0])
+def test_ground_alone_shows_no_line(above_m: float) -> None:
+    """Bare, or with bushes that are too low for wires."""
+    random, cloud = np.random.default_rng(1), made.Line()
+    made.ground(cloud, np.zeros(2), np.array([60.0, 40.0]), random, density=4.0)
+    bushes = cloud.xyz[:200] + np.array([0.0, 0.0, above_m])
+    found = find(np.concatenate([cloud.xyz, bushes]))
+    assert found.lines == () and (found.cloud.label != UNCLASSIFIED).all()
+    assert texts(found) == [
+        "No wires were found: the cloud shows nothing more than 4 m above the ground. Give the whole cloud, "
+        "not its ground alone."
+    ]
+
+
 def test_distinct_points_and_where_each_is() -> None:
     xyz = np.random.default_rng(1).integers(0, 3, (200, 3)).astype(float)
     points, which = distinct(xyz)

@@ -156,6 +156,12 @@ def _no_ground() -> Finding:
 
 def _no_wires(high: int, ground: bool, config: LidarConfig) -> Finding:
     where = f"more than {config.min_height_m:g} m above the ground" if ground else "in the cloud"
+    if not high:
+        return harms(
+            "no wires",
+            f"No wires were found: the cloud shows nothing {where}.",
+            "Give the whole cloud, not its ground alone.",
+        )
     return harms(
         "no wires",
         f"No wires were found: of {high} points {where}, none form hanging lines of "

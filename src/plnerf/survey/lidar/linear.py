@@ -39,7 +39,12 @@ def thinned(points: Float[np.ndarray, "n 3"], cell_m: float) -> Float[np.ndarray
 
 
 def find_linear(points: Float[np.ndarray, "n 3"], config: LinearConfig) -> Linear:
-    """Where points lie on lines that are not too steep, by the principal axes of several neighbourhoods."""
+    """Where points lie on lines that are not too steep, by the principal axes of several neighbourhoods.
+
+    No points, as of a cloud that shows nothing above the ground, have no places.
+    """
+    if not len(points):
+        return Linear(points, points, points)
     at = thinned(points, config.cell_m)
     tree = cKDTree(at)
     along, straight = np.zeros_like(at), np.full(len(at), np.inf)
