@@ -29,4 +29,4 @@ class CheckpointError(PlnerfError):
 
 
 class TrainingError(PlnerfError):
-    """Training cannot go on: a loss term is no longer finite."""
+    """A loss, a weight, or what a model renders is not finite."""

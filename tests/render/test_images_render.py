@@ -4,7 +4,7 @@ import pytest
 import torch
 from tests.support.oracle import FAR, Oracle, one_camera, plane, tiny_config
 
-from plnerf.errors import ConfigError
+from plnerf.errors import ConfigError, TrainingError
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.model import PLNeRF
 from plnerf.render.views import default_chunk, render_view, resized
@@ -55,6 +55,17 @@ def test_the_chunk_size_does_not_change_the_view() -> None:
         for name in ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals"):
             a, b = (torch.from_numpy(getattr(v, name)) for v in (whole, parts))
             torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5, msg=lambda m, n=name: f"{n}: {m}")
+
+
+@pytest.mark.parametrize("value", [float("nan"), 3e38])
+def test_a_view_that_is_not_finite_is_no_view(value: float) -> None:
+    """Weights that are no numbers, and finite ones that overflow."""
+    model = PLNeRF(tiny_config(), 2, "torch", torch.Generator().manual_seed(3)).eval()
+    with torch.no_grad():
+        model.field.colour_network[0].weight.fill_(value)
+        model.field.colour_network[-1].weight[0].fill_(-value)
+    with pytest.raises(TrainingError, match="117 of the 117 pixels of a view are not finite"):
+        render_view(model, one_camera(), torch.zeros(3), normals=False)
 
 
 def test_no_chunk_is_larger_than_asked_for() -> None:

@@ -337,6 +337,22 @@ def test_state_of_another_optimiser_is_refused_before_any_is_taken(name: str, tm
     assert optimizer.state_dict() == {}
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+@pytest.mark.parametrize("name", ["model.field.grid.table", "optimizer.4.exp_avg_sq"])
+def test_numbers_that_are_not_finite_are_refused(name: str, value: float, tmp_path: Path) -> None:
+    path = save(tmp_path, 10)
+    tensors = load_file(path.with_suffix(".safetensors"))
+    tensors[name].view(-1)[5] = value
+    save_file(tensors, path.with_suffix(".safetensors"))
+    model, optimizer = a_model(seed=1)
+    before = {key: value.clone() for key, value in model.state_dict().items()}
+    count, own = f"{tensors[name].numel():,}", name.removeprefix("model.")
+    with pytest.raises(CheckpointError, match=f"1 of the {count} values of '{own}' are not finite. Remove"):
+        load_checkpoint(path, model, optimizer)
+    assert_same_bits(model.state_dict(), before)
+    assert optimizer.state_dict() == {}
+
+
 def test_poses_may_be_refined_from_a_checkpoint_on_or_no_longer(tmp_path: Path) -> None:
     model, plain = a_trained_model()
     cfg = tiny_config(Path("/none"), "train.pose_refinement=true").train

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from plnerf.errors import ConfigError
+from plnerf.errors import ConfigError, TrainingError
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.pruning import Pruning, is_fused, render_pruned
 from plnerf.render.system import RadianceSystem
@@ -63,7 +63,8 @@ def render_view(
 
     camera: one camera in the scene frame.  appearance: the vector that decides exposure and white balance.
     chunk_rays: None chooses by the device.  pruning: what may be left out; None renders exactly.
-    Raises ConfigError for normals of a model that predicts none.
+    Raises ConfigError for normals of a model that predicts none, TrainingError where it renders values that
+    are not finite.
     """
     chunk = default_chunk(model, pruning) if chunk_rays is None else chunk_rays
     if len(camera) != 1 or chunk < 1:
@@ -79,6 +80,7 @@ def render_view(
         coloured += computed
     # One table of columns: colour 3, accumulation, depth, median depth, z depth, normals 3 if any.
     table = torch.cat(parts).numpy().reshape(height, width, -1)
+    _check_finite(table)
     return RenderedView(
         rgb=np.clip(table[..., :3], 0.0, 1.0),
         accumulation=table[..., 3].copy(),
@@ -88,6 +90,17 @@ def render_view(
         normals=table[..., 7:].copy() if normals else None,
         coloured=coloured / (width * height * model.sampler.final),
     )
+
+
+def _check_finite(table: Float[np.ndarray, "h w c"]) -> None:
+    """Finite weights can still overflow; in a picture of 8 bits that would not show."""
+    bad = int((~np.isfinite(table)).any(-1).sum())
+    if bad:
+        raise TrainingError(
+            f"{bad:,} of the {table[..., 0].size:,} pixels of a view are not finite: the model's weights are "
+            "too large for float32. Remove the run's newest checkpoint to use the one before, or train again "
+            "with a lower train.hash_lr and train.mlp_lr."
+        )
 
 
 def default_chunk(model: RadianceSystem, pruning: Pruning | None = None) -> int:

@@ -124,7 +124,7 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
 
     Every tensor is compared with what is to take it over before any is taken: kernels step the optimiser's
     state without bounds.  Raises CheckpointError, and leaves model and optimiser as they were, where the file
-    is of another format version, damaged, or of another architecture.
+    is of another format version, damaged (also by values that are not finite), or of another architecture.
     """
     about = _read_about(path)
     try:
@@ -137,6 +137,7 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
         name.removeprefix("model."): value for name, value in tensors.items() if name.startswith("model.")
     }
     _check_same_architecture(path, state, model.state_dict(), "the model")
+    _check_loaded_finite(path, state)
     if optimizer is not None:
         optimizer.load_state_dict(_optimizer_state(optimizer, tensors, path))
     model.load_state_dict(state)
@@ -179,6 +180,17 @@ def _check_same_architecture(
                 raise CheckpointError(f"{another}: {has}. {_OWN_CONFIG}")
 
 
+def _check_loaded_finite(path: Path, tensors: dict[str, Tensor]) -> None:
+    """Weights that are no numbers would render to pictures that look like pictures."""
+    for name, value in tensors.items():
+        bad = int((~value.isfinite()).sum())
+        if bad:
+            raise CheckpointError(
+                f"The checkpoint {path} is damaged: {bad:,} of the {value.numel():,} values of {name!r} are "
+                f"not finite. {_REMOVE}"
+            )
+
+
 def _layout(tensor: Tensor) -> dict[str, str]:
     return {"shape": str(tuple(tensor.shape)), "dtype": str(tensor.dtype)}
 
@@ -207,4 +219,5 @@ def _optimizer_state(
     stepped = {int(match[1]) for match in of.values()}
     expected = {k: parts for k, parts in layout.items() if k in stepped or k not in optimizer.late()}
     _check_same_architecture(path, used, _optimizer_tensors(expected), "the optimiser")
+    _check_loaded_finite(path, used)
     return {k: {key: found[f"optimizer.{k}.{key}"] for key in parts} for k, parts in expected.items()}
