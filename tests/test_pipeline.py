@@ -1,6 +1,7 @@
 """The stages in order, as functions: they meet only through files."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,8 +12,9 @@ import torch
 from tests.support.tiny_run import Recorder, assert_same_bits, newest_tensors, small
 
 from plnerf import pipeline
-from plnerf.errors import ConfigError, SceneError
+from plnerf.errors import ConfigError, PlnerfError, SceneError
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
+from plnerf.scene.only_writer import only_writer
 from plnerf.train.fitted import fit_to_scene
 from plnerf.train.run import open_run, read_config
 
@@ -25,7 +27,7 @@ def test_a_run_records_all_that_decides_it(tiny_scene: Path, tmp_path: Path) -> 
     assert made == out
     assert (config.preset, config.backend, config.device) == ("pl-nerf", "numba", "cpu")
     assert (config.seed, config.steps, config.seconds, config.train.loss.distortion) == (9, 2, None, 0.0)
-    assert {path.name for path in out.iterdir() if "tfevents" not in path.name} == {
+    assert {path.name for path in out.glob("[!.]*") if "tfevents" not in path.name} == {
         "config.json", "scene.json", "pixels", "checkpoints", "metrics.jsonl"
     }  # fmt: skip
 
@@ -74,10 +76,34 @@ def test_a_run_is_not_trained_over(tiny_scene: Path, tmp_path: Path) -> None:
     assert_same_bits(newest_tensors(out), before)
 
 
+def test_only_one_command_writes_into_a_folder(tiny_scene: Path, tmp_path: Path) -> None:
+    out = pipeline.train_scene(tiny_scene, tmp_path / "out" / "run", steps=1, **small())
+    again: dict[str, Callable[[], object]] = {
+        "train": lambda: pipeline.train_scene(tiny_scene, out, steps=1, seed=1, **small()),
+        "resume": lambda: pipeline.resume_run(tiny_scene, out, steps=2),
+        "capture": lambda: pipeline.capture_scene(tiny_scene / "images", out),
+        "reconstruct": lambda: pipeline.reconstruct(tiny_scene, out),
+    }
+    before = newest_tensors(out)
+    with only_writer(out):
+        for call in again.values():
+            with pytest.raises(PlnerfError, match=f"{out} is being written by process {os.getpid()}"):
+                call()
+    assert_same_bits(newest_tensors(out), before)
+
+
+def test_a_run_that_is_trained_is_not_put_aside(tiny_scene: Path, tmp_path: Path) -> None:
+    (tmp_path / "reconstruct.json").write_text('{"training": "other settings"}')
+    with only_writer(tmp_path / "run"), pytest.raises(PlnerfError, match="run is being written by process"):
+        pipeline.reconstruct(tiny_scene, tmp_path)
+    assert not (tmp_path / "run-1").exists()
+
+
 def test_a_failed_start_leaves_no_run(tiny_scene: Path, tmp_path: Path) -> None:
     for budget in ({}, {"steps": 1, "seconds": 1.0}):
         with pytest.raises(ConfigError):
             pipeline.train_scene(tiny_scene, tmp_path / "run", **small(), **budget)
+        assert not (tmp_path / "run").exists()
     pipeline.train_scene(tiny_scene, tmp_path / "run", steps=1, **small())
 
 

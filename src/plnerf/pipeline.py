@@ -34,6 +34,7 @@ from plnerf.report.page import write_report
 from plnerf.scene.build_store import Progress
 from plnerf.scene.files import check_folder
 from plnerf.scene.formats import has_poses
+from plnerf.scene.only_writer import only_writer
 from plnerf.scene.scene import load_scene
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
@@ -71,7 +72,8 @@ def capture_scene(
     progress: called with the stage's name, what is done of it, and of how much.  Errors as of `capture`.
     """
     progress = progress or (lambda stage, done, of: None)
-    return capture(Path(source), Path(out), config or CaptureConfig(), progress).parent
+    with only_writer(Path(out)):
+        return capture(Path(source), Path(out), config or CaptureConfig(), progress).parent
 
 
 def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
@@ -94,33 +96,34 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
 
     model, train, detect: settings; None: the preset's.  A grid's `finest` that is the preset's is fitted to
     the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step; None: a log
-    in the run folder.
+    in the run folder.  Raises PlnerfError where another process writes into the folder.
     """
     scene, out = Path(scene), Path(out)
-    if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
-        raise ConfigError(
-            f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
+    with only_writer(out):
+        if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
+            raise ConfigError(
+                f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
+            )
+        chosen, on = find_preset(preset), choose_device(device)
+        config = RunConfig(
+            scene=str(scene.resolve()),
+            downscale=downscale,
+            preset=preset,
+            backend=resolve_backend(backend, torch.device(on)),
+            device=on,
+            model=model or chosen.model,
+            train=train or chosen.train,
+            detect=detect or DetectConfig(),
+            steps=steps,
+            seconds=seconds,
+            seed=seed,
         )
-    chosen, on = find_preset(preset), choose_device(device)
-    config = RunConfig(
-        scene=str(scene.resolve()),
-        downscale=downscale,
-        preset=preset,
-        backend=resolve_backend(backend, torch.device(on)),
-        device=on,
-        model=model or chosen.model,
-        train=train or chosen.train,
-        detect=detect or DetectConfig(),
-        steps=steps,
-        seconds=seconds,
-        seed=seed,
-    )
-    # What would not come back from config.json, such as infinity, is refused before anything is read.
-    config = from_json(RunConfig, to_json(config), "The settings")
-    loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
-    if finest_of(config.model) == finest_of(chosen.model):
-        config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
-    return train_loop(config, out, report or RunLog(out), scene=loaded)
+        # What would not come back from config.json, such as infinity, is refused before anything is read.
+        config = from_json(RunConfig, to_json(config), "The settings")
+        loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
+        if finest_of(config.model) == finest_of(chosen.model):
+            config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
+        return train_loop(config, out, report or RunLog(out), scene=loaded)
 
 
 def resume_run(
@@ -140,7 +143,8 @@ def resume_run(
         )
     if steps is not None or seconds is not None:
         config = replace(config, steps=steps, seconds=seconds)
-    return train_loop(config, out, report or RunLog(out))
+    with only_writer(out):
+        return train_loop(config, out, report or RunLog(out))
 
 
 def evaluate(run: Path, progress: Progress | None = None) -> dict[str, Any]:
@@ -277,7 +281,18 @@ def reconstruct(
     other settings is kept, as run-1, run-2, ...  skipped: called with a line about every stage that is up to
     date, and about a run that is put aside.
     """
-    training, stages = training or Training(), stages or Stages()
+    with only_writer(out):
+        return _reconstruct(source, out, training or Training(), capture, stages or Stages(), skipped)
+
+
+def _reconstruct(
+    source: Path,
+    out: Path,
+    training: Training,
+    capture: CaptureConfig | None,
+    stages: Stages,
+    skipped: Callable[[str], None],
+) -> Path:
     scene, run = source, out / "run"
     if not has_poses(source):
         scene = out / "scene"
@@ -287,6 +302,8 @@ def reconstruct(
     state = json.loads((out / STATE).read_text()) if (out / STATE).exists() else {}
     if state.get("training") not in {None, json.dumps(wanted)} and run.exists():
         aside = next(path for k in range(1, 10_000) if not (path := out / f"run-{k}").exists())
+        with only_writer(run):  # not from under a training
+            pass
         run.replace(aside)
         skipped(f"the run of other settings or poses: {aside}")
         state = {}

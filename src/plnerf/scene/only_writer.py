@@ -1,0 +1,80 @@
+"""One command at a time writes into a folder: a lock that ends with its process, and says who holds it."""
+
+import json
+import os
+import shlex
+import socket
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from textwrap import shorten
+
+from filelock import FileLock, Timeout
+
+from plnerf.errors import PlnerfError
+from plnerf.scene.files import check_folder
+
+LOCK = ".lock"
+"""In the folder, empty; it stays there, since removing it would let two others hold one lock each."""
+HOLDER = ".lock.json"
+"""Who holds the lock: process, host, command, and since when."""
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Holds a folder, which is made, while the block runs.
+
+    Raises PlnerfError where another process, or another part of this one, holds it.  A process that is killed
+    holds nothing any more.  Where the disk knows no locks, a warning says so and nothing is held.
+    """
+    check_folder(folder)
+    new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    lock, holder = FileLock(folder / LOCK), folder / HOLDER
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise PlnerfError(
+            f"{folder} is being written by {_who(holder)}. Wait until it has ended, or name another folder: "
+            "-o."
+        ) from None
+    except (NotImplementedError, OSError) as error:
+        warnings.warn(
+            f"{folder} cannot be locked ({error}). Take care that no other command writes into it.",
+            stacklevel=3,
+        )
+        yield
+        return
+    try:
+        with suppress(OSError):  # a full disk: the lock itself needs no room
+            holder.write_text(json.dumps(_about_this_process()), encoding="utf-8")
+        yield
+    finally:
+        holder.unlink(missing_ok=True)
+        if new and [path.name for path in folder.iterdir()] == [LOCK]:  # nothing came of it
+            (folder / LOCK).unlink()
+            folder.rmdir()
+        lock.release()
+
+
+def _about_this_process() -> dict[str, str | int]:
+    return {
+        "process": os.getpid(),
+        "host": socket.gethostname(),
+        "command": shorten(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]), 200),
+        "since": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+    }
+
+
+def _who(holder: Path) -> str:
+    """The holder in words; what it wrote may be gone already, or not there yet."""
+    try:
+        about = json.loads(holder.read_text(encoding="utf-8"))
+        return (
+            f"process {about['process']} on {about['host']} since {about['since']} (`{about['command']}`)"
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return "another process"
