@@ -139,13 +139,17 @@ def test_the_way_from_the_command_line_to_the_rendering_sum_is_short(
 
 
 def test_without_the_rendering_sum_nothing_is_trained(
-    tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny_scene: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """So that the test above follows the sum that training really uses."""
     without = ray_ops.TORCH._replace(render_rays=None)  # type: ignore[arg-type]
     monkeypatch.setattr(model, "ray_ops", lambda backend: without)
-    with pytest.raises(TypeError, match="'NoneType' object is not callable"):
+    with pytest.raises(SystemExit) as ended:
         stack_at_the_rendering_sum("torch", tiny_scene, tmp_path / "run", monkeypatch)
+    assert ended.value.code == 70 and "'NoneType' object is not callable" in capsys.readouterr().err
 
 
 FRAME_INTERNALS = re.compile(

@@ -1,7 +1,8 @@
 """The command line.  Each subcommand is one call; whatever is heavy is imported where it is used.
 
 Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 3 where the
-doctor finds a scene not usable for wires, or a survey no wire, 130 on Ctrl-C.
+doctor finds a scene not usable for wires, or a survey no wire, 70 on a defect of plnerf (one paragraph that
+names a crash report), 130 on Ctrl-C.
 """
 
 import os
@@ -9,6 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
+from textwrap import shorten
 from typing import Any
 
 import tyro
@@ -29,6 +31,8 @@ COMMANDS: tuple[Callable[..., Any], ...] = (
     demo, capture, reconstruct, train, eval, render, synth, hang, survey, score, doctor, bench, compare,
 )  # fmt: skip
 ABOUT = "From photos of a power line to a radiance field and its measures."
+DEFECT = 70
+"""Exit status: EX_SOFTWARE of sysexits.h."""
 OF_A_PRESET = (train, bench, compare)
 """Commands whose options are the settings of a preset."""
 
@@ -58,6 +62,19 @@ def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
         function = partial(command, settings=settings) if command in OF_A_PRESET else command
         app.command(name=command.__name__)(function)
     return app
+
+
+def about_defect(error: Exception, arguments: Sequence[str]) -> str:
+    """What to print of an exception that nobody expected; writes its crash report."""
+    from plnerf.cli.crash import write_crash_report  # almost never needed
+
+    try:
+        where = f"{write_crash_report(error, arguments)} (no photos, no positions, no values of options)"
+        do = f"Please report it to the maintainers, with the file {where} and a line on what the input was."
+    except OSError as why:
+        do = f"Please report it to the maintainers. No crash report could be written ({why})."
+    said = shorten(str(error), 300) or "no message"
+    return f"plnerf met an error that it should have handled: {type(error).__name__}, {said}. {do}"
 
 
 def main() -> None:
@@ -96,6 +113,9 @@ def main() -> None:
     except KeyboardInterrupt:
         console.print("Interrupted. A training run goes on with --resume.")
         sys.exit(130)
+    except Exception as error:
+        fail("Defect", about_defect(error, sys.argv[1:]))
+        sys.exit(DEFECT)
 
 
 if __name__ == "__main__":

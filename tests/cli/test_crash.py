@@ -1,0 +1,57 @@
+"""An exception that nobody expected ends in one paragraph and a report that holds nothing of the input."""
+
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from plnerf.cli.main import main
+
+PLACE, NAME = "47.37689, 8.54172", "DJI_0815.JPG"
+
+
+def broken(*_: object, **__: object) -> None:
+    position = PLACE
+    try:
+        float(f"{position} of {NAME}")
+    except ValueError as error:
+        raise RuntimeError(f"a photo at {position}\nis elsewhere") from error
+
+
+@pytest.fixture
+def defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+    """What is printed of it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.setattr("plnerf.pipeline.train_scene", broken)
+    place = ["--line-azimuth", "47.37689", "--seed=815"]
+    monkeypatch.setattr(sys, "argv", ["plnerf", "train", str(tmp_path / "my garden"), "-o", "out", *place])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 70
+    return capsys.readouterr().err
+
+
+def test_the_report_says_where_and_nothing_of_the_input(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    text: str = request.getfixturevalue("defect")
+    assert "Traceback" not in text and text.count("\n") == 1
+    assert text.startswith("Defect: plnerf met an error that it should have handled: RuntimeError, a photo")
+    (report,) = (tmp_path / "temporary").iterdir()
+    assert str(report) in text and re.fullmatch(r"plnerf-crash-\d{8}-\d{6}-\w+\.txt", report.name)
+    content = report.read_text()
+    command, system, versions, cause, error = content.split("\n\n")
+    assert command == "plnerf train -o --line-azimuth --seed" and "Python 3" in system
+    assert "plnerf 0." in versions and "torch " in versions
+    assert cause.endswith("to float: '##.#####, #.##### of DJI_####.JPG'")
+    assert error.endswith("RuntimeError: a photo at ##.#####, #.#####\nis elsewhere\n")
+    assert "in broken" in cause and "in main" in error
+    assert not re.search(r"47\.3|8\.54|0?815\b|my garden", content)
+
+
+def test_without_a_place_for_the_report_the_error_is_still_told(defect: str) -> None:
+    assert "a photo at 47.37689, 8.54172 is elsewhere" in defect
+    assert "No crash report could be written" in defect and "Traceback" not in defect
