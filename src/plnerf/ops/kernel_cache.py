@@ -4,19 +4,27 @@ Numba's own cache knows a kernel by the file that defines it.  A kernel calls ot
 compiled into it: after an edit there, the old machine code would still run.  Here the hash covers every file
 of `ops/` and every other file of the package that defines a kernel, so that an edit to any of them compiles
 all anew; every kernel takes `njit` from here.  The places are Numba's, in its order: NUMBA_CACHE_DIR,
-`__pycache__` beside the file, the user's cache folder; the next is taken where one is not writable.
+`__pycache__` beside the file, the user's cache folder; the next is taken where one is not writable.  After
+them, as for a container's user without a home, comes a folder among the temporary files; where that is not
+writable either, every process compiles for itself.  A warning reports both.
 """
 
 import hashlib
+import inspect
 import os
 import shutil
+import stat
+import tempfile
 import time
+import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba import njit, prange
+import numba
+from numba import prange
 from numba.core import caching
 
 __all__ = ["njit", "prange"]
@@ -42,6 +50,25 @@ def kernel_files(package: Path) -> list[Path]:
     return [path for path in everything if path.parent == package / "ops" or b"njit" in path.read_bytes()]
 
 
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Numba's `njit`, always with options; what it compiles is not kept where no place for it is writable."""
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        kept = options.get("cache", False) and _can_be_kept(function)
+        return numba.njit(**{**options, "cache": kept})(function)
+
+    return compiled
+
+
+def _can_be_kept(function: Callable[..., Any]) -> bool:
+    if getattr(numba.config, "CACHE_LOCATOR_CLASSES", ""):  # the user's own choice
+        return True
+    if any(place.from_function(function, inspect.getfile(function)) is not None for place in PLACES):
+        return True
+    _warn("No place for compiled kernels is writable: they are not kept, and every start compiles them anew")
+    return False
+
+
 def _install() -> None:
     """Has Numba keep this package's kernels by their hash; those of other packages stay where they were.
 
@@ -50,15 +77,14 @@ def _install() -> None:
     implementation = _numba("CacheImpl")
     known = implementation._locator_classes
     if not any(issubclass(locator, _ByHash) for locator in known):
-        names = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator")
-        implementation._locator_classes = [*(_by_hash(_numba(name)) for name in names), *known]
+        implementation._locator_classes = [*PLACES, *known]
 
 
 class _ByHash:
     """Marks the locators of this file."""
 
 
-def _by_hash(place: Any) -> type[_ByHash]:
+def _by_hash(place: Any) -> Any:
     """One of Numba's locators, for this package alone and with a folder of the hash."""
 
     class Locator(_ByHash, place):  # type: ignore[misc]  # Numba is untyped
@@ -75,12 +101,57 @@ def _by_hash(place: Any) -> type[_ByHash]:
 
         def ensure_cache_path(self) -> None:
             folder = Path(self.get_cache_path())
+            if not folder.is_absolute():  # "~" of a user without a home
+                raise OSError(f"{folder} is no place to keep kernels in")
             new = not folder.is_dir()
             super().ensure_cache_path()
             if new:
                 _remove_old(folder)
 
     return Locator
+
+
+def _in_temporary_folder(place: Any) -> Any:
+    """One of Numba's locators, with the user's own folder for temporary files."""
+
+    class Locator(place):  # type: ignore[misc]  # Numba is untyped
+        def get_cache_path(self) -> str:
+            return str(_temporary_folder() / self.get_suitable_cache_subpath(self._py_file))
+
+        @classmethod
+        def from_function(cls, py_func: Any, py_file: str) -> Any:
+            try:
+                folder = _temporary_folder()
+            except OSError:
+                return None
+            found = super().from_function(py_func, py_file)
+            if found is not None:
+                _warn(f"Compiled kernels are kept in {folder}: no other place for them is writable")
+            return found
+
+    return Locator
+
+
+@cache
+def _temporary_folder() -> Path:
+    """A folder for temporary files into which nobody else can write: kernels from it are executed.
+
+    Raises OSError where there is none.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else os.getlogin()
+    folder = Path(tempfile.gettempdir()) / f"plnerf-kernels-{user}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    about = folder.lstat()
+    private = about.st_uid == user and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    if not (stat.S_ISDIR(about.st_mode) and (private or os.name == "nt")):
+        raise OSError(f"{folder} is not a folder of this user alone")
+    return folder
+
+
+@cache
+def _warn(what: str) -> None:
+    """A warning, once."""
+    warnings.warn(f"{what}. Set NUMBA_CACHE_DIR to a folder that is there for long.", stacklevel=2)
 
 
 def _remove_old(folder: Path) -> None:
@@ -97,4 +168,11 @@ def _numba(name: str) -> Any:
     return getattr(caching, f"_{name}") if found is None else found
 
 
+PLACES = (
+    _by_hash(_numba("UserProvidedCacheLocator")),
+    _by_hash(_numba("InTreeCacheLocator")),
+    _by_hash(_numba("UserWideCacheLocator")),
+    _by_hash(_in_temporary_folder(_numba("InTreeCacheLocator"))),
+)
+"""Where compiled kernels may be kept; the first that is writable is taken."""
 _install()
