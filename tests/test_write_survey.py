@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,14 @@ import pytest
 from tests.support import surveys
 from tests.support.read_html import Read
 
+from plnerf import pipeline
 from plnerf.errors import PlnerfError
 from plnerf.line.files import read_survey, survey_json
 from plnerf.line.survey import WirePoints
 from plnerf.pipeline import write_survey
 from plnerf.report.page import html_page
 from plnerf.scene.ply import read_ply
+from plnerf.score.places import find_survey
 
 ALWAYS = {"report.html", "survey.json", "cloud.laz", "cloud.ply", "conductors.dxf"}
 ALL = ALWAYS | {
@@ -62,6 +65,42 @@ def test_nothing_of_an_earlier_survey_stays(tmp_path: Path) -> None:
     write_survey(surveys.empty(), str(tmp_path))
     assert {path.name for path in tmp_path.iterdir()} == ALWAYS
     assert json.loads((tmp_path / "survey.json").read_text())["lines"] == []
+
+
+@pytest.mark.parametrize("stage", ["write_exports", "write_survey_json", "write_report"])
+def test_an_earlier_survey_stays_until_the_new_one_is_complete(
+    stage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise PlnerfError("the disk is full")
+
+    write_survey(surveys.short(0.05), tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr(pipeline, stage, full)
+    with pytest.raises(PlnerfError, match="the disk is full"):
+        write_survey(surveys.empty(), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_reading_a_survey_ends_an_exchange_that_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def kill(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    write_survey(surveys.short(0.05), tmp_path)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Path, "replace", only_from(".complete", kill))
+        write_survey(surveys.empty(), tmp_path)
+    assert (tmp_path / ".complete").is_dir() and find_survey(tmp_path) == tmp_path / "survey.json"
+    assert read_survey(tmp_path / "survey.json").lines == ()
+    assert {path.name for path in tmp_path.iterdir()} == ALWAYS
+
+
+def only_from(folder: str, change: Callable[[Path, Path], None]) -> Callable[[Path, Path], None]:
+    """A renaming that does something else with files of a folder of this name."""
+    rename = Path.replace
+    return lambda self, to: (change if self.parent.name == folder else rename)(self, to)
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.mapping import Tell
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
-from plnerf.export.exports import write_exports
+from plnerf.export.exports import FILES, write_exports
 from plnerf.line.files import SURVEY_FILE, write_survey_json
 from plnerf.line.survey import Survey
 from plnerf.ops.backends import BackendChoice
@@ -32,10 +32,10 @@ from plnerf.render.config import SystemConfig
 from plnerf.render.picture_files import write_text
 from plnerf.report.page import write_report
 from plnerf.scene.build_store import Progress
-from plnerf.scene.files import check_folder
 from plnerf.scene.formats import has_poses
 from plnerf.scene.only_writer import only_writer
 from plnerf.scene.scene import load_scene
+from plnerf.scene.whole_result import whole_result
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
 from plnerf.survey.run import survey_cloud, survey_run, survey_scene
@@ -149,7 +149,9 @@ def resume_run(
 
 def evaluate(run: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Measures a run on its held-out images and returns the content of eval/metrics.json."""
-    content: dict[str, Any] = json.loads(evaluate_run(open_run(run), progress=progress).read_text())
+    opened = open_run(run)
+    with only_writer(run / "eval"):
+        content: dict[str, Any] = json.loads(evaluate_run(opened, progress=progress).read_text())
     return content
 
 
@@ -165,10 +167,12 @@ def render(
     progress: Progress | None = None,
 ) -> Path:
     """Renders views of a run to PNG and MP4, without the photos; returns the folder."""
-    return render_run(
-        open_run(run), views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video,
-        progress=progress,
-    )  # fmt: skip
+    opened = open_run(run)
+    with only_writer(run / "renders"):
+        return render_run(
+            opened, views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video,
+            progress=progress,
+        )  # fmt: skip
 
 
 def synthesize_scene(
@@ -211,31 +215,37 @@ def survey(
             f"{source} is neither a run folder, nor a scene with poses, nor a LAS or LAZ file. Give one of "
             "these."
         )
-    check_folder(folder)
-    if is_cloud:
-        found = survey_cloud(read_cloud(source), config, progress)
-    elif is_scene:
-        found = survey_scene(load_scene(source, store=folder / "pixels"), config, progress)
-    else:
-        found = survey_run(open_run(source), config, progress)
-    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
-    found = replace(found, made={**found.made, "date (UTC)": now})
-    write_survey(found, folder)
+    with only_writer(folder):
+        if is_cloud:
+            found = survey_cloud(read_cloud(source), config, progress)
+        elif is_scene:
+            found = survey_scene(load_scene(source, store=folder / "pixels"), config, progress)
+        else:
+            found = survey_run(open_run(source), config, progress)
+        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
+        found = replace(found, made={**found.made, "date (UTC)": now})
+        _write_survey(found, folder)
     return found, folder
 
 
 def write_survey(survey: Survey, folder: Path | str) -> Path:
     """Writes a survey into a folder: files for other programs, survey.json and the report.
 
-    Returns the report's path.  Each file is complete or absent, and those of an earlier survey are replaced.
-    Raises SurveyError for a survey that a file cannot hold, PlnerfError where one cannot be written.
+    Returns the report's path.  An earlier survey there is replaced once all files are written, and stays as
+    it was where one cannot be.  Raises SurveyError for a survey that a file cannot hold, PlnerfError where
+    one cannot be written, or another process writes into the folder.
     """
-    folder = Path(folder)
-    check_folder(folder)
-    exports = write_exports(survey, folder)
-    write_survey_json(folder / SURVEY_FILE, survey)
-    write_report(folder / PAGE, survey, (*exports.files, SURVEY_FILE), exports.about)
-    return folder / PAGE
+    with only_writer(Path(folder)):
+        _write_survey(survey, Path(folder))
+    return Path(folder) / PAGE
+
+
+def _write_survey(survey: Survey, folder: Path) -> None:
+    """`write_survey` by the only writer of the folder."""
+    with whole_result(folder, (*FILES, SURVEY_FILE, PAGE)) as new:
+        exports = write_exports(survey, new)
+        write_survey_json(new / SURVEY_FILE, survey)
+        write_report(new / PAGE, survey, (*exports.files, SURVEY_FILE), exports.about)
 
 
 @dataclass(frozen=True)

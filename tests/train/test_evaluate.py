@@ -144,13 +144,16 @@ def test_panels_and_summary_go_with_the_numbers(scene_with_truth: Scene, tmp_pat
     assert not list(path.parent.rglob("*.partial*"))
 
 
-def test_a_broken_mask_stops_and_leaves_no_numbers(scene_with_truth: Scene, tmp_path: Path) -> None:
+def test_a_broken_mask_stops_and_leaves_the_earlier_evaluation(
+    scene_with_truth: Scene, tmp_path: Path
+) -> None:
     run = oracle_run(scene_with_truth, tmp_path / "run")
     path = evaluate_run(run)
+    before = {one: one.read_bytes() for one in path.parent.rglob("*.*")}
     (scene_with_truth.root / "wire_masks" / "0008.png").write_text("gone")
     with pytest.raises(SceneError, match=r"0008\.png cannot be read"):
         evaluate_run(run)
-    assert not path.exists()
+    assert {one: one.read_bytes() for one in path.parent.rglob("*.*")} == before and len(before) == 4
 
 
 def test_infinity_is_written_as_text() -> None:

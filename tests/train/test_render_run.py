@@ -119,7 +119,9 @@ def test_a_later_call_with_fewer_frames_leaves_nothing_stale(scene: Scene, tmp_p
     assert pictures(folder.parent) == ["path", "path-accumulation.mp4"]
 
 
-def test_the_description_says_what_was_rendered_and_comes_last(scene: Scene, tmp_path: Path) -> None:
+def test_the_description_says_what_was_rendered_and_stays_with_its_pictures(
+    scene: Scene, tmp_path: Path
+) -> None:
     run = oracle_run(scene, tmp_path / "run")
     folder = render_run(run, views="test", outputs=("depth",), scale=0.5, video=False)
     content = json.loads((folder / "render.json").read_text())
@@ -134,10 +136,12 @@ def test_the_description_says_what_was_rendered_and_comes_last(scene: Scene, tmp
     def stop(done: int, total: int) -> None:
         raise Stopped
 
+    before = (folder / "depth" / "0000.png").read_bytes()
     with pytest.raises(Stopped):
-        render_run(run, views="test", outputs=("depth",), scale=0.5, video=False, progress=stop)
-    assert not (folder / "render.json").exists() and not list(folder.rglob("*.partial*"))
-    assert pictures(folder / "depth") == ["0000.png"]
+        render_run(run, views="test", outputs=("depth",), scale=0.25, video=False, progress=stop)
+    assert json.loads((folder / "render.json").read_text()) == content
+    assert (folder / "depth" / "0000.png").read_bytes() == before
+    assert {path.name for path in folder.parent.iterdir()} == {"test"}
 
 
 @pytest.mark.parametrize("backend", ["numba", "torch"])

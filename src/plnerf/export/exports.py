@@ -38,6 +38,13 @@ STRUCTURES, PLACED_STRUCTURES, CROSSINGS = "structures.csv", "structures.geojson
 GEOJSON, PROJECTED, NEAR_PLACES = "conductors.geojson", "conductors-projected.geojson", "clearances.geojson"
 
 
+FILES = (
+    LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES, STRUCTURES,
+    PLACED_STRUCTURES, CROSSINGS,
+)  # fmt: skip
+"""All that may be written of a survey."""
+
+
 @dataclass(frozen=True)
 class Exports:
     """What was written."""
@@ -56,10 +63,7 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
     know the survey's CRS.
     """
     transform = crs_transform(survey)
-    for name in (
-        LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES, STRUCTURES,
-        PLACED_STRUCTURES, CROSSINGS,
-    ):  # fmt: skip
+    for name in FILES:
         (folder / name).unlink(missing_ok=True)  # of an earlier survey: some may not be written now
     about = list(transform.about)
     write_las(folder / LAS, survey.cloud, transform, synthetic=survey.from_images)

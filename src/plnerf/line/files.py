@@ -23,6 +23,7 @@ from plnerf.line.line import Line, Span, Structure
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.scene.files import write_text
+from plnerf.scene.whole_result import finish_exchange
 
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
@@ -64,6 +65,7 @@ def read_survey(path: Path) -> Survey:
 
     Raises SurveyError where the file is none, or of another format version.
     """
+    finish_exchange(path.parent)
     data = _load(path, SURVEY_VERSION, "Survey again: plnerf survey.")
     try:
         return Survey(

@@ -18,7 +18,7 @@ from plnerf.errors import PlnerfError
 from plnerf.scene.files import check_folder
 
 LOCK = ".lock"
-"""In the folder, empty; it stays there, since removing it would let two others hold one lock each."""
+"""In the folder while it is held, empty."""
 HOLDER = ".lock.json"
 """Who holds the lock: process, host, command, and since when."""
 
@@ -53,10 +53,11 @@ def only_writer(folder: Path) -> Iterator[None]:
             holder.write_text(json.dumps(_about_this_process()), encoding="utf-8")
         yield
     finally:
-        holder.unlink(missing_ok=True)
-        if new and [path.name for path in folder.iterdir()] == [LOCK]:  # nothing came of it
-            (folder / LOCK).unlink()
-            folder.rmdir()
+        with suppress(OSError):  # some systems remove no open file, and none a folder that is not empty
+            holder.unlink(missing_ok=True)
+            (folder / LOCK).unlink(missing_ok=True)  # while it is held: nobody waits for it
+            if new:
+                folder.rmdir()  # where nothing came of it
         lock.release()
 
 

@@ -9,13 +9,19 @@ from pathlib import Path
 from plnerf.errors import SurveyError
 from plnerf.line.files import SURVEY_FILE
 from plnerf.scene.formats import read_listing
+from plnerf.scene.whole_result import finish_exchange
 
 POINT_FILES = ("wires.ply", "conductors.geojson", "survey/wires.ply", "survey/conductors.geojson")
 """Searched for in a folder, in this order."""
 
 
 def find_survey(place: Path) -> Path | None:
-    """The survey.json itself, or that of a survey or run folder; None: there is none."""
+    """The survey.json itself, or that of a survey or run folder; None: there is none.
+
+    A survey whose files were being exchanged when that was interrupted is put in its place first.
+    """
+    for folder in (place, place / "survey", place.parent):
+        finish_exchange(folder)
     if not place.is_dir():
         return place if place.name == SURVEY_FILE else None
     found = (folder / SURVEY_FILE for folder in (place, place / "survey"))

@@ -1,6 +1,6 @@
 """Held-out images rendered and measured, with everything that somebody needs to repeat the numbers.
 
-Writes into the run folder: eval/panels/NAME.png, eval/summary.md and, last, eval/metrics.json.
+Writes into the run folder: eval/panels/NAME.png, eval/summary.md and eval/metrics.json, all or none of them.
 """
 
 import json
@@ -22,6 +22,7 @@ from plnerf.render.pictures import world_depth
 from plnerf.render.views import RenderedView, render_view
 from plnerf.scene.build_store import Progress
 from plnerf.scene.scene import Scene
+from plnerf.scene.whole_result import whole_result
 from plnerf.train.metrics import NEAR_WIRE_PX, Lpips, mean_inside, psnr, ssim_map
 from plnerf.train.protocol import plain, protocol, summary
 from plnerf.train.run import TrainedRun
@@ -63,9 +64,16 @@ def evaluate_run(run: TrainedRun, *, chunk_rays: int | None = None, progress: Pr
 
     Raises SceneError where a wire mask or depth picture cannot be used, PlnerfError at a full disk.
     """
-    scene, folder = run.scene, run.folder / "eval"
-    (folder / "metrics.json").unlink(missing_ok=True)  # it would speak of the panels of an earlier step
-    appearance, normals = mean_appearance(run), run.model.predicts_normals
+    folder = run.folder / "eval"
+    with whole_result(folder, ("panels/*.png", "summary.md", "metrics.json")) as new:
+        _write_evaluation(run, new, chunk_rays, progress)
+    return folder / "metrics.json"
+
+
+def _write_evaluation(
+    run: TrainedRun, folder: Path, chunk_rays: int | None, progress: Progress | None
+) -> None:
+    scene, appearance, normals = run.scene, mean_appearance(run), run.model.predicts_normals
     stems = panel_names([scene.names[i] for i in scene.test])
     lpips, scores, seconds = Lpips(), [], 0.0
     for done, (i, stem) in enumerate(zip(scene.test, stems, strict=True), start=1):
@@ -81,7 +89,6 @@ def evaluate_run(run: TrainedRun, *, chunk_rays: int | None = None, progress: Pr
     write_text(folder / "summary.md", summary(images, mean, rules))
     content = {"format_version": FORMAT_VERSION, "mean": mean, "images": images, "protocol": rules}
     write_text(folder / "metrics.json", json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
-    return folder / "metrics.json"
 
 
 def measure(view: RenderedView, scene: Scene, i: int, lpips: Lpips) -> ImageScores:

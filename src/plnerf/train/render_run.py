@@ -3,11 +3,11 @@
 Writes into the run folder, for views V ("test", "train" or "path") and kinds K:
     renders/V/K/0000.png, ...      pictures                      renders/V-K.mp4    the same as a video
     renders/V/depth_16bit/*.png, depth_npy/*.npy                 raw depth, of test and train views
-    renders/V/render.json          what, units, cameras; written last
+    renders/V/render.json          what, units, cameras
+Those of an earlier call stay until all are there.
 """
 
 import json
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -38,6 +38,7 @@ from plnerf.render.write_video import require_ffmpeg, write_video
 from plnerf.scene.build_store import Progress
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.transforms import Frames
+from plnerf.scene.whole_result import whole_result
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.run import TrainedRun
 
@@ -81,9 +82,30 @@ def render_run(
         require_ffmpeg()
     shots = shots_of(run, views, frames, scale)
     pruning = FLIGHT if views == "path" and pruning_pays(run.model) else None
-    folder, frames_of_scene = run.folder / "renders" / views, run.record.frames
     shown = _shared_range(run.model, shots, run.record.frames, pruning) if "depth" in outputs else None
-    _clear(folder, outputs)
+    content = _description(run, shots, views, outputs, fps if video else None, scale, shown)
+    content["pruning"] = asdict(pruning) if pruning is not None else None
+    with whole_result(run.folder / "renders", _files_of(views, outputs)) as new:
+        pictures = _write_pictures(run, shots, views, outputs, new / views, shown, pruning, progress)
+        if video:
+            for kind, paths in pictures.items():
+                write_video(new / f"{views}-{kind}.mp4", paths, fps)
+        write_text(new / views / "render.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return run.folder / "renders" / views
+
+
+def _write_pictures(
+    run: TrainedRun,
+    shots: list[Shot],
+    views: Views,
+    outputs: tuple[Output, ...],
+    folder: Path,
+    shown: DepthRange | None,
+    pruning: Pruning | None,
+    progress: Progress | None,
+) -> dict[Output, list[Path]]:
+    """Renders and writes one picture of each kind for every shot; returns their paths."""
+    frames = run.record.frames
     pictures: dict[Output, list[Path]] = {kind: [] for kind in outputs}
     for i, shot in enumerate(shots):
         view = render_view(
@@ -91,21 +113,15 @@ def render_run(
         )
         for kind in outputs:
             pictures[kind].append(folder / kind / f"{i:04d}.png")
-            write_png(pictures[kind][-1], _picture(kind, view, frames_of_scene, shown))
+            write_png(pictures[kind][-1], _picture(kind, view, frames, shown))
         if "depth" in outputs and views != "path":
-            depth = world_depth(view, frames_of_scene)
-            meaning = depth_16bit_meaning(frames_of_scene)
-            write_png(folder / "depth_16bit" / f"{i:04d}.png", depth_16bit(depth, frames_of_scene), meaning)
+            depth = world_depth(view, frames)
+            meaning = depth_16bit_meaning(frames)
+            write_png(folder / "depth_16bit" / f"{i:04d}.png", depth_16bit(depth, frames), meaning)
             write_npy(folder / "depth_npy" / f"{i:04d}.npy", depth)
         if progress is not None:
             progress(i + 1, len(shots))
-    if video:
-        for kind, paths in pictures.items():
-            write_video(folder.parent / f"{views}-{kind}.mp4", paths, fps)
-    content = _description(run, shots, views, outputs, fps if video else None, scale, shown)
-    content["pruning"] = asdict(pruning) if pruning is not None else None
-    write_text(folder / "render.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
-    return folder
+    return pictures
 
 
 def shots_of(run: TrainedRun, views: Views, frames: int, scale: float) -> list[Shot]:
@@ -178,18 +194,11 @@ def _shared_range(
     return depth_range(depths, frames)
 
 
-def _clear(folder: Path, outputs: tuple[str, ...]) -> None:
-    """Takes away what an earlier call wrote of the same kinds: it may have had more frames."""
-    (folder / "render.json").unlink(missing_ok=True)
-    for kind in (*outputs, *(("depth_16bit", "depth_npy") if "depth" in outputs else ())):
-        for old in _numbered(folder / kind):
-            old.unlink()
-        folder.with_name(f"{folder.name}-{kind}.mp4").unlink(missing_ok=True)
-
-
-def _numbered(folder: Path) -> Iterator[Path]:
-    for pattern in ("[0-9]*.png", "[0-9]*.npy"):
-        yield from folder.glob(pattern)
+def _files_of(views: Views, outputs: tuple[Output, ...]) -> list[str]:
+    """What a call may write, as patterns below renders/: an earlier one may have had more frames."""
+    kinds = (*outputs, *(("depth_16bit", "depth_npy") if "depth" in outputs else ()))
+    numbered = [f"{views}/{kind}/[0-9]*.{suffix}" for kind in kinds for suffix in ("png", "npy")]
+    return [*numbered, f"{views}/render.json", *(f"{views}-{kind}.mp4" for kind in outputs)]
 
 
 def _description(

@@ -1,0 +1,101 @@
+"""Whenever a process is killed, a folder holds the earlier result or the new one, never parts of both."""
+
+import errno
+import itertools
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plnerf.errors import PlnerfError
+from plnerf.scene.whole_result import COMPLETE, finish_exchange, whole_result
+
+PATTERNS = ("*.txt", "pictures/*.png")
+OLD = {"a.txt": "old", "b.txt": "old", "pictures/0.png": "old", "pictures/1.png": "old"}
+NEW = {"b.txt": "new", "c.txt": "new", "pictures/0.png": "new", "more/2.txt": "new"}
+OTHERS = {"notes.md": "mine", "pictures/mine.jpg": "mine"}
+
+
+class Killed(BaseException):
+    """A SIGKILL: nothing that runs afterwards does anything to the disk."""
+
+
+def write(folder: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+def files_in(folder: Path) -> dict[str, str]:
+    return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
+
+
+def replace_result(folder: Path) -> None:
+    with whole_result(folder, PATTERNS) as new:
+        write(new, NEW)
+
+
+def killed_at(step: int, monkeypatch: pytest.MonkeyPatch, call: Callable[[], None]) -> bool:
+    """Whether the call was killed before its k-th change of the disk; all later ones fail as well."""
+    done = itertools.count()
+
+    def guarded(change: Callable[..., Any]) -> Callable[..., Any]:
+        def one(*args: Any, **kwargs: Any) -> Any:
+            if next(done) >= step:
+                raise Killed
+            return change(*args, **kwargs)
+
+        return one
+
+    with monkeypatch.context() as patch:
+        for name in ("mkdir", "write_text", "rename", "replace", "unlink"):
+            patch.setattr(Path, name, guarded(getattr(Path, name)))
+        patch.setattr(shutil, "rmtree", guarded(shutil.rmtree))
+        try:
+            call()
+        except Killed:
+            return True
+    return False
+
+
+def test_killed_at_any_moment_it_is_one_result_or_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    for step in itertools.count():
+        folder = tmp_path / str(step)
+        write(folder, OLD | OTHERS)
+        killed = killed_at(step, monkeypatch, lambda folder=folder: replace_result(folder))
+        again = step % 5  # and the clearing up is killed too
+        killed_at(again, monkeypatch, lambda folder=folder: finish_exchange(folder))
+        finish_exchange(folder)
+        found = {name: text for name, text in files_in(folder).items() if not name.startswith(".new")}
+        assert found in (OLD | OTHERS, NEW | OTHERS), step
+        seen.append(found == NEW | OTHERS)
+        replace_result(folder)
+        assert files_in(folder) == NEW | OTHERS
+        assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+        if not killed:
+            break
+    assert len(seen) > 20 and seen == sorted(seen) and 5 < sum(seen) < len(seen) - 5
+
+
+def test_a_full_disk_leaves_the_earlier_result(tmp_path: Path) -> None:
+    write(tmp_path, OLD | OTHERS)
+    with pytest.raises(OSError, match="No space left"), whole_result(tmp_path, PATTERNS) as new:
+        write(new, {"b.txt": "new"})
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert files_in(tmp_path) == OLD | OTHERS
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    write(tmp_path, OLD)
+    monkeypatch.setattr(Path, "rename", full)
+    with pytest.raises(PlnerfError, match=f"result in {tmp_path} cannot be written .*No space left"):
+        replace_result(tmp_path)
+    assert files_in(tmp_path) == OLD and not (tmp_path / COMPLETE).exists()
