@@ -55,3 +55,32 @@ def test_the_report_says_where_and_nothing_of_the_input(
 def test_without_a_place_for_the_report_the_error_is_still_told(defect: str) -> None:
     assert "a photo at 47.37689, 8.54172 is elsewhere" in defect
     assert "No crash report could be written" in defect and "Traceback" not in defect
+
+
+def of_cuda() -> type[Exception]:
+    return type("OutOfMemoryError", (RuntimeError,), {})
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError("Unable to allocate 7.45 GiB"),
+        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 8 bytes"),
+        of_cuda()("CUDA out of memory"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_memory_that_is_not_there_is_no_defect(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def starved(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("plnerf.pipeline.train_scene", starved)
+    monkeypatch.setattr(sys, "argv", ["plnerf", "train", "a scene", "-o", "out"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    text = capsys.readouterr().err
+    assert ended.value.code == 1 and text.startswith(f"Out of memory: {error}. Close other programs")
+    assert text.count("\n") == 1 and list(tmp_path.iterdir()) == []

@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plnerf.errors import SurveyError
 from plnerf.line.ends import Attached, Open
 from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
-from plnerf.line.polylines import lengths_along
+from plnerf.line.polylines import lengths_along, resample
 from plnerf.line.wire import Wire
+from plnerf.scene import memory
 
 SIGMA = np.array([0.05, 0.05, 0.04, 0.04, 0.03, 0.0])
 
@@ -41,6 +43,16 @@ def test_uncertain_ends_make_it_uncertain() -> None:
     assert exact is not None and loose is not None and exact.value == loose.value
     more = np.sqrt(loose.sigma**2 - exact.sigma**2)
     assert more == pytest.approx(np.hypot(0.2, 0.2), rel=0.02)  # along the wire, little longer than its base
+
+
+def test_samples_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coordinate with a digit too many makes a wire of a million kilometres."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 8e9)
+    far = np.array([[0.0, 0.0, 0.0], [1e9, 0.0, 0.0]])
+    with pytest.raises(SurveyError, match=r"A line that is 1e\+09 long, sampled every 0\.01, needs at least"):
+        resample(far, 0.01)
+    with pytest.raises(SurveyError, match="Correct its coordinates"):
+        hang(far[0], far[1], 1.0).polyline(0.01)
 
 
 def test_between_open_ends_there_is_none() -> None:

@@ -76,7 +76,9 @@ def test_neighbours_along_x_are_neighbours_in_the_table() -> None:
     "change",
     [
         {"levels": 0},
+        {"levels": 65},
         {"features": 0},
+        {"finest": 1 << 25},
         {"coarsest": 0},
         {"coarsest": 600},
         {"log2_table": 0},
@@ -85,7 +87,7 @@ def test_neighbours_along_x_are_neighbours_in_the_table() -> None:
     ids=str,
 )
 def test_a_grid_that_cannot_be_is_refused(change: dict[str, int]) -> None:
-    with pytest.raises(ConfigError, match="A hash grid needs levels >= 1") as caught:
+    with pytest.raises(ConfigError, match="A hash grid needs 1 <= levels <= 64") as caught:
         dataclasses.replace(SHAPES[0], **change)
     (name, value), *_ = change.items()
     assert f"{name}={value}" in str(caught.value)

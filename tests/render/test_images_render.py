@@ -8,6 +8,7 @@ from plnerf.errors import ConfigError, TrainingError
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.model import PLNeRF
 from plnerf.render.views import default_chunk, render_view, resized
+from plnerf.scene import memory
 from plnerf.scene.cameras import project
 
 LENS = (-0.08, 0.02, 0.001, -0.002, 0.0)
@@ -66,6 +67,17 @@ def test_a_view_that_is_not_finite_is_no_view(value: float) -> None:
         model.field.colour_network[-1].weight[0].fill_(-value)
     with pytest.raises(TrainingError, match="117 of the 117 pixels of a view are not finite"):
         render_view(model, one_camera(), torch.zeros(3), normals=False)
+
+
+@pytest.mark.parametrize("factor", [3000.0, 1e20])
+def test_views_that_do_not_fit_into_memory_are_refused(
+    factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also sizes that no integer holds, which became views of one pixel."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 8e9)
+    assert resized(one_camera(), 1000.0).size_px.tolist() == [[13_000, 9_000]]
+    with pytest.raises(ConfigError, match=r"pixels needs at least .* GB of memory, but 8\.0 GB are free"):
+        resized(one_camera(), factor)
 
 
 def test_no_chunk_is_larger_than_asked_for() -> None:

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from plnerf.errors import ConfigError
 from plnerf.render.paths import fly_along, in_time_order, longest_pass
+from plnerf.scene import memory
 from plnerf.scene.cameras import Cameras
 
 
@@ -108,6 +109,12 @@ def test_hovering_adds_no_frames() -> None:
     centre = np.concatenate([straight(9, start=-1, end=-0.1), hover, straight(9, start=0.1, end=1)])
     path = fly_along(cameras_at(centre), 100)
     assert steps(path).max() < 1.1 * steps(path).min()
+
+
+def test_frames_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "available_bytes", lambda: 8e9)
+    with pytest.raises(ConfigError, match=r"A path of 1,000,000,000 frames needs at least .* GB of memory"):
+        fly_along(cameras_at(straight(5)), 1_000_000_000)
 
 
 def test_the_lens_is_shared_and_free_of_distortion() -> None:

@@ -22,6 +22,7 @@ from plnerf.line.ends import Open
 from plnerf.line.files import SURVEY_VERSION, read_survey, write_survey_json
 from plnerf.line.line import Line, Span
 from plnerf.line.wire import Kind, Wire
+from plnerf.scene import memory
 from plnerf.scene.ply import write_ply
 from plnerf.scene.transforms import flip_camera_axes
 from plnerf.score.align import cameras_of
@@ -291,6 +292,21 @@ def folder(tmp_path: Path) -> Path:
     truth = {"conductors": entries, "ground": {"rows": [{"points": row.tolist()} for row in ground]}}
     (tmp_path / "truth.json").write_text(json.dumps(truth))
     return out
+
+
+@pytest.mark.parametrize("where", ["ends", "observable_m"])
+def test_true_wires_too_long_for_memory_are_refused(
+    where: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(memory, "available_bytes", lambda: 8e9)
+    truth = folder.parent.parent / "truth.json"
+    long = {"ends": {"b": [1e10, 0.0, 20.0]}, "observable_m": {"observable_m": [[0.0, 1e10]]}}
+    wire = {"name": "far", "a": [0.0, 0.0, 20.0], "b": [90.0, 0.0, 20.0], "sag_m": 2.0} | long[where]
+    truth.write_text(json.dumps({"conductors": [wire]}))
+    monkeypatch.setattr(sys, "argv", ["plnerf", "score", str(folder), "--truth", str(truth)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1 and "GB of memory, but 8.0 GB are free" in capsys.readouterr().err
 
 
 def test_the_command_scores_folders_and_files(

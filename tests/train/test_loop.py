@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from tests.support.tiny_run import Recorder, assert_same_bits, newest_tensors, tiny_config
 from torch import Tensor
 
-from plnerf.errors import CheckpointError, TrainingError
+from plnerf.errors import CheckpointError, ConfigError, TrainingError
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
 from plnerf.render.model import PLNeRF
+from plnerf.scene import memory
 from plnerf.train import loop
 from plnerf.train import step as training_step
 from plnerf.train.checkpoint import list_checkpoints
@@ -379,3 +380,26 @@ def test_a_disk_that_fills_up_stops_the_run_and_keeps_the_checkpoint(
     again = Recorder()
     train(tiny_config(built_tiny_scene), tmp_path, again)
     assert again.done == [4, 5, 6, 7, 8, 9, 10]
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        ("model.field.grid.log2_table=30", "Training this model needs at least"),
+        ("model.field.hidden=100000", "Training this model needs at least"),
+        ("train.rays=100000000", "A step of 100,000,000 rays needs at least"),
+        ("model.sampler.final=10000000", "A step of 128 rays needs at least"),
+    ],
+)
+def test_what_does_not_fit_into_memory_is_refused_before_anything_is_made(
+    setting: str, text: str, tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def built(*_: Any, **__: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(memory, "available_bytes", lambda: 8e9)
+    monkeypatch.setattr(loop, "build_model", built)
+    config = tiny_config(tiny_scene, "model.field.grid.finest=100000", setting)
+    with pytest.raises(ConfigError, match=text):
+        train(config, tmp_path / "run", Recorder())
+    assert not (tmp_path / "run" / "config.json").exists()

@@ -11,6 +11,7 @@ import torch
 from tests.support.tiny_run import assert_same_bits, newest_tensors, open_tiny, tiny_config
 
 from plnerf.errors import CheckpointError, ConfigError, SceneError
+from plnerf.scene import memory
 from plnerf.scene.scene import Scene
 from plnerf.train.loop import train
 from plnerf.train.report import SilentReport
@@ -82,6 +83,15 @@ def test_untrained_weights_are_a_function_of_the_seed(tiny_scene: Path, tmp_path
 def test_a_run_for_a_device_that_is_not_there(tiny_scene: Path, tmp_path: Path) -> None:
     config = tiny_config(tiny_scene, "device=cuda", "backend=torch")
     with pytest.raises(ConfigError, match="sees no CUDA device"):
+        build_model(config, open_scene(config, tmp_path))
+
+
+def test_a_model_that_does_not_fit_into_memory_is_not_built(
+    tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory, "available_bytes", lambda: 8e9)
+    config = tiny_config(tiny_scene, "model.field.grid.log2_table=30", "model.field.grid.finest=100000")
+    with pytest.raises(ConfigError, match=r"This model needs at least .* of memory, but 8\.0 GB are free"):
         build_model(config, open_scene(config, tmp_path))
 
 

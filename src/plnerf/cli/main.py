@@ -33,6 +33,7 @@ COMMANDS: tuple[Callable[..., Any], ...] = (
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70
 """Exit status: EX_SOFTWARE of sysexits.h."""
+LESS_MEMORY = "Close other programs, or ask for less: smaller images, fewer rays, a part of the cloud."
 OF_A_PRESET = (train, bench, compare)
 """Commands whose options are the settings of a preset."""
 
@@ -62,6 +63,12 @@ def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
         function = partial(command, settings=settings) if command in OF_A_PRESET else command
         app.command(name=command.__name__)(function)
     return app
+
+
+def out_of_memory(error: Exception) -> bool:
+    """Whether an allocation failed: in NumPy, in PyTorch on a CPU, or on a GPU."""
+    of_torch = isinstance(error, RuntimeError) and "can't allocate memory" in str(error)
+    return isinstance(error, MemoryError) or of_torch or type(error).__name__ == "OutOfMemoryError"
 
 
 def about_defect(error: Exception, arguments: Sequence[str]) -> str:
@@ -114,6 +121,9 @@ def main() -> None:
         console.print("Interrupted. A training run goes on with --resume.")
         sys.exit(130)
     except Exception as error:
+        if out_of_memory(error):
+            fail("Out of memory", f"{shorten(str(error), 300)}. {LESS_MEMORY}")
+            sys.exit(1)
         fail("Defect", about_defect(error, sys.argv[1:]))
         sys.exit(DEFECT)
 

@@ -8,6 +8,12 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.errors import SurveyError
+from plnerf.scene.memory import require_memory
+
+SAMPLE_BYTES = 64
+"""Memory of a sample at least: its place along the line, and in space twice."""
+
 
 def lengths_along(line: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
     """Length of the polyline from its first vertex to each."""
@@ -16,15 +22,22 @@ def lengths_along(line: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
     return along
 
 
+def require_samples(length: float, step: float) -> None:
+    """Raises SurveyError where samples of a line do not fit into memory, as of coordinates that are wrong."""
+    what = f"A line that is {length:.3g} long, sampled every {step:g},"
+    require_memory(SAMPLE_BYTES * length / step, what, "Correct its coordinates.", SurveyError)
+
+
 def resample(line: Float[np.ndarray, "v 3"], step: float) -> Float[np.ndarray, "n 3"]:
     """Points on the polyline from end to end, evenly spaced along it and at most `step` apart.
 
-    One point where the polyline has no length.
+    One point where the polyline has no length.  Raises SurveyError where they do not fit into memory.
     """
     along = lengths_along(line)
     total = float(along[-1])
     if total == 0:
         return line[:1].copy()
+    require_samples(total, step)
     wanted = np.linspace(0.0, total, max(1, math.ceil(total / step - 1e-9)) + 1)
     samples: Float[np.ndarray, "n 3"] = np.stack([np.interp(wanted, along, axis) for axis in line.T], axis=1)
     return samples

@@ -28,6 +28,7 @@ from plnerf.line.curve import (
     vertical_sag,
 )
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
+from plnerf.line.polylines import require_samples
 
 Kind = Literal["phase", "shield", "neutral", "communication", "unknown"]
 STRAIGHT_M = 0.1
@@ -68,8 +69,13 @@ class Wire:
         return self.base.place(s, self.at(s))
 
     def polyline(self, step_m: float = STRAIGHT_M) -> Float[np.ndarray, "m 3"]:
-        """Points from end to end, even in s, at most `step_m` of arc apart."""
-        count = max(1, math.ceil(self.base.length_m * self.stretch / step_m))
+        """Points from end to end, even in s, at most `step_m` of arc apart.
+
+        Raises SurveyError where they do not fit into memory.
+        """
+        length_m = self.base.length_m * self.stretch
+        require_samples(length_m, step_m)
+        count = max(1, math.ceil(length_m / step_m))
         return self.points(np.linspace(0.0, self.base.length_m, count + 1))
 
     def sigma_at(self, s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:

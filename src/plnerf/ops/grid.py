@@ -19,6 +19,12 @@ Interpolation = Literal["linear", "cubic"]
 HASH_PRIMES = (1, 2654435761, 805459861)
 
 
+MAX_LEVELS = 64
+"""Far more than there are doublings between one cell and `MAX_CELLS`."""
+MAX_CELLS = 1 << 24
+"""Cells along an axis beyond which positions in float32 do not tell them apart."""
+
+
 @dataclass(frozen=True)
 class GridShape:
     """Levels growing geometrically from `coarsest` to `finest` cells an axis.
@@ -41,15 +47,16 @@ class GridShape:
 
     def __post_init__(self) -> None:
         if (
-            self.levels < 1
+            not 1 <= self.levels <= MAX_LEVELS
             or self.features < 1
-            or not 1 <= self.coarsest <= self.finest
+            or not 1 <= self.coarsest <= self.finest <= MAX_CELLS
             or not 1 <= self.log2_table <= 30
         ):
             raise ConfigError(
-                f"A hash grid needs levels >= 1, features >= 1, 1 <= coarsest <= finest "
-                f"and 1 <= log2_table <= 30, but got levels={self.levels}, features={self.features}, "
-                f"coarsest={self.coarsest}, finest={self.finest}, log2_table={self.log2_table}. "
+                f"A hash grid needs 1 <= levels <= {MAX_LEVELS}, features >= 1, 1 <= coarsest <= finest <= "
+                f"{MAX_CELLS} and 1 <= log2_table <= 30, but got levels={self.levels}, "
+                f"features={self.features}, coarsest={self.coarsest}, finest={self.finest}, "
+                f"log2_table={self.log2_table}. "
                 "Change these settings of the grid."
             )
         if self.interpolation not in {"linear", "cubic"}:

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from plnerf.errors import ConfigError
 from plnerf.scene.cameras import Cameras
+from plnerf.scene.memory import require_memory
 
 JUMP = 4.0
 TURN_DEG = 90.0
@@ -27,6 +28,10 @@ _CLOSE = (
     0.1  # cameras nearer to the last kept one than this many median steps are left out: they only add shake
 )
 _DENSE = 64  # points a segment for the length along the curve
+
+
+FRAME_BYTES = 400
+"""Memory of a camera of a path at least: its pose in double and single precision, its lens."""
 
 
 def in_time_order(names: Sequence[str], images: Sequence[int]) -> list[int]:
@@ -69,6 +74,7 @@ def fly_along(cameras: Cameras, frames: int, *, smooth: float = 1.0) -> Cameras:
         raise ConfigError(
             f"A path has at least 2 frames, but {frames} were asked for. Give --frames 2 or more."
         )
+    require_memory(FRAME_BYTES * float(frames), f"A path of {frames:,} frames", "Render fewer frames.")
     flown = list(longest_pass(cameras)) if len(cameras) > 1 else []
     centre = cameras.centre.double().numpy()[flown]
     kept = _apart(centre)

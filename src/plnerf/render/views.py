@@ -16,12 +16,17 @@ from plnerf.rays.rays import pixel_rays
 from plnerf.render.pruning import Pruning, is_fused, render_pruned
 from plnerf.render.system import RadianceSystem
 from plnerf.scene.cameras import Cameras
+from plnerf.scene.memory import require_memory
 
 CPU_CHUNK_RAYS, GPU_CHUNK_RAYS = 1024, 32768
 """Rays at once: on a CPU what stays in its cache (a quarter faster than 4096), on a GPU what fills it."""
 FUSED_CHUNK_RAYS = 16384
 """Rays at once where fused kernels render pruned views on a CPU, which keep to the cache by themselves: about
 6 kB each with the demo's model.  A quarter faster than 1024."""
+
+
+VIEW_BYTES = 2 * 7 * 4
+"""Memory of a pixel of a view at least: its columns without normals, in parts and as one table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,10 +146,17 @@ def _render_pixels(
 def resized(cameras: Cameras, factor: float) -> Cameras:
     """The same cameras with `factor` times as many pixels along each side, rounded to whole ones.
 
-    Intrinsics follow the true ratio of the sizes, an axis each.  Raises ConfigError unless 0 < factor < inf.
+    Intrinsics follow the true ratio of the sizes, an axis each.  Raises ConfigError unless 0 < factor < inf
+    and a view fits into memory.
     """
     if not 0 < factor < float("inf"):
         raise ConfigError(f"Views are resized by a positive factor, but got {factor}.")
+    width, height = (cameras.size_px.double() * factor).amax(0).tolist()
+    require_memory(
+        VIEW_BYTES * width * height,
+        f"A view of {width:.10g}x{height:.10g} pixels",
+        "Render at a smaller scale.",
+    )
     size = (cameras.size_px * factor).round().long().clamp_min(1)
     ratio = size / cameras.size_px
     return Cameras(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from plnerf.line.polylines import require_samples
 from plnerf.line.wire import Wire
 from plnerf.score.config import WireScoreConfig
 from plnerf.score.truth import Truth
@@ -59,6 +60,7 @@ def score_observable(found: Sequence[Wire], truth: Truth, config: WireScoreConfi
     for wire, stretches in zip(truth.wires, truth.observable, strict=True):
         near = 0.0
         for low, high in stretches:
+            require_samples(high - low, STEP_M)
             s = np.linspace(low, high, max(2, round((high - low) / STEP_M) + 1))
             away = tree.query(wire.points(s), distance_upper_bound=2 * config.found_m)[0]
             near += float((away <= config.found_m).mean()) * (high - low)

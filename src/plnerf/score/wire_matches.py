@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from plnerf.errors import SurveyError
 from plnerf.line.ends import TWO_SIDED_95, Attached
+from plnerf.line.polylines import require_samples
 from plnerf.line.wire import Wire
 from plnerf.score.config import DEFAULT, WireScoreConfig
 
@@ -183,6 +184,7 @@ def _common(line: Float[np.ndarray, "v 3"], found: Wire, config: WireScoreConfig
     least = max(config.least_common_m, config.least_share * shorter)
     if high - low < least or (np.diff(local[:, 0]) <= 0).any():
         return None
+    require_samples(high - low, config.place_m)
     s = np.linspace(low, high, int(np.ceil((high - low) / config.place_m)) + 1)
     yz = np.stack([np.interp(s, local[:, 0], local[:, axis]) for axis in (1, 2)], 1)
     cut = int(np.ceil(config.end_m / (s[1] - s[0]) - 1e-9))

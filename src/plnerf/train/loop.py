@@ -17,6 +17,8 @@ from torch import Generator, Tensor
 
 from plnerf.errors import TrainingError
 from plnerf.ops.dispatch import kernels
+from plnerf.render.footprint import COPIES_IN_TRAINING, parameter_bytes, ray_bytes
+from plnerf.scene.memory import require_memory
 from plnerf.scene.scene import Scene
 from plnerf.train.batches import Ahead, pinned
 from plnerf.train.checkpoint import (
@@ -49,6 +51,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     scene = scene or open_scene(config, folder)
     cfg, checkpoints = config.train, folder / "checkpoints"
     saved = list_checkpoints(checkpoints)
+    _check_memory(config, len(scene.names))
     scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved))
     model = build_model(config, scene, guides_for(wires, scene, config))
     optimizer = build_optimizer(model, cfg)
@@ -102,6 +105,22 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
                 drop_old_checkpoints(checkpoints, keep=2)
         report.end(step, seconds)
     return folder
+
+
+def _check_memory(config: RunConfig, images: int) -> None:
+    """Raises ConfigError where the model with its optimiser, or a step's rays, do not fit into memory."""
+    # Before it is known whether there are wires: to find them takes long.
+    model = COPIES_IN_TRAINING * parameter_bytes(config.model, images, guided=config.train.find_wires)
+    require_memory(
+        model,
+        "Training this model",
+        "Make its grids or networks smaller: log2_table, levels, features, hidden, width.",
+    )
+    require_memory(
+        model + ray_bytes(config.model, config.train.rays),
+        f"A step of {config.train.rays:,} rays",
+        "Give a smaller --train.rays, or fewer intervals of a ray: sampler.final, sampler.proposals.",
+    )
 
 
 def billable_seconds(searched: float, config: RunConfig) -> float:

@@ -15,10 +15,12 @@ from plnerf.errors import CheckpointError, ConfigError, SceneError
 from plnerf.field.guides import Guides
 from plnerf.line.wire import Wire
 from plnerf.ops.dispatch import resolve_backend
+from plnerf.render.footprint import parameter_bytes
 from plnerf.render.picture_files import write_text
 from plnerf.render.system import RadianceSystem
 from plnerf.render.systems import build_system
 from plnerf.scene.build_store import Progress
+from plnerf.scene.memory import require_memory
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
@@ -100,7 +102,8 @@ def build_model(
 ) -> RadianceSystem:
     """The untrained model of a run, its weights drawn from the run's seed.
 
-    Raises ConfigError where the run's device is not there, or its backend cannot run on it.
+    Raises ConfigError where the run's device is not there, its backend cannot run on it, or the model does
+    not fit into memory.
     """
     if config.device == "cuda" and not torch.cuda.is_available():
         raise ConfigError(
@@ -108,6 +111,11 @@ def build_model(
             'set "device" to "cpu" in the run\'s config.json.'
         )
     resolve_backend(config.backend, torch.device(config.device))  # the run may come from another machine
+    require_memory(
+        parameter_bytes(config.model, len(scene.names), guided=guides is not None),
+        "This model",
+        "Make its grids or networks smaller: log2_table, levels, features, hidden, width.",
+    )
     generator = torch.Generator().manual_seed(config.seed)
     system = build_system(config.model, len(scene.names), config.backend, generator, guides)
     return system.to(config.device)

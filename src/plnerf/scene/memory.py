@@ -1,0 +1,40 @@
+"""Whether something fits into memory, asked before it is allocated.
+
+An allocation that is too large may end the process, or others of the machine, instead of failing.
+"""
+
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+from plnerf.errors import ConfigError, PlnerfError
+
+CGROUP = Path("/sys/fs/cgroup")
+"""Where Linux states the limits of a container."""
+
+
+UNASKED = 64e6
+"""Bytes that any machine has: so little is not asked for."""
+
+
+def require_memory(needed: float, what: str, do: str, error: type[PlnerfError] = ConfigError) -> None:
+    """Raises an error with the estimate where more bytes are needed than are available.
+
+    needed: an estimate from below.  what: a clause whose subject needs it; do: what needs less.
+    """
+    if needed > UNASKED and needed > (available := available_bytes()):
+        raise error(f"{what} needs at least {_gb(needed)} of memory, but {_gb(available)} are free. {do}")
+
+
+def available_bytes() -> float:
+    """What this process can still allocate: of the machine, or of its container where that has less."""
+    free = float(psutil.virtual_memory().available)
+    with suppress(OSError, ValueError):  # "max" is no number: there is no limit
+        limit = float((CGROUP / "memory.max").read_text())
+        free = min(free, max(0.0, limit - float((CGROUP / "memory.current").read_text())))
+    return free
+
+
+def _gb(count: float) -> str:
+    return f"{count / 1e9:,.1f} GB" if count < 1e15 else f"{count / 1e9:.2g} GB"
