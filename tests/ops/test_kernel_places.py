@@ -1,6 +1,7 @@
 """Kernels compile for a user who can write neither beside the package nor at home; only the user's own
 folder for temporary files is trusted, since what is kept there is executed."""
 
+import errno
 import os
 import tempfile
 import warnings
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from numba.core.caching import NullCache, _CacheLocator
+from numba.core.caching import IndexDataCacheFile, NullCache, _CacheLocator
 
 from plnerf.ops import kernel_cache
 
@@ -104,3 +105,24 @@ def test_a_folder_that_only_looks_like_home_is_not_made(
     place = kernel_cache.PLACES[2]
     assert place.from_function(kernel_cache._remove_old, kernel_cache.__file__) is None
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_and_damaged_kernels_end_no_run(
+    unwritable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.warns(UserWarning, match="kept in"):
+        twice = kernel(tmp_path, monkeypatch)
+    with monkeypatch.context() as patch, pytest.warns(UserWarning, match="No space left on device"):
+        patch.setattr(IndexDataCacheFile, "_save_data", full)
+        assert twice(4) == 8
+    assert kernel(tmp_path, monkeypatch)(4) == 8  # and writes it
+    for suffix in ("nbc", "nbi"):
+        (file,) = unwritable.rglob(f"*.{suffix}")
+        file.write_bytes(file.read_bytes()[:50])
+        for _ in range(2):  # a damaged index is emptied first, and written to by the next process
+            assert kernel(tmp_path, monkeypatch)(4) == 8
+        again = kernel(tmp_path, monkeypatch)
+        assert again(4) == 8 and not again.stats.cache_misses

@@ -55,9 +55,33 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compiled(function: Callable[..., Any]) -> Any:
         kept = options.get("cache", False) and _can_be_kept(function)
-        return numba.njit(**{**options, "cache": kept})(function)
+        kernel = numba.njit(**{**options, "cache": kept})(function)
+        if kept:
+            _tolerate_faults(kernel._cache)
+        return kernel
 
     return compiled
+
+
+def _tolerate_faults(kept: Any) -> None:
+    """Has a kernel compiled that cannot be read, and used where it cannot be kept: neither ends a run."""
+    load, save = kept.load_overload, kept.save_overload
+
+    def load_overload(*args: Any) -> Any:
+        try:
+            return load(*args)
+        except Exception:  # what a damaged pickle raises is anything
+            return None
+
+    def save_overload(*args: Any) -> None:
+        try:
+            save(*args)
+        except OSError as error:
+            _warn(f"Compiled kernels could not be kept ({error.strerror})")
+        except Exception:  # from a damaged index, which the next one would read again
+            kept.flush()
+
+    kept.load_overload, kept.save_overload = load_overload, save_overload
 
 
 def _can_be_kept(function: Callable[..., Any]) -> bool:
