@@ -80,8 +80,8 @@ def about_defect(error: Exception, arguments: Sequence[str]) -> str:
         do = f"Please report it to the maintainers, with the file {where} and a line on what the input was."
     except OSError as why:
         do = f"Please report it to the maintainers. No crash report could be written ({why})."
-    said = shorten(str(error), 300) or "no message"
-    return f"plnerf met an error that it should have handled: {type(error).__name__}, {said}. {do}"
+    message = shorten(str(error), 300) or "no message"
+    return f"plnerf met an error that it should have handled: {type(error).__name__}, {message}. {do}"
 
 
 def main() -> None:

@@ -181,7 +181,7 @@ def _check_same_architecture(
 
 
 def _check_loaded_finite(path: Path, tensors: dict[str, Tensor]) -> None:
-    """Weights that are no numbers would render to pictures that look like pictures."""
+    """Weights that are NaN would render to black pictures, without any error."""
     for name, value in tensors.items():
         bad = int((~value.isfinite()).sum())
         if bad:
