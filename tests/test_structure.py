@@ -4,6 +4,7 @@ import ast
 import inspect
 import re
 import sys
+import tempfile
 from pathlib import Path
 from traceback import walk_stack
 from types import FrameType
@@ -145,6 +146,7 @@ def test_without_the_rendering_sum_nothing_is_trained(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """So that the test above follows the sum that training really uses."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # for the crash report
     without = ray_ops.TORCH._replace(render_rays=None)  # type: ignore[arg-type]
     monkeypatch.setattr(model, "ray_ops", lambda backend: without)
     with pytest.raises(SystemExit) as ended:

@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -449,6 +450,7 @@ def test_the_survey_takes_its_settings_from_the_command_line(
 ) -> None:
     asked: list[SurveyConfig] = []
     monkeypatch.setattr(pipeline, "survey", lambda source, config, out, progress: asked.append(config))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # for the crash report
     settings = ["--voltage-kv", "230", "--pictures", "2", "--refine.most-rounds", "7"]
     assert plnerf("survey", tmp_path, *settings).status == 70  # nothing comes back
     (config,) = asked
