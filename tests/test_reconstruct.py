@@ -1,6 +1,7 @@
 """All stages in one call: what is up to date is skipped, and what changed is done again."""
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -83,6 +84,19 @@ def test_other_settings_and_poses_train_anew_and_lose_nothing(
     call(stages, tiny_scene, out, preset="nerfacto")
     assert done[0] == "train nerfacto"
     assert {path.name for path in out.iterdir()} == {"run", "run-1", "run-2", "reconstruct.json"}
+
+
+def test_photos_replaced_under_their_names_train_anew(
+    tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]
+) -> None:
+    call(stages, tiny_scene, tmp_path / "out")
+    photos = sorted((tiny_scene / "images").iterdir())
+    stat = photos[0].stat()
+    photos[0].write_bytes(photos[1].read_bytes())
+    os.utime(photos[0], ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    done.clear()
+    call(stages, tiny_scene, tmp_path / "out")
+    assert done == ["train pl-nerf-wire", "evaluate", "render", "survey"]
 
 
 def test_photos_are_captured_first(tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]) -> None:

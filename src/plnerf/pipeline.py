@@ -7,7 +7,6 @@ Stages meet through files, so that any can be run again alone; `reconstruct` run
 that are up to date.  Progress is reported by callbacks.
 """
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -32,7 +31,8 @@ from plnerf.render.config import SystemConfig
 from plnerf.render.picture_files import write_text
 from plnerf.report.page import write_report
 from plnerf.scene.build_store import Progress
-from plnerf.scene.formats import has_poses
+from plnerf.scene.fingerprint import file_sha256, photos_sha256
+from plnerf.scene.formats import has_poses, read_listing
 from plnerf.scene.only_writer import only_writer
 from plnerf.scene.scene import load_scene
 from plnerf.scene.whole_result import whole_result
@@ -287,7 +287,7 @@ def reconstruct(
         OUT/scene/    plnerf capture     (left out where the input is a scene with poses)
         OUT/run/      plnerf train, eval, render, survey
 
-    A stage is done again where its inputs changed: the scene, the settings, the newest checkpoint.  A run of
+    A stage is done again where its inputs changed: poses, photos, settings, the newest checkpoint.  A run of
     other settings is kept, as run-1, run-2, ...  skipped: called with a line about every stage that is up to
     date, and about a run that is put aside.
     """
@@ -307,8 +307,12 @@ def _reconstruct(
     if not has_poses(source):
         scene = out / "scene"
         stages.capture(source, scene, capture or CaptureConfig())
+    listing = read_listing(scene)
     transforms = scene / "transforms.json" if scene.is_dir() else scene
-    wanted = {**asdict(training), "scene": str(scene.resolve()), "poses": _hash(transforms)}
+    wanted = {
+        **asdict(training), "scene": str(scene.resolve()),
+        "poses": file_sha256(transforms) if transforms.is_file() else "", "photos": photos_sha256(listing),
+    }  # fmt: skip
     state = json.loads((out / STATE).read_text()) if (out / STATE).exists() else {}
     if state.get("training") not in {None, json.dumps(wanted)} and run.exists():
         aside = next(path for k in range(1, 10_000) if not (path := out / f"run-{k}").exists())
@@ -332,10 +336,6 @@ def _reconstruct(
         state[name] = newest
         write_text(out / STATE, json.dumps(state, indent=1) + "\n")
     return run
-
-
-def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 
 def choose_device(choice: Device) -> Literal["cpu", "cuda"]:

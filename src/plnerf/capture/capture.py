@@ -1,6 +1,7 @@
 """Photos or a video in, a scene folder out: chosen images, their poses, and where on the earth they are.
 
 OUT/images/           the images, upright
+OUT/photos.json       what the images are copies of
 OUT/masks/            their masks, where there are any
 OUT/sfm/              structure from motion's own files, from which it goes on
 OUT/sparse/0/         the COLMAP model, in metres where the scene is georeferenced
@@ -87,7 +88,8 @@ def capture(
     if source.suffix.lower() in VIDEOS or source.is_file():
         taken, facts, problems = _from_video(source, images, config, tell)
     else:
-        photos = bring_upright(find_photos(source, lambda done, of: tell("photos", done, of)), images)
+        photos = find_photos(source, lambda done, of: tell("photos", done, of))
+        photos = bring_upright(photos, images, lambda done, of: tell("copies", done, of))
         facts, problems = photos.facts, photos.problems
     masks = bring_masks(config.masks, facts, out / "masks") if config.masks is not None else {}
     references = _references(source, facts, config.height_datum)

@@ -1,16 +1,12 @@
 """The photos of a folder, in the order they were taken; and upright, in a folder of their own."""
 
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from PIL import Image, ImageOps
-
+from plnerf.capture.copies import Copies, check_pixels
 from plnerf.capture.exif import PhotoFacts, read_facts
 from plnerf.errors import CaptureError
-from plnerf.scene.files import complete_file
 
 PHOTOS = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp"})
 UNREAD = {
@@ -61,57 +57,43 @@ def find_photos(folder: Path, tell: Callable[[int, int], object] = lambda done, 
     return Photos(folder, facts, tuple(problems))
 
 
-def bring_upright(photos: Photos, target: Path) -> Photos:
-    """The photos in another folder: as they are where they are upright, else turned as EXIF says.
+def bring_upright(
+    photos: Photos, target: Path, tell: Callable[[int, int], object] = lambda done, of: None
+) -> Photos:
+    """Copies of the photos in another folder: as they are where they are upright, else turned as EXIF says.
 
-    Returns them as they are there, without those whose pixels are damaged.  Files are linked where the disk
-    can, else copied.
+    Returns them as they are there, without those whose pixels are damaged.  Copies that are up to date stay;
+    photos that lie in the target already are left as they are.
     """
     target.mkdir(parents=True, exist_ok=True)
     lying = [name for name, fact in photos.facts.items() if fact.orientation in TURNED]
-    if lying and target.samefile(photos.folder):
+    in_place = target.samefile(photos.folder)
+    if lying and in_place:
         raise CaptureError(
             f"{lying[0]} and {len(lying) - 1} more of the photos in {target} are not stored upright, and the "
             "photos of a scene must be. Give another folder for the scene: -o."
         )
-    facts, problems = {}, list(photos.problems)
-    for name, fact in photos.facts.items():
-        source, copy = photos.folder / name, target / name
-        turned = fact.orientation in TURNED
-        if (not copy.exists() or copy.samefile(source)) and (damage := _damage(source)):
-            problems.append(f"{name}: its pixels cannot be read ({damage})")
-            continue
-        if not copy.exists():
-            with complete_file(copy) as beside:
-                if turned:
-                    _write_upright(source, beside)
+    facts, problems, copies = {}, list(photos.problems), Copies(target)
+    try:
+        for done, (name, fact) in enumerate(photos.facts.items(), start=1):
+            try:
+                if in_place:
+                    check_pixels(target / name)
                 else:
-                    _link(source, beside)
-        sideways = fact.orientation in {5, 6, 7, 8}
-        size = (fact.height_px, fact.width_px) if sideways else (fact.width_px, fact.height_px)
-        camera = f"{fact.camera} turned" if sideways else fact.camera
-        facts[name] = replace(fact, width_px=size[0], height_px=size[1], orientation=1, camera=camera)
+                    copies.bring(photos.folder / name, turn=fact.orientation in TURNED)
+                facts[name] = _upright(fact)
+            except CaptureError as error:
+                problems.append(f"{name}: {error}")
+            tell(done, len(photos.facts))
+    finally:
+        if not in_place:
+            copies.save()
     return Photos(target, facts, tuple(problems))
 
 
-def _damage(path: Path) -> str | None:
-    """What is wrong with a photo's pixels.  COLMAP takes what is left of one that was cut off."""
-    try:
-        with Image.open(path) as image:
-            image.load()
-    except (OSError, SyntaxError, ValueError) as error:
-        return str(error)
-    return None
-
-
-def _write_upright(source: Path, target: Path) -> None:
-    with Image.open(source) as image:
-        upright = ImageOps.exif_transpose(image)
-        upright.save(target, quality=95)  # which formats without loss do not look at
-
-
-def _link(source: Path, target: Path) -> None:
-    try:
-        os.link(source, target)
-    except OSError:  # another disk, or one without links
-        shutil.copyfile(source, target)
+def _upright(fact: PhotoFacts) -> PhotoFacts:
+    """What is true of a photo once it is turned."""
+    sideways = fact.orientation in {5, 6, 7, 8}
+    size = (fact.height_px, fact.width_px) if sideways else (fact.width_px, fact.height_px)
+    camera = f"{fact.camera} turned" if sideways else fact.camera
+    return replace(fact, width_px=size[0], height_px=size[1], orientation=1, camera=camera)
