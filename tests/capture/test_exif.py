@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
-from plnerf.capture.exif import HORIZONTAL_M, VERTICAL_M, PhotoFacts, read_facts
+from plnerf.capture.exif import HORIZONTAL_M, VERTICAL_M, PhotoFacts, _number, read_facts
 from plnerf.errors import CaptureError
 
 G = ExifTags.GPS
@@ -132,6 +132,13 @@ def test_what_is_no_image_is_told(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(b"not a picture")
     with pytest.raises(CaptureError, match=r"a\.jpg cannot be read as an image .*Remove it"):
         read_facts(tmp_path / "a.jpg")
+
+
+def test_values_that_are_no_numbers_are_none(tmp_path: Path) -> None:
+    E = ExifTags.Base
+    taken = {E.DateTimeOriginal: "2026:05:04 03:02:01", E.SubsecTimeOriginal: "²"}  # a digit, and no decimal
+    assert photo(tmp_path, details=taken).time == datetime(2026, 5, 4, 3, 2, 1)
+    assert _number(10**400) is None and _number("1e999") is None and _number(float("nan")) is None
 
 
 @pytest.mark.data

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 from tests.capture.test_frames import seen
+from tests.support.bad_photos import write_bad_photos
 
 from plnerf.capture.exif import GpsFix, PhotoFacts
+from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.references import from_photos
 from plnerf.cli.main import main
 from plnerf.doctor.config import PhotoDoctorConfig
@@ -92,6 +94,18 @@ def test_every_fault_is_named_with_its_photos(photos: Path, tmp_path: Path) -> N
     text = photo_text(diagnosis)
     assert "harms  over-exposed: 1 of 17 photos are white over more than 25% of their area. " in text
     assert "before a white sky wires vanish. (06b.jpg)" in text
+
+
+def test_bad_photos_are_left_out_and_named(tmp_path: Path) -> None:
+    bad = write_bad_photos(tmp_path)
+    for i in range(3):
+        write(tmp_path / f"{i}.jpg", seen(30.0 * i))
+    diagnosis = examine_photos(tmp_path, distance_m=None, **COST)
+    assert diagnosis.photos == 3 and diagnosis.usable
+    assert set(by_kind(list(diagnosis.findings))["unreadable"].where) == bad
+    copied = bring_upright(find_photos(tmp_path), tmp_path / "scene" / "images")
+    assert list(copied.facts) == ["0.jpg", "1.jpg", "2.jpg"]
+    assert {problem.split(":")[0] for problem in copied.problems} == bad
 
 
 def test_too_few_photos_stop(photos: Path, tmp_path: Path) -> None:

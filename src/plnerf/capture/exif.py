@@ -10,10 +10,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from PIL import ExifTags, Image, UnidentifiedImageError
+from PIL import ExifTags, Image
 
 from plnerf.errors import CaptureError
 
+MIN_SIDE_PX = 16
+"""Of a photo: smaller ones are previews, and hold no feature."""
 HORIZONTAL_M, VERTICAL_M = 3.0, 10.0
 """Standard deviations of a position that states none: a receiver without correction signals."""
 FLOAT_M, FLOAT_UP_M = 0.5, 1.0
@@ -61,13 +63,13 @@ class PhotoFacts:
 
 
 def read_facts(path: Path) -> PhotoFacts:
-    """Reads a photo's header, not its pixels.  Raises CaptureError where it is no readable image."""
+    """Reads a photo's header, not its pixels.  Raises CaptureError where it is no usable image."""
     try:
         with Image.open(path) as image:
             (width, height), exif = image.size, image.getexif()
             details, gps = exif.get_ifd(ExifTags.IFD.Exif), exif.get_ifd(ExifTags.IFD.GPSInfo)
             xmp = image.info.get("xmp", b"")
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError) as error:
+    except Exception as error:  # what damaged bytes make Pillow raise has no common base
         raise CaptureError(
             f"{path} cannot be read as an image ({error}). Remove it, or copy it again from the camera."
         ) from error
@@ -75,6 +77,10 @@ def read_facts(path: Path) -> PhotoFacts:
         name.decode(): (one or other).decode(errors="replace")
         for name, one, other in _XMP.findall(xmp if isinstance(xmp, bytes) else xmp.encode())
     }
+    if min(width, height) < MIN_SIDE_PX:
+        raise CaptureError(
+            f"{path} is {width} x {height} px, but each side needs at least {MIN_SIDE_PX}. Remove it."
+        )
     fix, problem = _fix(gps, dji)
     gimbal = tuple(_number(dji.get(f"Gimbal{axis}Degree")) for axis in ("Yaw", "Pitch", "Roll"))
     maker, model = (_text(exif.get(tag)) for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
@@ -156,7 +162,7 @@ def _time(details: dict[int, Any], exif: Any) -> datetime | None:
             time = datetime.strptime(_text(text), "%Y:%m:%d %H:%M:%S")
         except ValueError:
             continue
-        return time.replace(microsecond=int(f"{parts:0<6.6}") if parts.isdigit() else 0)
+        return time.replace(microsecond=int(f"{parts:0<6.6}") if parts.isdecimal() else 0)
     return None
 
 
@@ -173,7 +179,7 @@ def _number(value: Any) -> float | None:
     """A finite number, or None."""
     try:
         number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError):
+    except (TypeError, ValueError, ArithmeticError):
         return None
     return number if abs(number) < 1e12 else None  # NaN is not below either
 

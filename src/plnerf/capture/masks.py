@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from plnerf.capture.exif import PhotoFacts
 from plnerf.errors import CaptureError
@@ -51,7 +51,7 @@ def _read(mask: Path, name: str, facts: PhotoFacts) -> Bool[np.ndarray, "h w"]:
     try:
         with Image.open(mask) as image:
             size, used = image.size, np.asarray(image.convert("L")) > 0
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError) as error:
+    except Exception as error:  # a decoder that meets damaged bytes can raise anything
         raise CaptureError(f"The mask {mask} cannot be read ({error}). Write it again, as PNG.") from error
     if size != (facts.width_px, facts.height_px):
         raise CaptureError(

@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float, UInt8
 
 LOOK_PX = 640
 """Longer side of the pictures that are looked at."""
+LEAST_SIDE_PX = 16
+"""Their shorter side, also of a picture that is 100 times as wide as high: slopes are of an eighth of it."""
 FEATURES, LEAST_MATCHES, RATIO = 800, 12, 0.8
 BLURRED, AROUND = 0.5, 9
 """Sharpness below this share of the median of so many pictures around is blur."""
@@ -43,7 +45,7 @@ def look_at(image: UInt8[np.ndarray, "h w 3"]) -> Look:
     """Features and sharpness of a picture (RGB)."""
     h, w = image.shape[:2]
     factor = min(1.0, LOOK_PX / max(h, w))
-    size = (max(1, round(w * factor)), max(1, round(h * factor)))
+    size = (max(LEAST_SIDE_PX, round(w * factor)), max(LEAST_SIDE_PX, round(h * factor)))
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
     # Small and flat pictures too: patches of 15 px, corners from a contrast of 5.
     orb = cv2.ORB.create(FEATURES, edgeThreshold=15, patchSize=15, fastThreshold=5)

@@ -8,7 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from plnerf.capture.motion import look_at
 from plnerf.capture.photos import Photos, find_photos
@@ -89,7 +89,7 @@ def thumbnail_of(path: Path, config: PhotoDoctorConfig = PHOTOS) -> Thumbnail:
                 "RGB", (config.judged_px, config.judged_px)
             )  # JPEG: decodes at a half, a quarter, ...
             picture = np.asarray(image.convert("RGB"))
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError) as error:
+    except Exception as error:  # a decoder that meets damaged bytes can raise anything
         raise CaptureError(f"its pixels cannot be read ({error})") from error
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     small = cv2.resize(grey, (16, 16), interpolation=cv2.INTER_AREA).astype(np.float64)

@@ -34,7 +34,7 @@ def about_files(facts: Mapping[str, PhotoFacts], problems: Sequence[str]) -> lis
     if problems:
         names = tuple(text.split(":")[0] for text in problems)
         found.append(Finding(
-            "unreadable", "harms", f"{len(problems)} files cannot be used: {problems[0]}.", names,
+            "unreadable", "harms", f"{len(problems)} files cannot be used: {problems[0].rstrip('.')}.", names,
             "Copy them from the camera again, convert them to JPEG, or remove them.",
         ))  # fmt: skip
     if len(facts) < 3:

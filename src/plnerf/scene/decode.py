@@ -74,7 +74,7 @@ def _open(path: Path, stream: Path | io.BytesIO) -> Image.Image:
             "beginning is damaged. Copy it from the camera again, convert it to JPEG or PNG, or take its "
             "frame out of the file."
         ) from error
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except Exception as error:  # what damaged bytes make Pillow raise has no common base
         raise SceneError(
             f"The image {path} cannot be opened ({error}). Copy it from the camera again, or take its frame "
             "out of the file."
@@ -84,7 +84,7 @@ def _open(path: Path, stream: Path | io.BytesIO) -> Image.Image:
 def _pixels(path: Path, image: Image.Image) -> Shaped[np.ndarray, "h w *c"]:
     try:
         return np.asarray(image)
-    except (OSError, SyntaxError, ValueError) as error:
+    except Exception as error:  # a decoder that meets damaged bytes can raise anything
         raise SceneError(
             f"The image {path} is damaged: it begins well but cannot be decoded to its end ({error}). Copy "
             "it from the camera again, or take its frame out of the file."
