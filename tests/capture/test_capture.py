@@ -205,6 +205,8 @@ def test_the_command_tells_what_came_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     photos_with_positions(tmp_path / "photos")
+    for path in sorted((tmp_path / "photos").glob("*.jpg")):
+        path.rename(path.with_name(f"IMG ({path.stem}).jpg"))  # as Windows numbers copies
     Image.fromarray(np.full((240, 320, 3), 90, np.uint8)).save(tmp_path / "photos" / "grey.jpg")
     words = [
         "plnerf",

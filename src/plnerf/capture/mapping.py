@@ -16,8 +16,8 @@ import pycolmap
 
 from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.lens_fit import lens_problem
+from plnerf.capture.pair_lists import listed_pairs
 from plnerf.findings import Finding
-from plnerf.scene.files import write_text
 
 LEAST_IMAGES = 3
 MOST_ERROR_PX = 4.0
@@ -126,8 +126,9 @@ def _verify(database: Path, way: Try) -> None:
         pairs = [pycolmap.pair_id_to_image_pair(pair) for pair in db.read_two_view_geometry_num_inliers()[0]]
         db.clear_two_view_geometries()
     listing = database.with_suffix(".txt")
-    write_text(listing, "".join(f"{name[a]} {name[b]}\n" for a, b in pairs))
-    pycolmap.verify_matches(database, listing, options=verification(way))
+    named = [(name[a], name[b]) for a, b in pairs]
+    with listed_pairs(database, listing, list(name.values()), named):
+        pycolmap.verify_matches(database, listing, options=verification(way))
     listing.unlink()
 
 

@@ -29,6 +29,7 @@ from plnerf.capture.mapping import (
     tries,
     verification,
 )
+from plnerf.capture.pair_lists import listed_pairs, rename_images, stand_ins
 from plnerf.capture.pairs import Pair, PairConfig
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.findings import Finding
@@ -156,6 +157,8 @@ def _extract(
     masks: Mapping[str, Path], tell: Tell,
 ) -> None:  # fmt: skip
     """Features of the images that have none yet; images that share a lens share a camera."""
+    # A list of pairs may have been cut off.
+    rename_images(database, {new: old for old, new in stand_ins(list(facts)).items()})
     with pycolmap.Database.open(database) as db:
         there = {image.name: image for image in db.read_all_images()}
         lens = {image.name: image.camera_id for image in there.values()}
@@ -221,11 +224,11 @@ def _match(
     listing = work / "pairs.txt"
     for first in range(0, len(left), PAIRS):
         block = left[first : first + PAIRS]
-        write_text(listing, "".join(f"{a} {b}\n" for a, b in block))
-        pycolmap.match_image_pairs(
-            work / DATABASE, matching_options=matching, verification_options=verification(way),
-            pairing_options=pycolmap.ImportedPairingOptions(match_list_path=listing),
-        )  # fmt: skip
+        with listed_pairs(work / DATABASE, listing, names, block):
+            pycolmap.match_image_pairs(
+                work / DATABASE, matching_options=matching, verification_options=verification(way),
+                pairing_options=pycolmap.ImportedPairingOptions(match_list_path=listing),
+            )  # fmt: skip
         tell("matches", len(pairs) - len(left) + first + len(block), len(pairs))
 
 
