@@ -12,7 +12,8 @@ import numpy as np
 import pycolmap
 
 from plnerf.errors import SceneError
-from plnerf.scene.listing import Intrinsics, Listing, Shot, check_present, check_unique
+from plnerf.scene.colmap_files import check_model
+from plnerf.scene.listing import Intrinsics, Listing, Shot, check_lens, check_present, check_unique
 from plnerf.scene.transforms import rigid_pose
 
 _MODEL_FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0", ".")
@@ -44,6 +45,11 @@ def read_colmap(source: Path) -> Listing:
     shots, missing, unregistered = [], [], []
     for image in sorted(reconstruction.images.values(), key=lambda image: image.name):
         path = images / image.name
+        if Path(image.name).is_absolute() or ".." in Path(image.name).parts:
+            raise SceneError(
+                f"The COLMAP model {model} names the image {image.name}, outside of {images}. Run the "
+                "reconstruction again, with names below its folder of images."
+            )
         if not image.has_pose:
             unregistered.append(image.name)
         elif not path.is_file():
@@ -116,9 +122,10 @@ def _load(model: Path) -> pycolmap.Reconstruction:
             f"The COLMAP model {model} is not whole: {', '.join(absent)} is not there. Copy the whole model "
             "folder, or run the reconstruction again."
         )
+    check_model(model)
     try:
         return pycolmap.Reconstruction(model)
-    except (ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
+    except (ValueError, RuntimeError, KeyError, IndexError, OSError, MemoryError) as error:
         raise SceneError(
             f"The COLMAP model {model} cannot be read ({str(error).splitlines()[0]}). Copy it again, or run "
             "the reconstruction again."
@@ -144,7 +151,7 @@ def _intrinsics(camera: pycolmap.Camera, model: Path) -> Intrinsics:
                 "be used; plnerf reads SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV. Undistort "
                 "the photos (colmap image_undistorter) and give the folder that it writes."
             )
-    return Intrinsics(
+    lens = Intrinsics(
         int(camera.width),
         int(camera.height),
         fl_x,
@@ -154,6 +161,8 @@ def _intrinsics(camera: pycolmap.Camera, model: Path) -> Intrinsics:
         (k1, k2, p1, p2, 0.0),
         f"COLMAP camera {camera.camera_id}",
     )
+    check_lens(lens, f"{model}, camera {camera.camera_id}")
+    return lens
 
 
 def _colmap_camera(lens: Intrinsics, number: int, name: str) -> pycolmap.Camera:

@@ -19,7 +19,7 @@ import numpy as np
 from plnerf.errors import SceneError
 from plnerf.scene.decode import stored_size_px
 from plnerf.scene.json_fields import Json, file_of, number_of, section_of, vector_of
-from plnerf.scene.listing import Intrinsics, Listing, Shot, check_present, check_unique, some
+from plnerf.scene.listing import Intrinsics, Listing, Shot, check_lens, check_present, check_unique, some
 from plnerf.scene.transforms import flip_camera_axes, rigid_pose
 
 FORMAT_VERSION = 1
@@ -171,12 +171,7 @@ def _intrinsics(frame: Json, data: Json, file: Path, where: str) -> Intrinsics:
     x = fl_x if fl_x is not None else fl_y
     y = fl_y if fl_y is not None else fl_x
     assert x is not None and y is not None
-    if min(x, y, width, height) <= 0:
-        raise SceneError(
-            f"{where}: focal lengths and sizes must be positive, but fl_x, fl_y, w, h are {x:g}, {y:g}, "
-            f"{width:g}, {height:g}. Correct the file."
-        )
-    return Intrinsics(
+    lens = Intrinsics(
         width=round(width),
         height=round(height),
         fl_x=x,
@@ -186,6 +181,8 @@ def _intrinsics(frame: Json, data: Json, file: Path, where: str) -> Intrinsics:
         distortion=(k1, k2, p1, p2, k3),
         owner=f"frame {frame['file_path']}" if own else "the whole file",
     )
+    check_lens(lens, where)
+    return lens
 
 
 def _focal(values: Json, axis: Literal["x", "y"], size: float, where: str) -> float | None:

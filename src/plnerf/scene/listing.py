@@ -15,6 +15,9 @@ from jaxtyping import Float
 
 from plnerf.errors import SceneError
 
+MAX_SIDE_PX, MAX_LENS_PX = 100_000, 1e9
+"""Larger sizes, and larger numbers of a lens, are damage: sums of their squares would not fit."""
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -71,6 +74,23 @@ def some(names: Iterable[str], limit: int = 3) -> str:
     every = list(names)
     more = f" and {len(every) - limit} more" if len(every) > limit else ""
     return ", ".join(every[:limit]) + more
+
+
+def check_lens(lens: Intrinsics, where: str) -> None:
+    """Raise SceneError where a size or a number of a lens is none that a camera has."""
+    focal, size, others = (lens.fl_x, lens.fl_y), (lens.width, lens.height), (lens.cx, lens.cy)
+    values = np.array([*focal, *others, *lens.distortion])
+    if min(*focal, *size) <= 0 or np.isnan(values).any():
+        raise SceneError(
+            f"{where}: focal lengths and sizes must be positive, but fl_x, fl_y, w, h are {lens.fl_x:g}, "
+            f"{lens.fl_y:g}, {lens.width:g}, {lens.height:g}. Correct the file."
+        )
+    if max(size) > MAX_SIDE_PX or np.abs(values).max() > MAX_LENS_PX:
+        raise SceneError(
+            f"{where}: no camera has fl_x, fl_y {lens.fl_x:g}, {lens.fl_y:g}, cx, cy {lens.cx:g}, "
+            f"{lens.cy:g} and distortion {', '.join(f'{k:g}' for k in lens.distortion)} in images of "
+            f"{lens.width:g} x {lens.height:g} px. Correct the file, or run the pose estimation again."
+        )
 
 
 def check_present(listed: int, missing: Sequence[str], source: Path, *, may_leave_out: bool) -> None:

@@ -17,6 +17,8 @@ from jaxtyping import Float
 
 from plnerf.errors import SceneError
 
+MAX_POSITION = 1e9
+"""Further from the origin, nothing is left of a camera's place in double precision beside what it sees."""
 MAX_DRIFT = 1e-3
 """How far a pose's singular values may be from 1: below, it is rounding and is removed; above, it is an
 error."""
@@ -158,6 +160,12 @@ def rigid_pose(matrix: Float[np.ndarray, "r 4"], where: str) -> Float[np.ndarray
         raise SceneError(
             f"{where}: the camera-to-world matrix holds NaN or infinity, so this image has no position. "
             "Remove the image from the file, or run the pose estimation again."
+        )
+    if np.abs(matrix[:3, 3]).max() > MAX_POSITION:
+        raise SceneError(
+            f"{where}: the camera-to-world matrix puts the camera {np.abs(matrix[:3, 3]).max():g} from the "
+            "world's origin, where no camera is. Remove the image from the file, or run the pose estimation "
+            "again."
         )
     if shape == (4, 4) and not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-9):
         raise SceneError(

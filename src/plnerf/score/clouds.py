@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import laspy
-import lazrs
 import numpy as np
 from jaxtyping import Float, Shaped
 
 from plnerf.errors import SurveyError
 from plnerf.line.cloud import CONDUCTOR, SHIELD
 from plnerf.line.polylines import resample
+from plnerf.scene.las_files import open_las
 from plnerf.scene.ply import read_ply
 from plnerf.score.config import DEFAULT
 from plnerf.score.geojson import read_geojson
@@ -164,19 +163,14 @@ def _read_text(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
 
 def _read_las(path: Path, classes: tuple[int, ...] | None) -> tuple[Float[np.ndarray, "n 3"], str]:
     counts: dict[int, int] = {}
-    try:
-        for chunk in _las_chunks(path):
-            for code, count in zip(
-                *np.unique(np.asarray(chunk.classification), return_counts=True), strict=True
-            ):
-                counts[int(code)] = counts.get(int(code), 0) + int(count)
-        wanted = classes or tuple(code for code in WIRE_CLASSES if code in counts) or tuple(sorted(counts))
-        absent = bool(counts) and not any(code in counts for code in wanted)
-        parts = [] if absent else [_of_classes(chunk, wanted) for chunk in _las_chunks(path)]
-    except (laspy.errors.LaspyException, lazrs.LazrsError, ValueError, EOFError) as error:
-        raise SurveyError(
-            f"{path} cannot be read as LAS or LAZ ({error}). Is it cut off? Copy it again."
-        ) from error
+    for chunk in _las_chunks(path):
+        for code, count in zip(
+            *np.unique(np.asarray(chunk.classification), return_counts=True), strict=True
+        ):
+            counts[int(code)] = counts.get(int(code), 0) + int(count)
+    wanted = classes or tuple(code for code in WIRE_CLASSES if code in counts) or tuple(sorted(counts))
+    absent = bool(counts) and not any(code in counts for code in wanted)
+    parts = [] if absent else [_of_classes(chunk, wanted) for chunk in _las_chunks(path)]
     if absent:
         raise SurveyError(
             f"{path} has no points of class {_listed(wanted)}; its classes are {_listed(counts)}. Name those "
@@ -187,7 +181,7 @@ def _read_las(path: Path, classes: tuple[int, ...] | None) -> tuple[Float[np.nda
 
 
 def _las_chunks(path: Path) -> Iterator[Any]:
-    with laspy.open(path) as file:
+    with open_las(path) as file:
         yield from file.chunk_iterator(LAS_CHUNK)
 
 

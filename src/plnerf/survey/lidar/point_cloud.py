@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import laspy
-import lazrs
 import numpy as np
 from jaxtyping import Float
 
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding
 from plnerf.line.cloud import Attributes
+from plnerf.scene.las_files import open_las
 from plnerf.survey.lidar.attributes import attributes_of
 from plnerf.survey.lidar.checks import check_cloud
 from plnerf.survey.lidar.config import CloudConfig
@@ -43,18 +42,14 @@ def read_cloud(path: Path, config: CloudConfig = DEFAULT) -> PointCloud:
     """
     if not path.is_file():
         raise SurveyError(f"There is no cloud {path}. Give a LAS or LAZ file, or a run folder.")
-    try:
-        with laspy.open(path) as reader:
-            stated = reader.header.point_count
-            if stated > config.max_points:
-                raise SurveyError(
-                    f"{path} has {stated:,} points, more than {config.max_points:,} that fit into memory. "
-                    "Cut it into pieces of some kilometres."
-                )
-            las = reader.read()
-    except (OSError, ValueError, MemoryError, laspy.LaspyException, lazrs.LazrsError) as error:
-        why = str(error) or "its header asks for more memory than there is"
-        raise SurveyError(f"{path} cannot be read as LAS or LAZ ({why}). Copy it again.") from error
+    with open_las(path) as reader:
+        stated = reader.header.point_count
+        if stated > config.max_points:
+            raise SurveyError(
+                f"{path} has {stated:,} points, more than {config.max_points:,} that fit into memory. "
+                "Cut it into pieces of some kilometres."
+            )
+        las = reader.read()
     if len(las.points) != stated:
         raise SurveyError(
             f"{path} states {stated:,} points, but holds {len(las.points):,}: it is cut off. Copy it again."
