@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from plnerf.errors import PlnerfError
+from plnerf.errors import ConfigError, PlnerfError
 from plnerf.pipeline import Stages, Training, reconstruct
 
 
@@ -97,6 +97,17 @@ def test_photos_replaced_under_their_names_train_anew(
     done.clear()
     call(stages, tiny_scene, tmp_path / "out")
     assert done == ["train pl-nerf-wire", "evaluate", "render", "survey"]
+
+
+@pytest.mark.parametrize("state", ["{", "[]", '{"training": 3}', "[" * 5000, '{"eval": NaN}'])
+def test_a_damaged_state_is_refused_and_nothing_runs(
+    state: str, tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "reconstruct.json").write_text(state)
+    with pytest.raises(ConfigError, match=r"reconstruct\.json .*Remove it: the run is kept"):
+        call(stages, tiny_scene, tmp_path / "out")
+    assert not done and (tmp_path / "out" / "reconstruct.json").read_text() == state
 
 
 def test_photos_are_captured_first(tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]) -> None:

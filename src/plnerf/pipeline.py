@@ -35,6 +35,7 @@ from plnerf.scene.fingerprint import file_sha256, photos_sha256
 from plnerf.scene.formats import has_poses, read_listing
 from plnerf.scene.only_writer import only_writer
 from plnerf.scene.scene import load_scene
+from plnerf.scene.strict_json import object_of, read_json, shown
 from plnerf.scene.whole_result import whole_result
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
@@ -313,7 +314,7 @@ def _reconstruct(
         **asdict(training), "scene": str(scene.resolve()),
         "poses": file_sha256(transforms) if transforms.is_file() else "", "photos": photos_sha256(listing),
     }  # fmt: skip
-    state = json.loads((out / STATE).read_text()) if (out / STATE).exists() else {}
+    state = _read_state(out / STATE)
     if state.get("training") not in {None, json.dumps(wanted)} and run.exists():
         aside = next(path for k in range(1, 10_000) if not (path := out / f"run-{k}").exists())
         with only_writer(run):  # not from under a training
@@ -336,6 +337,17 @@ def _reconstruct(
         state[name] = newest
         write_text(out / STATE, json.dumps(state, indent=1) + "\n")
     return run
+
+
+def _read_state(path: Path) -> dict[str, str]:
+    """What was done of which inputs; nothing where there is no file yet."""
+    if not path.exists():
+        return {}
+    do = "Remove it: the run is kept, and another one is trained."
+    state = object_of(read_json(path, ConfigError, do), str(path), ConfigError, do)
+    if not all(isinstance(value, str) for value in state.values()):
+        raise ConfigError(f"{path} must hold texts, but holds {shown(state)}. {do}")
+    return {str(key): str(value) for key, value in state.items()}
 
 
 def choose_device(choice: Device) -> Literal["cpu", "cuda"]:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,8 @@ from PIL import ExifTags, Image
 from tests.capture.test_frames import seen, video  # noqa: F401 (a fixture)
 from tests.capture.test_sfm import COUNT, FOCAL, H, W, poses, steps
 
-from plnerf.capture.capture import CaptureConfig, capture
+from plnerf.capture.capture import CaptureConfig, _Chosen, _chosen_before, _Inputs, capture
+from plnerf.capture.frames import Taken
 from plnerf.capture.local_frame import LocalFrame
 from plnerf.capture.photos import bring_upright, find_photos
 from plnerf.capture.sfm import SfmConfig
@@ -144,6 +146,19 @@ def test_a_video_becomes_an_unscaled_scene(video: Path, tmp_path: Path) -> None:
     capture(video, tmp_path / "scene", CONFIG, lambda stage, done, of: told.append(f"{stage} {done}"))
     assert not any(text.startswith("video") for text in told)  # neither looked at again
     assert told[0] == f"features {len(kept)}"  # nor put together again
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"inputs": [], "frames": []}', "[" * 9999, '{"frames": [{}]}'])
+def test_a_damaged_choice_of_frames_is_made_again(text: str, tmp_path: Path) -> None:
+    inputs = _Inputs("flight.mp4", 1, 2, 0.92, 0.75)
+    one = Taken("000000", None, 1.0, None, False, "blurred", False)
+    whole = asdict(_Chosen(inputs, (one,)))
+    path = tmp_path / "frames.json"
+    path.write_text(json.dumps(whole))
+    assert _chosen_before(path, inputs, tmp_path) == [one]
+    assert _chosen_before(path, replace(inputs, size=2), tmp_path) is None
+    path.write_text(text)
+    assert _chosen_before(path, inputs, tmp_path) is None
 
 
 def test_a_video_that_is_cut_off_is_used_and_told(tmp_path: Path) -> None:

@@ -227,6 +227,7 @@ SURVEYS: dict[str, Callable[[Path], Path]] = {
     "survey_without_a_covariance": of_survey(lambda data: first_wire(data).pop("covariance")),
     "survey_with_a_null_in_a_curve": of_survey(lambda data: first_wire(data)["theta"].__setitem__(2, None)),
     "survey_with_five_numbers_of_a_curve": of_survey(lambda data: first_wire(data)["theta"].pop()),
+    "survey_with_a_list_for_a_text": of_survey(lambda data: data["made"].update(by=["a"])),
     "survey_of_an_unknown_unit": of_survey(lambda data: data["frame"].update(unit="ft")),
 }
 WIRES: dict[str, Callable[[Path], Path]] = {

@@ -222,3 +222,30 @@ def test_k3_has_no_place_in_colmaps_model(tiny_scene: Path, tmp_path: Path) -> N
     edit(tiny_scene, lambda data: data.update(k3=0.1))
     with pytest.raises(SceneError, match="k3"):
         write_colmap(read_listing(tiny_scene), tmp_path / "model")
+
+
+@pytest.mark.parametrize(
+    ("where", "change", "text"),
+    [
+        ("plnerf", {"crs": ["EPSG:4326"]}, r"crs must be a text, but is \['EPSG:4326'\]"),
+        ("plnerf", {"up": ["0", "0", "1"]}, r"plnerf\.up must be three finite numbers"),
+        ("plnerf", {"up": [[[0]]] * 3}, r"plnerf\.up must be three finite numbers"),
+        ("", {"camera_model": ["OPENCV"]}, r"the camera model \(\['OPENCV'\]\) cannot be used"),
+        ("", {"fl_x": 10**39}, r"no camera has fl_x"),
+        ("frame", {"mask_path": ["m.png"]}, r"mask_path must be a text"),
+        ("frame", {"mask_path": "m" * 5000}, r"mask_path names .* which is not there"),
+        ("frame", {"file_path": "i" * 5000}, r"1 of the 12 images .* are not there"),
+        ("frame", {"file_path": "images/\0.png"}, r"1 of the 12 images .* are not there"),
+        ("frame", {"transform_matrix": [["1", "0", "0", "0"]] * 4}, r"transform_matrix must be 4 rows"),
+        ("frame", {"transform_matrix": [[1, 0, 0, 1e300], *np.eye(4)[1:].tolist()]}, r"puts the camera 1e"),
+    ],
+)
+def test_values_of_other_kinds_are_refused(
+    tiny_scene: Path, where: str, change: dict[str, object], text: str
+) -> None:
+    def spoil(data: dict[str, Any]) -> None:
+        {"": data, "plnerf": data["plnerf"], "frame": data["frames"][0]}[where].update(change)
+
+    edit(tiny_scene, spoil)
+    with pytest.raises(SceneError, match=text):
+        read_listing(tiny_scene)

@@ -442,7 +442,7 @@ def test_what_is_no_survey_at_all_is_refused(folder: Path, tmp_path: Path) -> No
     (folder / "survey.json").write_text("{")
     with pytest.raises(SurveyError, match="is not valid JSON"):
         score_files(folder, truth=tmp_path / "truth.json")
-    with pytest.raises(SurveyError, match=re.escape(f"{tmp_path}/survey.json cannot be read (No such file")):
+    with pytest.raises(SurveyError, match=re.escape(f"There is no file {tmp_path}/survey.json")):
         score_files(tmp_path / "survey.json", truth=tmp_path / "truth.json")
 
 

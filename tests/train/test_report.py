@@ -1,5 +1,6 @@
 """What a run reports: a log without gaps or doubles, events, and a console that is given back."""
 
+import json
 import math
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from tests.support.tiny_run import log_of, open_tiny, tiny_config
 
 from plnerf.console import RunConsole
 from plnerf.scene.scene import Scene
-from plnerf.train.report import LOG_EVERY, Report, RunLog, SilentReport
+from plnerf.train.report import LOG_EVERY, Report, RunLog, SilentReport, read_log
 
 
 def terms_of(step: int) -> dict[str, torch.Tensor]:
@@ -70,6 +71,19 @@ def test_lines_after_the_checkpoint_are_written_anew(tmp_path: Path, scene: Scen
         strip(line) for line in log_of(tmp_path / "whole")
     ]
     assert "resumed at step 50" in text
+
+
+def test_a_log_with_lines_that_are_none_goes_on_without_them(tmp_path: Path, scene: Scene) -> None:
+    play(tmp_path / "run", scene, 0, 90)
+    path = tmp_path / "run/metrics.jsonl"
+    whole = path.read_bytes()
+    after = [bytes(40), b'{"step": 1e999}', b"[" * 9999, b""]
+    path.write_bytes(b"garbage\n\xff\xfe\n[1]\n{}\n" + whole + b"\n".join(after))
+    with pytest.warns(UserWarning, match=r"metrics\.jsonl: 7 of its lines cannot be read"):
+        assert read_log(path) == [json.loads(line) for line in whole.splitlines()]
+    with pytest.warns(UserWarning, match="7 of its lines"):
+        play(tmp_path / "run", scene, 90, 100)
+    assert [line["step"] for line in log_of(tmp_path / "run")][-1] == 100
 
 
 def strip(line: dict[str, float]) -> dict[str, float]:

@@ -103,7 +103,7 @@ def test_a_folder_that_is_no_run(tmp_path: Path) -> None:
 
 
 SPOILT: dict[str, Callable[[Path], object]] = {
-    "cannot be read": lambda path: path.write_text("{"),
+    "is not valid JSON": lambda path: path.write_text("{"),
     "can't decode": lambda path: path.write_bytes(b"\xff\xfe\x00"),
     "must be an object": lambda path: path.write_text("[]"),
     r"train\.learning_rate is an unknown key": lambda path: path.write_text(

@@ -23,9 +23,11 @@ from plnerf.pipeline import Device, choose_device, resume_run, train_scene
 from plnerf.render.picture_files import write_text
 from plnerf.render.pictures import world_depth
 from plnerf.render.views import render_view
+from plnerf.scene.strict_json import object_of, read_json
 from plnerf.train.config import Settings
 from plnerf.train.evaluate import evaluate_run, mean_appearance
 from plnerf.train.protocol import plain
+from plnerf.train.report import read_log
 from plnerf.train.run import open_run, read_config
 from plnerf.train.settings import to_json
 from plnerf.train.true_pictures import read_wire_mask
@@ -85,7 +87,7 @@ def compare(config: CompareConfig, console: Console) -> Path:
                 console.print(f"{name} failed: {error}", markup=False, soft_wrap=True)
                 results.append({"preset": name, "failed": str(error)})
                 continue
-        results.append(json.loads((folder / RESULT).read_text()))
+        results.append(read_json(folder / RESULT, ConfigError, f"Remove the folder {folder}."))
     about = {**circumstances(choose_device(config.device)), **config.common()}
     console.print(comparison_table(results, about).for_console())
     write_pages(config.out, results, about)
@@ -99,11 +101,13 @@ def compare(config: CompareConfig, console: Console) -> Path:
 def _check_common(config: CompareConfig) -> None:
     path, common = config.out / "common.json", config.common()
     settings = {name: to_json(one) for name, one in config.systems.items()}
-    before = json.loads(path.read_text()) if path.exists() else {"settings": {}, **common}
+    do = "Give another folder: -o."
+    before = read_json(path, ConfigError, do) if path.exists() else {"settings": {}, **common}
+    before = object_of(before, str(path), ConfigError, do)
     differ = [
         f"{key} {before.get(key)!r} -> {value!r}" for key, value in common.items() if before.get(key) != value
     ]
-    known = before["settings"]
+    known = object_of(before.get("settings", {}), f"{path}, settings,", ConfigError, do)
     differ += [
         f"settings of {name}" for name in settings if known.get(name, settings[name]) != settings[name]
     ]
@@ -181,7 +185,7 @@ def _crop(mask: Path | None, shape: tuple[int, ...]) -> tuple[int, int, int, int
 
 def _curve(path: Path) -> list[tuple[float, int, float]]:
     """Seconds, steps and held-out PSNR of the validations of a run."""
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines = read_log(path)
     return [
         (line["seconds"], line["step"], line["held_out_psnr_db"])
         for line in lines

@@ -23,6 +23,7 @@ from plnerf.line.frame import LineFrame
 from plnerf.pipeline import bundled_span, train_scene
 from plnerf.render.picture_files import write_text
 from plnerf.render.views import render_view
+from plnerf.scene.strict_json import read_json
 from plnerf.score.point_report import to_json
 from plnerf.score.points import score_points
 from plnerf.score.truth import read_truth
@@ -73,7 +74,7 @@ def measure_spans(bench: BenchConfig, console: Console) -> list[dict[str, Any]]:
                 console.print(f"{scene.name}: {preset}", markup=False)
                 result = plain(measure_span(bench, scene, preset, folder, console))
                 write_text(folder / RESULT, json.dumps(result, indent=1, allow_nan=False) + "\n")
-            results.append(json.loads((folder / RESULT).read_text()))
+            results.append(read_json(folder / RESULT, ConfigError, f"Remove the folder {folder}."))
     return results
 
 

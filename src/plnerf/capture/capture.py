@@ -15,7 +15,6 @@ import shutil
 from collections import Counter
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pycolmap
@@ -39,6 +38,9 @@ from plnerf.capture.video import stated_count, video_pictures, write_pictures
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.scene.files import write_text
 from plnerf.scene.formats_colmap import read_colmap
+from plnerf.scene.json_fields import is_file
+from plnerf.scene.strict_json import read_json
+from plnerf.scene.typed_json import from_json
 from plnerf.scene.write_transforms import write_transforms
 
 FORMAT_VERSION, FRAMES, REPORT = 1, "frames.json", "capture.json"
@@ -73,6 +75,25 @@ class CaptureConfig:
                 f"The overlap of a video's pictures must lie above 0 and below {self.most:g}, but is "
                 f"{self.least:g}."
             )
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    """What the choice of a video's pictures depends on."""
+
+    video: str
+    size: int
+    mtime_ns: int
+    most: float
+    least: float
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """The content of frames.json."""
+
+    inputs: _Inputs
+    frames: tuple[Taken, ...]
 
 
 def capture(
@@ -139,7 +160,7 @@ def _from_video(
     if not source.is_file():
         raise CaptureError(f"There is no video {source}. Give a video file, or a folder of photos.")
     chosen, stat = images.parent / FRAMES, source.stat()
-    inputs = [str(source.resolve()), stat.st_size, stat.st_mtime_ns, config.most, config.least]
+    inputs = _Inputs(str(source.resolve()), stat.st_size, stat.st_mtime_ns, config.most, config.least)
     taken = _chosen_before(chosen, inputs, images)
     if taken is None:
         taken = choose_frames(
@@ -148,7 +169,7 @@ def _from_video(
         )  # fmt: skip
         _check_enough(source, taken)
         write_pictures(source, [one.name for one in taken if one.kept], images)
-        content = {"inputs": inputs, "frames": [asdict(one) for one in taken]}
+        content = asdict(_Chosen(inputs, tuple(taken)))
         write_text(chosen, json.dumps(content, indent=1, allow_nan=False) + "\n")
     files = [images / f"{one.name}.jpg" for one in taken if one.kept]
     problems = [f"{one.name}: shares too little with the picture before" for one in taken if one.gap]
@@ -169,14 +190,16 @@ def _check_enough(source: Path, taken: list[Taken]) -> None:
         )
 
 
-def _chosen_before(path: Path, inputs: list[Any], images: Path) -> list[Taken] | None:
+def _chosen_before(path: Path, inputs: _Inputs, images: Path) -> list[Taken] | None:
     """What was chosen of the same video with the same settings, if all of it is still there."""
     if not path.exists():
         return None
-    content = json.loads(path.read_text())
-    taken = [Taken(**one) for one in content["frames"]]
-    whole = all((images / f"{one.name}.jpg").is_file() for one in taken if one.kept)
-    return taken if content["inputs"] == inputs and whole else None
+    try:
+        before = from_json(_Chosen, read_json(path, CaptureError), str(path), CaptureError)
+    except CaptureError:
+        return None  # damaged: they are chosen again
+    whole = all(is_file(images / f"{one.name}.jpg") for one in before.frames if one.kept)
+    return list(before.frames) if before.inputs == inputs and whole else None
 
 
 def _references(source: Path, facts: dict[str, PhotoFacts], height_datum: str | None) -> References:

@@ -16,6 +16,7 @@ from PIL import Image, ImageOps
 
 from plnerf.errors import CaptureError
 from plnerf.scene.files import complete_file, write_text
+from plnerf.scene.strict_json import object_of, read_json
 
 RECORD, FORMAT_VERSION = "photos.json", 1
 
@@ -81,9 +82,8 @@ def _stamp(copy: Path) -> list[int]:
 def _read_record(path: Path) -> dict[str, list[object]]:
     """What is known; nothing where the record is absent or damaged, and then every copy is made again."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        known: dict[str, list[object]] = content["photos"]
-        whole = content["format_version"] == FORMAT_VERSION and isinstance(known, dict)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        content = object_of(read_json(path, CaptureError), str(path), CaptureError)
+    except CaptureError:
         return {}
-    return known if whole else {}
+    known = content.get("photos") if content.get("format_version") == FORMAT_VERSION else None
+    return known if isinstance(known, dict) else {}

@@ -1,6 +1,5 @@
 """A capture's result as text."""
 
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,8 @@ from typing import Any
 from plnerf.capture.accuracy import accuracy_text
 from plnerf.capture.capture import REPORT
 from plnerf.capture.heights import crs_name
+from plnerf.errors import CaptureError
+from plnerf.scene.strict_json import read_json
 
 SHOWN = 5
 """Most images that are named for one reason; capture.json names all."""
@@ -15,7 +16,7 @@ SHOWN = 5
 
 def read_report(scene: Path) -> dict[str, Any]:
     """The content of a scene folder's capture.json."""
-    content: dict[str, Any] = json.loads((scene / REPORT).read_text())
+    content: dict[str, Any] = read_json(scene / REPORT, CaptureError, "Capture the scene again.")
     return content
 
 

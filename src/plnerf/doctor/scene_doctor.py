@@ -13,6 +13,7 @@ from plnerf.doctor.coverage import Diagnosis, Stretch, advice, diagnose
 from plnerf.errors import SceneError
 from plnerf.scene.files import write_text
 from plnerf.scene.formats import read_listing
+from plnerf.scene.strict_json import object_of, read_json, shown
 
 FORMAT_VERSION = 2
 """1 had some of the settings among the results."""
@@ -50,7 +51,13 @@ def write_diagnosis(path: Path, diagnosis: Diagnosis) -> None:
 def _view_distance(folder: Path) -> float | None:
     """The distance that a capture measured, in the scene's unit."""
     path = folder / CAPTURE_REPORT
-    return json.loads(path.read_text())["view_distance"] if path.is_file() else None
+    if not path.is_file():
+        return None
+    do = "Capture the scene again, or give --distance."
+    found = object_of(read_json(path, SceneError, do), str(path), SceneError, do).get("view_distance")
+    if isinstance(found, bool) or not isinstance(found, int | float | None) or (found or 1.0) <= 0:
+        raise SceneError(f"{path}: view_distance must be a length, but is {shown(found)}. {do}")
+    return found
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Any]:

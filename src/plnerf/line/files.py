@@ -23,6 +23,8 @@ from plnerf.line.line import Line, Span, Structure
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.scene.files import write_text
+from plnerf.scene.strict_json import read_json, shown
+from plnerf.scene.typed_json import kind_problem
 from plnerf.scene.whole_result import finish_exchange
 
 SURVEY_FILE = "survey.json"
@@ -48,11 +50,14 @@ def read_wires(path: Path) -> tuple[tuple[Wire, ...], LineFrame]:
     """What `write_wires` wrote.  Raises SurveyError where it is not that."""
     data = _load(path, WIRES_VERSION, "Remove it: the wires are detected again.")
     try:
-        return tuple(_wire(row) for row in data["wires"]), _frame(data["frame"])
-    except (KeyError, TypeError, ValueError) as error:
+        wires, frame = tuple(_wire(row) for row in data["wires"]), _frame(data["frame"])
+        if problem := kind_problem(wires, tuple[Wire, ...]) or kind_problem(frame, LineFrame):
+            raise ValueError(problem)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise SurveyError(
             f"{path} is no file of wires ({_words(error)}). Remove it: the wires are detected again."
         ) from error
+    return wires, frame
 
 
 def write_survey_json(path: Path, survey: Survey) -> None:
@@ -68,21 +73,24 @@ def read_survey(path: Path) -> Survey:
     finish_exchange(path.parent)
     data = _load(path, SURVEY_VERSION, "Survey again: plnerf survey.")
     try:
-        return Survey(
+        survey = Survey(
             frame=_frame(data["frame"]),
             lines=tuple(_line(row) for row in data["lines"]),
             cloud=Cloud.empty(),
-            source=str(data["source"]),
+            source=data["source"],
             made=data["made"],
             settings=data["settings"],
             clearances=None if data["clearances"] is None else _clearances(data["clearances"]),
             findings=tuple(Finding(**(row | {"where": tuple(row["where"])})) for row in data["findings"]),
             temperature_c=data["temperature_c"],
             detected=tuple(_wire(row) for row in data["detected"]),
-            from_images=bool(data["from_images"]),
+            from_images=data["from_images"],
         )
-    except (KeyError, TypeError, ValueError) as error:
+        if problem := kind_problem(survey, Survey):
+            raise ValueError(problem)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise SurveyError(f"{path} is no survey ({_words(error)}). Survey again: plnerf survey.") from error
+    return survey
 
 
 def survey_json(survey: Survey) -> dict[str, Any]:
@@ -107,24 +115,18 @@ def survey_json(survey: Survey) -> dict[str, Any]:
 
 
 def _load(path: Path, version: int, advice: str) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SurveyError(
-            f"{path} cannot be read ({error.strerror or error}). Give a file that is there."
-        ) from error
-    except ValueError as error:  # of JSON, or of the encoding
-        raise SurveyError(f"{path} is not valid JSON ({error}). {advice}") from error
+    data = read_json(path, SurveyError, advice)
     found = data.get("format_version") if isinstance(data, dict) else None
     if not isinstance(data, dict) or found != version:
         raise SurveyError(
-            f"{path} has format version {found!r}, but this version of plnerf reads {version}. {advice}"
+            f"{path} has format version {shown(found)}, but this version of plnerf reads {version}. {advice}"
         )
     return data
 
 
 def _words(error: Exception) -> str:
-    return f"it has no {error}" if isinstance(error, KeyError) else str(error)
+    text = f"it has no {error}" if isinstance(error, KeyError) else str(error)
+    return text if len(text) < 200 else f"{text[:200]}..."
 
 
 def _frame_row(frame: LineFrame) -> dict[str, Any]:

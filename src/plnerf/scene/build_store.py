@@ -23,6 +23,7 @@ from plnerf.errors import SceneError
 from plnerf.scene.decode import exif_turns, read_mask, read_rgb, stored_size_px
 from plnerf.scene.images import ImageStore
 from plnerf.scene.listing import Shot
+from plnerf.scene.strict_json import object_of, read_json
 
 MIN_SIDE_PX = 16
 _WORKERS = 2
@@ -187,10 +188,10 @@ def _pixel_count(sizes: Int[np.ndarray, "n 2"]) -> int:
 
 def _is_current(folder: Path, fingerprint: str, sizes: Int[np.ndarray, "n 2"]) -> bool:
     try:
-        index = json.loads((folder / "index.json").read_text())
+        index = object_of(read_json(folder / "index.json", SceneError), "index.json", SceneError)
         bytes_there = (folder / "images.u8").stat().st_size
         masks_fit = not index["masked"] or (folder / "valid.u8").stat().st_size == _pixel_count(sizes)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (SceneError, OSError, KeyError):
         return False  # no store, or one that a crash or another program left: build it
     return bool(index["fingerprint"] == fingerprint and bytes_there == 3 * _pixel_count(sizes) and masks_fit)
 

@@ -7,19 +7,26 @@ format_version, unit, crs, origin_lon_lat_height, up, test, truth; and per frame
 depth_path.  Keys that are not known are passed over.
 """
 
-import json
 import math
 import posixpath
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from plnerf.errors import SceneError
 from plnerf.scene.decode import stored_size_px
-from plnerf.scene.json_fields import Json, file_of, number_of, section_of, vector_of
+from plnerf.scene.json_fields import (
+    Json,
+    file_of,
+    is_file,
+    number_of,
+    numbers_of,
+    section_of,
+    text_of,
+    vector_of,
+)
 from plnerf.scene.listing import Intrinsics, Listing, Shot, check_lens, check_present, check_unique, some
+from plnerf.scene.strict_json import read_json, shown
 from plnerf.scene.transforms import flip_camera_axes, rigid_pose
 
 FORMAT_VERSION = 1
@@ -64,7 +71,7 @@ def read_transforms(path: Path) -> Listing:
         test=_held_out(data, ours, path, files, root),
         up=vector_of(ours, "up", path),
         unit=_unit(ours, path),
-        crs=None if ours.get("crs") is None else str(ours["crs"]),
+        crs=text_of(ours, "crs", f"{path}, key plnerf"),
         origin=vector_of(ours, "origin_lon_lat_height", path),
         truth=file_of(root, ours, "truth", f"{path}, key plnerf"),
         left_out=tuple(missing),
@@ -72,15 +79,7 @@ def read_transforms(path: Path) -> Listing:
 
 
 def _load(path: Path) -> Json:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise SceneError(
-            f"{path} is not valid JSON: {error.msg} at line {error.lineno}, column {error.colno}. Correct it "
-            "there, or write the file again."
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path} cannot be read as UTF-8 text ({error}). Check the file.") from error
+    data = read_json(path, SceneError, "Correct it there, or write the file again.")
     if not isinstance(data, dict):
         raise SceneError(
             f'{path} must hold a JSON object with the key "frames", but holds a {type(data).__name__}. Is it '
@@ -94,7 +93,7 @@ def _name(frame: Json, path: Path) -> str:
     if not isinstance(name, str) or not name:
         raise SceneError(
             f'{path}: every frame needs "file_path", the path of its image below the folder of the file, but '
-            f"one has {name!r}. Correct the file."
+            f"one has {shown(name)}. Correct the file."
         )
     return posixpath.normpath(name.replace("\\", "/"))
 
@@ -102,7 +101,7 @@ def _name(frame: Json, path: Path) -> str:
 def _locate(root: Path, name: str) -> Path | None:
     """The image file; a path without extension (Blender's exporter) is tried with .png and .jpg."""
     for suffix in _SUFFIXES:
-        if (root / (name + suffix)).is_file():
+        if is_file(root / (name + suffix)):
             return root / (name + suffix)
     return None
 
@@ -127,12 +126,12 @@ def _shot(root: Path, file: Path, frame: Json, data: Json, where: str) -> Shot:
             f"{where}: the frame has no transform_matrix, so this image has no pose. Remove the frame, or "
             "run the pose estimation again."
         )
-    try:
-        matrix = np.array(frame["transform_matrix"], dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    matrix = numbers_of(frame["transform_matrix"])
+    if not matrix.size:
         raise SceneError(
-            f"{where}: transform_matrix must be 4 rows of 4 numbers ({error}). Correct the file."
-        ) from error
+            f"{where}: transform_matrix must be 4 rows of 4 numbers, but is "
+            f"{shown(frame['transform_matrix'])}. Correct the file."
+        )
     if matrix.ndim != 2 or matrix.shape[1] != 4:
         raise SceneError(
             f"{where}: transform_matrix must be 4 rows of 4 numbers, but has shape {matrix.shape}. Correct "
@@ -198,13 +197,13 @@ def _focal(values: Json, axis: Literal["x", "y"], size: float, where: str) -> fl
 def _check_model(values: Json, where: str) -> None:
     model = values.get("camera_model", "OPENCV")
     higher = [key for key in ("k4", "k5", "k6") if values.get(key)]
-    if model not in _READABLE_MODELS or values.get("is_fisheye") or higher:
+    if not isinstance(model, str) or model not in _READABLE_MODELS or values.get("is_fisheye") or higher:
         what = (
             f"non-zero {', '.join(higher)}"
             if higher
             else "is_fisheye"
             if values.get("is_fisheye")
-            else repr(model)
+            else shown(model)
         )
         raise SceneError(
             f"{where}: the camera model ({what}) cannot be used; plnerf reads pinhole cameras with OpenCV's "
@@ -233,7 +232,7 @@ def _names(
         return None
     if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
         raise SceneError(
-            f'{path}: "{key}" must be a list of file paths, but is {listed!r}. Correct the file.'
+            f'{path}: "{key}" must be a list of file paths, but is {shown(listed)}. Correct the file.'
         )
     wanted = [posixpath.normpath(name.replace("\\", "/")) for name in listed]
     unknown = [name for name in wanted if name not in files]
@@ -253,6 +252,6 @@ def _unit(values: Json, path: Path) -> Literal["m", "unscaled"]:
             return "unscaled"
         case other:
             raise SceneError(
-                f'{path}: plnerf.unit must be "m" or "unscaled", but is {other!r}. Lengths are metres or '
-                "unknown; convert the poses if they are in another unit."
+                f'{path}: plnerf.unit must be "m" or "unscaled", but is {shown(other)}. Lengths are metres '
+                "or unknown; convert the poses if they are in another unit."
             )

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.errors import SceneError
+from plnerf.scene.strict_json import shown
 
 Json = Mapping[str, object]
 
@@ -17,7 +18,7 @@ def section_of(data: Json, key: str, path: Path) -> Json:
     section = data.get(key, {})
     if not isinstance(section, dict):
         raise SceneError(
-            f'In {path} the key "{key}" must be an object, but is {section!r}. Correct or remove it.'
+            f'In {path} the key "{key}" must be an object, but is {shown(section)}. Correct or remove it.'
         )
     return section
 
@@ -28,17 +29,42 @@ def number_of(values: Json, key: str, where: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SceneError(f"{where}: {key} must be a finite number, but is {value!r}. Correct the file.")
+        raise SceneError(f"{where}: {key} must be a finite number, but is {shown(value)}. Correct the file.")
     return float(value)
+
+
+def numbers_of(value: object) -> Float[np.ndarray, "..."]:
+    """Nested lists of numbers as an array; empty where they are ragged, or anything else than numbers."""
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        return np.zeros(0)
+    return array.astype(np.float64) if array.dtype.kind in "iuf" else np.zeros(0)
+
+
+def text_of(values: Json, key: str, where: str) -> str | None:
+    """A text, or None when absent."""
+    value = values.get(key)
+    if value is not None and not isinstance(value, str):
+        raise SceneError(f"{where}: {key} must be a text, but is {shown(value)}. Correct the file.")
+    return value
+
+
+def is_file(path: Path) -> bool:
+    """Whether a file is there; a name that no file can have names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def file_of(root: Path, values: Json, key: str, where: str) -> Path | None:
     """An existing file, named relative to ``root``, or None when absent."""
-    name = values.get(key)
+    name = text_of(values, key, where)
     if name is None:
         return None
-    path = root / str(name)
-    if not path.is_file():
+    path = root / name
+    if not is_file(path):
         raise SceneError(
             f"{where}: {key} names {path}, which is not there. Copy the file into the scene folder, or take "
             "the key out."
@@ -51,14 +77,11 @@ def vector_of(values: Json, key: str, path: Path) -> Float[np.ndarray, "3"] | No
     value = values.get(key)
     if value is None:
         return None
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        vector = np.zeros(0)
+    vector = numbers_of(value)
     zero_direction = key == "up" and not vector.any()
     if vector.shape != (3,) or not np.isfinite(vector).all() or zero_direction:
         raise SceneError(
             f"{path}: plnerf.{key} must be three finite numbers{', not all zero' if zero_direction else ''}, "
-            f"but is {value!r}. Correct or remove it."
+            f"but is {shown(value)}. Correct or remove it."
         )
     return vector

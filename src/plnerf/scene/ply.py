@@ -25,6 +25,8 @@ _NAMES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int
     "f4": "float",
     "f8": "double",
 }
+MAX_DIGITS = 16
+"""Of a count: no disk holds as many values."""
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -103,13 +105,17 @@ def _header(file: IO[bytes], path: Path) -> tuple[str, list[_Element]]:
                 break
             case ["format", name, _] if name in _ORDERS:
                 order = _ORDERS[name]
-            case ["element", name, count] if count.isdigit():
+            case ["element", name, count] if count.isdecimal() and len(count) < MAX_DIGITS:
                 elements.append(_Element(name, int(count), (), lists=False))
             case ["property", "list", _, _, _] if elements:
                 last = elements.pop()
                 elements.append(_Element(last.name, last.count, last.fields, lists=True))
             case ["property", kind, name] if elements and kind in _TYPES:
                 last = elements.pop()
+                if name in dict(last.fields):
+                    raise SurveyError(
+                        f"{path} has the property {name!r} of element {last.name!r} twice. Write it again."
+                    )
                 fields = (*last.fields, (name, _TYPES[kind]))
                 elements.append(_Element(last.name, last.count, fields, last.lists))
             case ["comment" | "obj_info", *_]:
@@ -129,7 +135,16 @@ def _rows(
     file: IO[bytes], element: _Element, dtype: np.dtype[np.void], path: Path, *, text: bool
 ) -> Shaped[np.ndarray, " n"]:
     if not element.fields:
-        return np.empty(element.count, dtype)
+        return np.empty(0, dtype)  # so that no memory is taken for what has no values
+    here = file.tell()
+    left = file.seek(0, io.SEEK_END) - here
+    file.seek(here)
+    least = 2 * len(element.fields) if text else dtype.itemsize  # a digit and a space or line end each
+    if element.count * least > left + 1:
+        raise SurveyError(
+            f"{path} is cut off: its header promises {element.count} of element {element.name!r}, but only "
+            f"{left:,} bytes follow. Copy or write it again."
+        )
     if not text:
         data = file.read(element.count * dtype.itemsize)
         rows: Shaped[np.ndarray, " n"] = np.frombuffer(

@@ -8,7 +8,6 @@ counts with its centre and with points as far away as the wires are: on a straig
 directions fix the rotation about it.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +19,9 @@ from scipy.spatial import cKDTree
 from plnerf.capture.similarity import Similarity, fit_similarity
 from plnerf.errors import SurveyError
 from plnerf.scene.formats import read_listing
+from plnerf.scene.json_fields import numbers_of
 from plnerf.scene.transforms import flip_camera_axes
-from plnerf.score.truth import Truth
+from plnerf.score.truth import Truth, load_truth
 
 LEAST_CAMERAS = 3
 """Fewer do not fix a similarity."""
@@ -96,17 +96,17 @@ def cameras_of(scene: Path) -> Cameras:
 
 def is_unscaled(truth_at: Path) -> bool:
     """Whether a truth.json says that nothing gives its lengths a scale."""
-    return bool(json.loads(truth_at.read_text(encoding="utf-8")).get("unit") == "unscaled")
+    return bool(load_truth(truth_at).get("unit") == "unscaled")
 
 
 def true_cameras(truth_at: Path) -> Cameras:
     """Those of a truth.json if it lists them, else of the scene folder that it lies in."""
-    listed = json.loads(truth_at.read_text(encoding="utf-8")).get("poses")
+    listed = load_truth(truth_at).get("poses")
     if not listed:
         return cameras_of(truth_at.parent)
     try:
         return {
-            Path(entry["name"]).stem: flip_camera_axes(np.array(entry["T_world_camera"], dtype=np.float64))
+            Path(entry["name"]).stem: flip_camera_axes(numbers_of(entry["T_world_camera"]).reshape(4, 4))
             for entry in listed
         }
     except (KeyError, TypeError, ValueError) as error:

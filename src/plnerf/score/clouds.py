@@ -5,7 +5,6 @@ reference system is converted, and none is guessed.
 """
 
 import csv
-import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from plnerf.errors import SurveyError
 from plnerf.line.cloud import CONDUCTOR, SHIELD
 from plnerf.line.polylines import resample
 from plnerf.scene.las_files import open_las
+from plnerf.scene.npy_files import read_npy, read_npz
 from plnerf.scene.ply import read_ply
 from plnerf.score.config import DEFAULT
 from plnerf.score.geojson import read_geojson
@@ -96,26 +96,12 @@ def _read_ply(path: Path, step_m: float) -> tuple[Float[np.ndarray, "n 3"], str]
 
 
 def _read_npy(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise SurveyError(f"{path} is no NumPy array of numbers ({error}). Write it again.") from error
+    array = read_npy(path)
     return _rows(array, path, "the array"), f"{len(array)} points"
 
 
 def _read_npz(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            names = list(archive)
-            name = names[0] if len(names) == 1 else "points"
-            array = archive[name]
-    except KeyError as error:
-        raise SurveyError(
-            f"{path} holds the arrays {', '.join(names)}, of which none is named 'points'. Name it so, or "
-            "store it alone."
-        ) from error
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise SurveyError(f"{path} is no NumPy archive of numbers ({error}). Write it again.") from error
+    name, array = read_npz(path, "points")
     return _rows(array, path, f"the array {name!r}"), f"{len(array)} points of the array {name!r}"
 
 

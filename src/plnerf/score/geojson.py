@@ -4,7 +4,6 @@ RFC 7946 wants longitudes and latitudes; a survey's own files hold the coordinat
 nothing in the file tells apart: coordinates are taken as they are.
 """
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.errors import SurveyError
+from plnerf.scene.json_fields import numbers_of
+from plnerf.scene.strict_json import read_json, shown
 
 
 def read_geojson(path: Path) -> tuple[Float[np.ndarray, "n 3"], list[Float[np.ndarray, "_ 3"]]]:
     """All points, and all lines by their vertices.  Raises SurveyError where there are none, or no z."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:  # of JSON, or of the encoding
-        raise SurveyError(f"{path} is not valid JSON ({error}). Write it again.") from error
+    data = read_json(path, SurveyError, "Write it again.")
     points, lines, others = [], [], set()
     if not isinstance(data, dict) or "type" not in data:
         raise SurveyError(f"{path} is no GeoJSON: it has no 'type'. Is it the file of another program?")
@@ -61,13 +59,12 @@ def _geometries(data: Any) -> Iterator[dict[str, Any]]:
 
 
 def _vertices(coordinates: Any, path: Path) -> Float[np.ndarray, "v 3"]:
-    try:
-        array = np.array(coordinates, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    array = numbers_of(coordinates)
+    if not array.size:
         raise SurveyError(
-            f"{path}: a geometry's coordinates are no list of [x, y, z] ({error}). Every vertex needs its z; "
-            "write the file again."
-        ) from error
+            f"{path}: a geometry's coordinates are no list of [x, y, z], but {shown(coordinates)}. Every "
+            "vertex needs its z; write the file again."
+        )
     if array.ndim != 2 or array.shape[1] < 3 or not len(array):
         raise SurveyError(
             f"{path}: a geometry's coordinates have the shape {array.shape}, but every vertex needs x, y and "

@@ -3,12 +3,12 @@
 What is judged and the truth meet only through files, so that the survey may come from any program.
 """
 
-import json
 from pathlib import Path
 
 from plnerf.errors import SurveyError
 from plnerf.line.files import SURVEY_FILE
 from plnerf.scene.formats import read_listing
+from plnerf.scene.strict_json import object_of, read_json, shown
 from plnerf.scene.whole_result import finish_exchange
 
 POINT_FILES = ("wires.ply", "conductors.geojson", "survey/wires.ply", "survey/conductors.geojson")
@@ -68,13 +68,11 @@ def scene_of(judged: Path, survey: Path) -> Path:
     for folder in (survey, judged.parent, judged.parent.parent):
         config = folder / "config.json"
         if config.is_file():
-            try:
-                return Path(json.loads(config.read_text(encoding="utf-8"))["scene"])
-            except (ValueError, KeyError, TypeError) as error:
-                raise SurveyError(
-                    f"{config} names no scene ({error!r}), so its truth is not known. Name it: --truth "
-                    "truth.json."
-                ) from error
+            do = "Its truth is not known then; name it: --truth truth.json."
+            scene = object_of(read_json(config, SurveyError, do), str(config), SurveyError, do).get("scene")
+            if not isinstance(scene, str):
+                raise SurveyError(f"{config} names no scene, but {shown(scene)}. {do}")
+            return Path(scene)
     raise SurveyError(
         f"{survey} lies in no run folder, so it is not known what to compare it with. Name the truth: "
         "--truth truth.json (or the scene folder that holds it)."

@@ -3,7 +3,6 @@
 World frame, z up, metres.  A true wire is a wire as surveys have them, known without uncertainty.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +19,8 @@ from plnerf.line.catenary import p_of_sag
 from plnerf.line.ends import Attached, Evidence
 from plnerf.line.line import Structure, StructureKind
 from plnerf.line.wire import Kind, Wire
+from plnerf.scene.json_fields import numbers_of
+from plnerf.scene.strict_json import object_of, read_json, shown
 from plnerf.score.config import DEFAULT, ScoreConfig
 from plnerf.score.true_curve import departure_m, moved, theta_of
 
@@ -86,7 +87,7 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
 
     Raises SurveyError where it is none, has no conductors, or has one that hangs in no catenary.
     """
-    data = _load(path)
+    data = load_truth(path)
     conductors = data.get("conductors")
     if not isinstance(conductors, list) or not conductors:
         raise SurveyError(
@@ -94,7 +95,7 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
             "truth.json of a scene of `plnerf synth`, or one like it."
         )
     structures, held = [], []
-    for i, entry in enumerate(data.get("towers") or [], 1):
+    for i, entry in enumerate(_objects(data, "towers", path), 1):
         where = f"{path}, tower {i}"
         foot = _points([entry.get("foot")], f"{where}, foot")[0]
         height = _number(entry.get("height_m", 0.0), f"{where}, height_m")
@@ -113,12 +114,12 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
             TruePlant(
                 _points([entry.get("foot")], f"{path}, plant {i}, foot")[0],
                 _number(entry["clearance_m"], f"{path}, plant {i}, clearance_m"),
-                str(entry.get("nearest_conductor", "")),
+                _name(entry, "nearest_conductor", "", f"{path}, plant {i}"),
             )
-            for i, entry in enumerate(data.get("vegetation") or [], 1)
+            for i, entry in enumerate(_objects(data, "vegetation", path), 1)
             if "clearance_m" in entry
         ),
-        len(data.get("houses") or []),
+        len(_objects(data, "houses", path)),
         _observable(conductors, path),
     )
 
@@ -130,8 +131,8 @@ def _true_structure(
     kind = entry.get("structure", "unknown")
     if kind not in get_args(StructureKind):
         raise SurveyError(
-            f"{where}: its structure must be one of {', '.join(get_args(StructureKind))}, but is {kind!r}. "
-            "Correct the file."
+            f"{where}: its structure must be one of {', '.join(get_args(StructureKind))}, but is "
+            f"{shown(kind)}. Correct the file."
         )
     angle = entry.get("line_angle_deg")
     return Structure(
@@ -141,7 +142,7 @@ def _true_structure(
         0.0,
         "the truth",
         kind,
-        entry.get("name"),
+        None if entry.get("name") is None else _name(entry, "name", "", where),
         None if angle is None else _number(angle, f"{where}, line_angle_deg"),
     )
 
@@ -159,7 +160,7 @@ def _observable(entries: Sequence[Mapping[str, Any]], path: Path) -> tuple[Stret
 def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], config: ScoreConfig) -> Wire:
     """One of the list's, by its stated numbers if it has them, else by its polyline."""
     if not isinstance(entry, dict):
-        raise SurveyError(f"{where}: expected an object, but found {entry!r}. Correct the file.")
+        raise SurveyError(f"{where}: expected an object, but found {shown(entry)}. Correct the file.")
     states = {"a", "b"} <= entry.keys() and bool({"p_m", "sag_m"} & entry.keys())
     if states and "polyline" not in entry:
         entry = entry | {"polyline": [entry["a"], entry["b"]]}
@@ -182,7 +183,7 @@ def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], 
     kind = entry.get("kind", "phase")
     if kind not in get_args(Kind):
         raise SurveyError(
-            f"{where}: its kind must be one of {', '.join(get_args(Kind))}, but is {kind!r}. "
+            f"{where}: its kind must be one of {', '.join(get_args(Kind))}, but is {shown(kind)}. "
             "Correct the file."
         )
     diameter_m = _number(entry.get("diameter_m", 0.0), f"{where}, diameter_m")
@@ -196,7 +197,7 @@ def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], 
         evidence=Evidence("the truth", 0, seen_m=_stretches(entry.get("seen_m"), where)),
         kind=kind,
         diameter_m=diameter_m or None,
-        name=str(entry.get("name", f"wire {number}")),
+        name=_name(entry, "name", f"wire {number}", where),
     )
 
 
@@ -218,10 +219,7 @@ def _stated(
 
 def _check_direction(entry: Mapping[str, Any], base: Base, where: str) -> None:
     """seen_m counts along it."""
-    try:
-        direction = np.array(entry.get("direction", base.u), dtype=np.float64)
-    except (TypeError, ValueError):
-        direction = np.zeros(0)
+    direction = numbers_of(entry.get("direction", base.u.tolist()))
     if direction.shape != (2,) or not 0 < np.linalg.norm(direction) < math.inf:
         raise SurveyError(
             f"{where}: its direction must be two numbers, not both zero, but is {direction.tolist()}. "
@@ -242,31 +240,41 @@ def _structure(end: Float[np.ndarray, "3"], structures: Sequence[Structure], num
 
 def _ground(value: Any, path: Path) -> Float[np.ndarray, "g 3"] | None:
     """The points of all rows."""
-    rows = value.get("rows") if isinstance(value, dict) else None
-    if not rows:
+    if value is None:
+        return None
+    if not isinstance(value, dict):
+        raise SurveyError(f"{path}: ground must be an object, but is {shown(value)}. Correct the file.")
+    if not (rows := _objects(value, "rows", path)):
         return None
     return np.concatenate([_points(row.get("points"), f"{path}, ground") for row in rows])
 
 
-def _load(path: Path) -> Mapping[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
+def load_truth(path: Path) -> Mapping[str, Any]:
+    """The object in a truth.json, as yet unchecked.  Raises SurveyError where it holds none."""
+    do = "Give the truth.json of the scene, or make the truth again."
+    content: Mapping[str, Any] = object_of(read_json(path, SurveyError, do), str(path), SurveyError, do)
+    return content
+
+
+def _objects(data: Mapping[str, Any], key: str, path: Path) -> list[Mapping[str, Any]]:
+    """A list of objects; an absent one is empty."""
+    found = data.get(key) or []
+    if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
         raise SurveyError(
-            f"The truth {path} cannot be read ({error.strerror or error}). Give the truth.json of the scene."
-        ) from error
-    except ValueError as error:  # of JSON, or of the encoding
-        raise SurveyError(f"{path} is not valid JSON ({error}). Make the truth again.") from error
-    if not isinstance(data, dict):
-        raise SurveyError(f"{path} must hold a JSON object, but holds a {type(data).__name__}.")
-    return data
+            f"{path}: {key} must be a list of objects, but is {shown(found)}. Correct the file."
+        )
+    return found
+
+
+def _name(entry: Mapping[str, Any], key: str, default: str, where: str) -> str:
+    name = entry.get(key, default)
+    if not isinstance(name, str):
+        raise SurveyError(f"{where}: its {key} must be a text, but is {shown(name)}. Correct the file.")
+    return name
 
 
 def _points(value: Any, where: str, least: int = 1) -> Float[np.ndarray, "n 3"]:
-    try:
-        points = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        points = np.zeros(0)
+    points = numbers_of(value)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < least or not np.isfinite(points).all():
         raise SurveyError(
             f"{where}: expected {least} or more points of three finite numbers, but found "
@@ -277,17 +285,16 @@ def _points(value: Any, where: str, least: int = 1) -> Float[np.ndarray, "n 3"]:
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SurveyError(f"{where}: expected a finite number, but found {value!r}. Correct the file.")
+        raise SurveyError(f"{where}: expected a finite number, but found {shown(value)}. Correct the file.")
     return float(value)
 
 
 def _stretches(value: Any, where: str, key: str = "seen_m") -> Stretches | None:
     if value is None:
         return None
-    try:
-        pairs = tuple((float(low), float(high)) for low, high in value)
-    except (TypeError, ValueError):
-        pairs = ((math.nan, math.nan),)
+    array = np.zeros((0, 2)) if value == [] else numbers_of(value)
+    fits = array.shape[1:] == (2,)
+    pairs = tuple((low, high) for low, high in array.tolist()) if fits else ((math.nan, math.nan),)
     if not all(low <= high for low, high in pairs):
         raise SurveyError(
             f"{where}: {key} must be a list of stretches [from, to] in metres, but is {str(value)[:80]}. "

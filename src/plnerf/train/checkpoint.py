@@ -17,6 +17,7 @@ from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from plnerf.errors import CheckpointError, TrainingError
+from plnerf.scene.strict_json import read_json
 from plnerf.train.optimizer import TableAdam
 
 FORMAT_VERSION = 1
@@ -145,10 +146,7 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
 
 
 def _read_about(path: Path) -> dict[str, Any]:
-    try:
-        about = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise CheckpointError(f"The checkpoint {path} cannot be read ({error}). {_REMOVE}") from error
+    about = read_json(path, CheckpointError, _REMOVE)
     version = about.get("format_version") if isinstance(about, dict) else None
     if version != FORMAT_VERSION:
         raise CheckpointError(

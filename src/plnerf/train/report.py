@@ -3,14 +3,17 @@
 import json
 import math
 import time
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from torch import Tensor
 
+from plnerf.errors import PlnerfError
 from plnerf.render.picture_files import write_text
 from plnerf.scene.scene import Scene
+from plnerf.scene.strict_json import parse_json
 from plnerf.train.config import RunConfig
 
 LOG_EVERY = 20  # steps between two lines of the log
@@ -75,7 +78,8 @@ class RunLog(SilentReport):
         from torch.utils.tensorboard import SummaryWriter  # takes a second to import
 
         log = self._folder / "metrics.jsonl"
-        write_text(log, "".join(line for line in _lines(log) if json.loads(line)["step"] <= step))
+        kept = [line for line in read_log(log) if line["step"] <= step]
+        write_text(log, "".join(json.dumps(line) + "\n" for line in kept))
         self._log = log.open("a")
         self._events = SummaryWriter(str(self._folder), purge_step=step + 1)
         self._rays, self._begin = config.train.rays, time.perf_counter()
@@ -115,7 +119,23 @@ class RunLog(SilentReport):
             self._events.add_scalar(name, value, step)
 
 
-def _lines(path: Path) -> list[str]:
-    """Whole lines of a log; a last line that was cut off in writing is left out."""
-    text = path.read_text() if path.exists() else ""
-    return [line for line in text.splitlines(keepends=True) if line.endswith("\n")]
+def read_log(path: Path) -> list[dict[str, Any]]:
+    """The lines of a metrics.jsonl, each an object with a step; none where there is no log.
+
+    What cannot be read is left out: nothing depends on a log, and a line that was lost on a full disk must
+    not keep a run from going on.  A warning says how many lines these are.
+    """
+    data = path.read_bytes() if path.exists() else b""
+    lines = data[: data.rfind(b"\n") + 1].splitlines()  # without the one that was being written
+    found = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            content = parse_json(line, f"{path}, line {number}", PlnerfError)
+        except PlnerfError:
+            continue
+        if isinstance(content, dict) and type(content.get("step")) is int:
+            found.append(content)
+    if len(found) < len(lines):
+        lost = len(lines) - len(found)
+        warnings.warn(f"{path}: {lost} of its lines cannot be read and are left out.", stacklevel=2)
+    return found

@@ -22,6 +22,7 @@ from plnerf.render.systems import build_system
 from plnerf.scene.build_store import Progress
 from plnerf.scene.memory import require_memory
 from plnerf.scene.scene import Scene, load_scene
+from plnerf.scene.strict_json import read_json
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
 from plnerf.train.field import Field
@@ -127,17 +128,12 @@ def read_config(folder: Path) -> RunConfig:
     Raises ConfigError where there are none, where a key is unknown, or where an earlier version wrote them.
     """
     path = folder / "config.json"
-    try:
-        data = json.loads(path.read_text())
-    except FileNotFoundError as error:
+    if not path.exists():
         raise ConfigError(
             f"{folder} is not a run folder: it has no config.json. Give the folder that "
             "`plnerf train SCENE -o FOLDER` wrote."
-        ) from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"{path} cannot be read ({error}). Correct it, or give another run folder."
-        ) from error
+        )
+    data = read_json(path, ConfigError, "Correct it, or give another run folder.")
     version = data.pop("format_version", 1) if isinstance(data, dict) else FORMAT_VERSION
     if version != FORMAT_VERSION:
         raise ConfigError(

@@ -15,7 +15,9 @@ from jaxtyping import Float
 from plnerf.errors import ConfigError
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.files import write_text
+from plnerf.scene.json_fields import numbers_of
 from plnerf.scene.scene import Scene
+from plnerf.scene.strict_json import object_of, read_json, shown
 from plnerf.scene.transforms import Frames
 
 FILE = "scene.json"
@@ -56,32 +58,53 @@ def write_record(folder: Path, record: SceneRecord) -> None:
 def read_record(folder: Path) -> SceneRecord:
     """Reads scene.json.  Raises ConfigError where it is absent, damaged or of another version."""
     path = folder / FILE
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format_version"] != FORMAT_VERSION:
-            raise ConfigError(
-                f"{path} has format version {content['format_version']}, but this version of plnerf reads "
-                f"version {FORMAT_VERSION}. Use the version of plnerf that wrote it, or train again."
-            )
-        return SceneRecord(
-            names=tuple(content["names"]),
-            cameras=_cameras(content["cameras"]),
-            frames=Frames.from_json(content["frames"]),
-            box=np.array(content["box_scene"], dtype=np.float64).reshape(2, 3),
-            train=tuple(content["train"]),
-            test=tuple(content["test"]),
-        )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    do = "The run's cameras and frames are not known. Copy the whole run folder, or train again."
+    content = object_of(read_json(path, ConfigError, do), str(path), ConfigError, do)
+    if content.get("format_version") != FORMAT_VERSION:
         raise ConfigError(
-            f"{path} cannot be read ({error!r}): the run's cameras and frames are not known. Copy the whole "
-            "run folder, or train again."
-        ) from error
+            f"{path} has format version {shown(content.get('format_version'))}, but this version of plnerf "
+            f"reads version {FORMAT_VERSION}. Use the version of plnerf that wrote it, or train again."
+        )
+    try:
+        names = tuple(content["names"])
+        if not all(isinstance(name, str) for name in names):
+            raise ValueError("its names are no texts")
+        train, test = (_places(content[key], len(names), key) for key in ("train", "test"))
+        return SceneRecord(
+            names=names,
+            cameras=_cameras(content["cameras"], len(names)),
+            frames=Frames.from_json(content["frames"]),
+            box=_numbers(content["box_scene"], "box_scene", 2, 3),
+            train=train,
+            test=test,
+        )
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise ConfigError(f"{path} cannot be read ({error!r}). {do}") from error
 
 
-def _cameras(columns: dict[str, Any]) -> Cameras:
+def _places(value: Any, count: int, key: str) -> tuple[int, ...]:
+    """Numbers of images."""
+    if not all(type(place) is int and 0 <= place < count for place in value):
+        raise ValueError(f"{key} names images that are not among its {count}")
+    return tuple(value)
+
+
+def _numbers(value: Any, key: str, *shape: int) -> Float[np.ndarray, "..."]:
+    """Finite numbers of a stated shape."""
+    array = numbers_of(value)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{key} must be finite numbers of the shape {shape}, but is {shown(value)}")
+    return array
+
+
+def _cameras(columns: dict[str, Any], count: int) -> Cameras:
     kinds = {"size_px": torch.int64}
+    shapes = {"R_scene_camera": (3, 3), "centre": (3,), "distortion": (5,)}
     tensors = {
-        one.name: torch.tensor(columns[one.name], dtype=kinds.get(one.name, torch.float32))
+        one.name: torch.tensor(
+            _numbers(columns[one.name], one.name, count, *shapes.get(one.name, (2,))),
+            dtype=kinds.get(one.name, torch.float32),
+        )
         for one in fields(Cameras)
     }
     return Cameras(**tensors)
