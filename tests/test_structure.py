@@ -18,6 +18,7 @@ SOURCE = Path(__file__).resolve().parent.parent / "src" / "plnerf"
 FLOORS = {
     "errors": 0,
     "findings": 0,
+    "terminal": 0,
     "ops": 1,
     "scene": 1,
     "rays": 2,

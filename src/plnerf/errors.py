@@ -3,6 +3,8 @@
 A text says what was expected, what came (path, shape, value) and what to do about it.
 """
 
+import errno
+
 
 class PlnerfError(Exception):
     """Base of all errors that bad input, a full disk or a wrong option can cause."""
@@ -30,3 +32,22 @@ class CheckpointError(PlnerfError):
 
 class TrainingError(PlnerfError):
     """A loss, a weight, or what a model renders is not finite."""
+
+
+_ADVICE = {
+    errno.ENAMETOOLONG: "A name is longer than the file system takes, mostly 255 bytes: choose another.",
+    errno.ENOSPC: "Make room on the disk.",
+    errno.EDQUOT: "Your share of the disk is used up: make room.",
+    errno.EROFS: "The disk is read-only: choose another place.",
+    errno.EACCES: "Check that you may read and write there.",
+    errno.EPERM: "Check that you may read and write there.",
+    errno.ENOTDIR: "A part of the path is a file where a folder is needed: choose another place.",
+    errno.ENOENT: "Check that the folder exists.",
+    errno.EMFILE: "Too many files are open: raise the limit (ulimit -n).",
+}
+
+
+def advice_on(error: OSError) -> str:
+    """What to do about a file or folder that the system refuses, as a sentence."""
+    known = _ADVICE.get(error.errno or 0)
+    return known or "Check that the folder exists, is writable and has space left."

@@ -24,6 +24,7 @@ from plnerf.render.picture_files import write_text
 from plnerf.render.pictures import world_depth
 from plnerf.render.views import render_view
 from plnerf.scene.strict_json import object_of, read_json
+from plnerf.terminal import Terminal
 from plnerf.train.config import Settings
 from plnerf.train.evaluate import evaluate_run, mean_appearance
 from plnerf.train.protocol import plain
@@ -121,7 +122,7 @@ def _check_common(config: CompareConfig) -> None:
 
 def _run_one(task: tuple[CompareConfig, str]) -> None:
     config, name = task
-    folder, console = config.out / name, Console()
+    folder, console = config.out / name, Terminal()
     if (folder / "config.json").exists():
         resume_run(config.scene, folder, report=RunConsole(folder, console))
     else:

@@ -41,6 +41,7 @@ from plnerf.ops.dispatch import kernels, resolve_backend
 from plnerf.pipeline import choose_device
 from plnerf.presets._find import find_preset
 from plnerf.render.picture_files import write_text
+from plnerf.terminal import Terminal
 from plnerf.train.protocol import plain
 
 FORMAT_VERSION = 1
@@ -97,7 +98,7 @@ def run_ops(bench: BenchConfig) -> SuiteResult:
         )
     cases = op_cases(backend, small=bench.quick)
     least, seconds = (3, 0.0) if bench.quick else (9, 3.0)
-    with bar(Console(), "ops") as progress:
+    with bar(Terminal(), "ops") as progress:
         ceilings, figures = measure_ops(
             cases, device, least=least, seconds=seconds, seed=bench.seed, small=bench.quick, progress=progress
         )
@@ -106,26 +107,26 @@ def run_ops(bench: BenchConfig) -> SuiteResult:
 
 def run_train(bench: BenchConfig) -> SuiteResult:
     """The suite `train`: one run measured, then, on a CPU, a few steps profiled."""
-    figures = measure_training(bench, bench.out / "train", Console())
+    figures = measure_training(bench, bench.out / "train", Terminal())
     tables, measured = train_tables(figures, bench.targets_db), train_json(figures, bench.targets_db)
     if figures.config.device == "cuda":  # a GPU's ops end long after the CPU has handed them over
         return SuiteResult(tables, measured)
-    breakdown = profile_training(bench, bench.out / "profile", Console())
+    breakdown = profile_training(bench, bench.out / "profile", Terminal())
     return SuiteResult((*tables, breakdown_table(breakdown)), {**measured, "breakdown": asdict(breakdown)})
 
 
 def run_render(bench: BenchConfig) -> SuiteResult:
     """The suite `render`."""
-    run = run_to_render(bench, Console())
+    run = run_to_render(bench, Terminal())
     repeats, views = (1, 1) if bench.quick else (3, 3)
-    with bar(Console(), "render") as progress:
+    with bar(Terminal(), "render") as progress:
         figures = measure_rendering(run, renderers_of(run), views=views, repeats=repeats, progress=progress)
     return SuiteResult((render_table(run, figures),), render_json(run, figures))
 
 
 def run_span(bench: BenchConfig) -> SuiteResult:
     """The suite `span`."""
-    results = measure_spans(bench, Console())
+    results = measure_spans(bench, Terminal())
     return SuiteResult((span_table(results, bench.seconds),), {"runs": results})
 
 

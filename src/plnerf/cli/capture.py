@@ -8,6 +8,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.cli.options import Out, PresetName
+from plnerf.terminal import Terminal
 
 
 def capture(  # noqa: PLR0913 (an argument is an option)
@@ -48,7 +49,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     config = CaptureConfig(
         sfm, least=overlap, masks=masks, height_datum=height_datum, check_every=check_every
     )
-    capture_shown(Console(), source, out, config)
+    capture_shown(Terminal(), source, out, config)
 
 
 def capture_shown(console: Console, source: Path, out: Path, config: Any) -> Path:
@@ -91,7 +92,7 @@ def reconstruct(
     from plnerf.pipeline import Stages, Training
     from plnerf.pipeline import reconstruct as run_stages
 
-    console = Console()
+    console = Terminal()
     stages = Stages(
         partial(capture_shown, console),
         partial(train_shown, console),
@@ -154,7 +155,7 @@ def synth(  # noqa: PLR0913 (an argument is an option)
         noise=noise, jpeg_quality=jpeg_quality, auto_exposure=auto_exposure, exposure_drift=exposure_drift,
         white_balance_drift=white_balance_drift, pose_noise_m=pose_noise_m, pose_noise_deg=pose_noise_deg,
     )  # fmt: skip
-    console = Console()
+    console = Terminal()
     with bar(console, "synth") as progress:
         folder = synthesize_scene(out, scene, options, progress)
     say(console, f"scene folder: {folder} ({summary(folder)})")

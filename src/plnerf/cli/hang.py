@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Literal
 
 import tyro
-from rich.console import Console
 
 from plnerf.cli.options import Out
+from plnerf.terminal import Terminal
 
 
 def hang(  # noqa: PLR0913 (an argument is an option)
@@ -47,7 +47,7 @@ def hang(  # noqa: PLR0913 (an argument is an option)
         ChooseConfig(groups, wires, azimuth_deg=azimuth, depth=depth, width_px=width, sag=sag),
         replace(DrawConfig(), material=material),
     )
-    console = Console()
+    console = Terminal()
     with bars(console) as progress:
         folder = hang_wires(scene, out, config, progress)
     say(console, summary_of(folder))

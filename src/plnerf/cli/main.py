@@ -14,7 +14,6 @@ from textwrap import shorten
 from typing import Any
 
 import tyro
-from rich.console import Console
 
 from plnerf.bench.config import SPAN_PRESETS, for_the_span
 from plnerf.cli.capture import capture, reconstruct, synth
@@ -23,8 +22,9 @@ from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.train import demo, eval, render, train
-from plnerf.errors import PlnerfError
+from plnerf.errors import PlnerfError, advice_on
 from plnerf.presets._find import presets_by_year
+from plnerf.terminal import Terminal, one_line
 from plnerf.train.config import Settings
 
 COMMANDS: tuple[Callable[..., Any], ...] = (
@@ -93,14 +93,14 @@ def main() -> None:
     # A thread that waits for the next kernel spins for some 30 us before it sleeps: waking it takes
     # longer.  (GNU's OpenMP; ten times as much is a tenth faster alone, and 2.7 times slower beside others.)
     os.environ.setdefault("GOMP_SPINCOUNT", "2000")
-    console = Console(stderr=True, emoji=False)  # a path may read :x:
+    console = Terminal(stderr=True, emoji=False)  # a path may read :x:
 
     def fail(title: str, text: str) -> None:
         console.print(f"[bold red]{title}[/]: ", end="")
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
+        console.print(one_line(text), markup=False, highlight=False, soft_wrap=True)
 
     def note(message: Warning | str, *_: object, **__: object) -> None:
-        console.print(f"note: {message}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"note: {one_line(str(message))}", markup=False, highlight=False, soft_wrap=True)
 
     try:
         with warnings.catch_warnings():
@@ -115,7 +115,7 @@ def main() -> None:
         fail(type(error).__name__, str(error))
         sys.exit(1)
     except OSError as error:
-        fail("OSError", f"{error}. Check that the folder exists, is writable and has space left.")
+        fail("OSError", f"{error}. {advice_on(error)}")
         sys.exit(1)
     except KeyboardInterrupt:
         console.print("Interrupted. A training run goes on with --resume.")

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import tyro
-from rich.console import Console
 
 from plnerf.cli.options import AsOptions, BackendName, Device, Out, PresetName, PresetNames
 from plnerf.errors import ConfigError
+from plnerf.terminal import Terminal
 from plnerf.train.config import Settings
 
 
@@ -64,7 +64,7 @@ def bench(  # noqa: PLR0913 (an argument is an option)
     config = BenchConfig(
         out, suite, scene, run, preset, {}, downscale, seconds, targets, seed, device, backend, quick
     )
-    return Measuring(settings, lambda systems: run_bench(replace(config, systems=systems), Console()))
+    return Measuring(settings, lambda systems: run_bench(replace(config, systems=systems), Terminal()))
 
 
 def compare(  # noqa: PLR0913 (an argument is an option)
@@ -104,7 +104,7 @@ def compare(  # noqa: PLR0913 (an argument is an option)
         raise ConfigError(f"--presets takes one or more, each once, but got {' '.join(presets)}.")
 
     def run(systems: Mapping[str, Settings]) -> None:
-        console = Console()
+        console = Terminal()
         config = CompareConfig(scene, out, systems, steps, seconds, downscale, seed, device, backend)
         page = run_comparison(config, console).with_name("compare.html")
         say(console, f"comparison: {page}, compare.md, compare.json")

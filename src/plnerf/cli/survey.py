@@ -11,6 +11,7 @@ from rich.console import Console
 from plnerf.cli.options import OptionalOut, PresetName
 from plnerf.presets._find import find_preset
 from plnerf.survey.config import SurveyConfig
+from plnerf.terminal import Terminal
 
 
 def survey(
@@ -41,7 +42,7 @@ def survey(
     given = {name: value for name, value in said.items() if value is not None}
     clearance = replace(settings.clearance, **given)  # type: ignore[arg-type]  # each by its name
     config = replace(settings, clearance=clearance, detect=settings.detect.along(line_azimuth))
-    if not survey_shown(Console(), source, out, config):
+    if not survey_shown(Terminal(), source, out, config):
         sys.exit(3)
 
 
@@ -83,7 +84,7 @@ def score(
         by_cameras: Scene that the survey was made of, if it has poses of its own: the truth
             is turned and shifted onto its cameras, by the images' names.
     """
-    score_shown(Console(), survey, truth=truth, out=out, classes=classes, by_cameras=by_cameras)
+    score_shown(Terminal(), survey, truth=truth, out=out, classes=classes, by_cameras=by_cameras)
 
 
 def score_shown(console: Console, survey: Path, **options: Any) -> None:
@@ -124,7 +125,7 @@ def doctor(
     from plnerf.doctor.config import PhotoDoctorConfig, SceneDoctorConfig
     from plnerf.scene.formats import has_poses
 
-    console = Console()
+    console = Terminal()
     if has_poses(scene):
         views = SceneDoctorConfig(wire_diameter_m=wire_diameter, sigma_px=sigma_px)
         seen = scene_doctor.examine_scene(scene, distance=distance, azimuth_deg=line_azimuth, config=views)

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from plnerf.cli.options import AsOptions, BackendName, Device, Out, Output, PresetName, settings_of
 from plnerf.errors import ConfigError
+from plnerf.terminal import Terminal
 
 
 def train(  # noqa: PLR0913 (an argument is an option)
@@ -45,7 +46,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     from plnerf.console import RunConsole
     from plnerf.pipeline import resume_run, train_scene
 
-    report = RunConsole(out, Console())
+    report = RunConsole(out, Terminal())
     if resume and (line_azimuth is not None or settings != settings_of(preset)):
         raise ConfigError(
             "--resume goes on with the run's own settings, so it takes no others. Change them in "
@@ -85,7 +86,7 @@ def eval(run: tyro.conf.Positional[Path]) -> None:
     Args:
         run: Run folder written by `plnerf train`.
     """
-    eval_shown(Console(), run)
+    eval_shown(Terminal(), run)
 
 
 def eval_shown(console: Console, run: Path) -> None:
@@ -121,7 +122,7 @@ def render(
         video: Whether to write an MP4 beside the PNGs.
     """
     render_shown(
-        Console(), run, views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video
+        Terminal(), run, views=views, outputs=outputs, frames=frames, fps=fps, scale=scale, video=video
     )
 
 
@@ -155,7 +156,7 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
             f"The demo writes a new folder, but {out} is there already. Remove it, or name another: -o."
         )
     budget, downscale, frames = (45.0, 2, 8) if quick else (seconds, 1, 40)
-    console, span = Console(), bundled_span()
+    console, span = Terminal(), bundled_span()
     train_shown(console, span, out, preset="pl-nerf-wire", seconds=budget, downscale=downscale)
     eval_shown(console, out)
     survey_shown(console, out)

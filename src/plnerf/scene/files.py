@@ -5,7 +5,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from plnerf.errors import PlnerfError
+from plnerf.errors import PlnerfError, advice_on
+
+MAX_NAME, SHORT = 255, 20
+"""Bytes of a name that file systems take, and characters that are kept of one that gets too long."""
 
 
 @contextmanager
@@ -15,6 +18,8 @@ def complete_file(path: Path) -> Iterator[Path]:
     Makes the folder.  Raises PlnerfError where the file cannot be written, such as on a full disk.
     """
     beside = path.with_name(f"{path.stem}.partial{path.suffix}")
+    if len(os.fsencode(beside.name)) > MAX_NAME:  # though the name itself may fit
+        beside = path.with_name(f"{path.stem[:SHORT]}.partial{path.suffix[:SHORT]}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -24,8 +29,8 @@ def complete_file(path: Path) -> Iterator[Path]:
             beside.unlink(missing_ok=True)
     except OSError as error:
         raise PlnerfError(
-            f"The file {path} cannot be written ({error.strerror or error}). Make room on the disk, or "
-            "check that you may write into its folder. No half-written file is left behind."
+            f"The file {path} cannot be written ({error.strerror or error}). {advice_on(error)} No "
+            "half-written file is left behind."
         ) from error
 
 
