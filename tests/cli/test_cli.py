@@ -7,8 +7,10 @@ import json
 import os
 import re
 import shutil
+import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -416,7 +418,28 @@ def test_ctrl_c_ends_with_status_130(
 
     monkeypatch.setattr("plnerf.pipeline.train_loop", press)
     done = plnerf("train", tiny_scene, "-o", tmp_path / "run", "--steps", "1", *SET)
-    assert done.status == 130 and "Traceback" not in done.err and "--resume" in done.err
+    assert done.status == 130 and done.err.endswith("Interrupted. The run goes on with --resume.\n")
+    for function in ("capture", "open_run"):
+        monkeypatch.setattr(f"plnerf.pipeline.{function}", press)
+    done = plnerf("capture", tmp_path, "-o", tmp_path / "scene")
+    assert done.status == 130
+    assert done.err.endswith("Interrupted. The same command goes on from what is done.\n")
+    done = plnerf("eval", tmp_path / "run")
+    assert done.status == 130 and done.err.endswith("Interrupted.\n")
+
+
+def test_sigterm_does_as_ctrl_c(
+    tiny_scene: Path, tmp_path: Path, plnerf: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def end(*_: object, **__: object) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(60)
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("plnerf.pipeline.train_loop", end)
+    done = plnerf("train", tiny_scene, "-o", tmp_path / "run", "--steps", "1", *SET)
+    assert done.status == 143 and done.err.endswith("Terminated. The run goes on with --resume.\n")
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 def test_the_real_command_too(tmp_path: Path) -> None:

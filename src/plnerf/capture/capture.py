@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 from jaxtyping import Float
 
 from plnerf.capture.control import GCP_LIST, SIGMA_M, ControlPoints, nearest_point, read_gcp_list, split
@@ -36,6 +35,7 @@ from plnerf.capture.sfm import SfmConfig, SfmResult, reconstruct
 from plnerf.capture.similarity import Similarity, upright_rotation
 from plnerf.capture.video import stated_count, video_pictures, write_pictures
 from plnerf.errors import CaptureError, ConfigError
+from plnerf.scene.colmap import pycolmap
 from plnerf.scene.files import write_text
 from plnerf.scene.formats_colmap import read_colmap
 from plnerf.scene.json_fields import is_file

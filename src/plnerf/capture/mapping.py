@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pycolmap
-
 from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.lens_fit import lens_problem
 from plnerf.capture.pair_lists import listed_pairs
 from plnerf.findings import Finding
+from plnerf.scene.colmap import pycolmap
 
 LEAST_IMAGES = 3
 MOST_ERROR_PX = 4.0
@@ -87,28 +86,49 @@ def judged(model: Any, facts: Mapping[str, PhotoFacts]) -> Candidate:
     return Candidate(model, tuple(image.name for image in images), problem)
 
 
-def map_once(
-    database: Path, images: Path, folder: Path, way: Try, threads: int, one_more: Callable[[], None],
-    *, verify: bool,
-) -> list[Any]:  # fmt: skip
-    """Models of one try, in a folder, which is whole where it is there.
+@dataclass(frozen=True)
+class MapJob:
+    """One try to map, and where."""
 
-    verify: whether the pairs' motions are found anew as the try asks, in a copy of the database.
-    """
-    if not folder.is_dir():
-        part = folder.with_name(f"{folder.name}.part")
-        copy = part / "verified.db"
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir()
-        if verify:
-            shutil.copyfile(database, copy)
-            _verify(copy, way)
-        pycolmap.incremental_mapping(
-            copy if verify else database, images, part, options=_options(way, threads),
-            next_image_callback=one_more,
-        )  # fmt: skip
-        copy.unlink(missing_ok=True)
-        part.replace(folder)
+    stage: str
+    """Its name in reports."""
+    database: Path
+    images: Path
+    folder: Path
+    """Of the models; absent so far."""
+    way: Try
+    threads: int
+    count: int
+    """How many images there are."""
+    verify: bool
+    """Whether the pairs' motions are found anew as the try asks, in a copy of the database."""
+
+
+def map_once(job: MapJob, tell: Tell) -> None:
+    """Maps once into a folder, which is whole where it is there."""
+    part = job.folder.with_name(f"{job.folder.name}.part")
+    copy = part / "verified.db"
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir()
+    if job.verify:
+        shutil.copyfile(job.database, copy)
+        _verify(copy, job.way)
+    registered = [0]
+
+    def one_more() -> None:
+        registered[0] += 1
+        tell(job.stage, min(registered[0], job.count), job.count)
+
+    pycolmap.incremental_mapping(
+        copy if job.verify else job.database, job.images, part, options=_options(job.way, job.threads),
+        next_image_callback=one_more,
+    )  # fmt: skip
+    copy.unlink(missing_ok=True)
+    part.replace(job.folder)
+
+
+def read_models(folder: Path) -> list[Any]:
+    """The models that were mapped into a folder."""
     return [pycolmap.Reconstruction(model) for model in sorted(folder.iterdir()) if model.is_dir()]
 
 

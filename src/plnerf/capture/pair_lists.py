@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import pycolmap
-
+from plnerf.scene.colmap import pycolmap
 from plnerf.scene.files import write_text
 
 

@@ -15,17 +15,18 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-import pycolmap
-
+from plnerf.capture.colmap_process import ColmapProcess
 from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.mapping import (
     LEAST_IMAGES,
     MOST_ERROR_PX,
     Candidate,
+    MapJob,
     Tell,
     Try,
     map_once,
     map_until_plausible,
+    read_models,
     tries,
     verification,
 )
@@ -33,6 +34,7 @@ from plnerf.capture.pair_lists import listed_pairs, rename_images, stand_ins
 from plnerf.capture.pairs import Pair, PairConfig
 from plnerf.errors import CaptureError, ConfigError
 from plnerf.findings import Finding
+from plnerf.scene.colmap import pycolmap
 from plnerf.scene.files import write_text
 
 DATABASE, MODELS, INPUTS = "database.db", "models", "inputs.sha256"
@@ -107,18 +109,17 @@ def reconstruct(
         )
     work.mkdir(parents=True, exist_ok=True)
     _forget_if_changed(images, facts, pairs, config, masks, work)
-    pycolmap.set_random_seed(config.seed)
-    pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value  # it tells of every image; `tell` does
     ways = tries(tolerance_px(facts.values()), config.seed)
     seconds: dict[str, float] = {}
-    with _timed(seconds, "features"):
-        _extract(images, facts, work / DATABASE, config, masks, tell)
-    with _timed(seconds, "matches"):
-        _match(list(facts), pairs, work, config, ways[0], tell)
-    with _timed(seconds, "model"):
-        models, findings = map_until_plausible(
-            lambda k, way: _map(images, len(facts), work, config, k, way, tell), ways, facts
-        )
+    with ColmapProcess() as colmap:
+        with _timed(seconds, "features"):
+            colmap.call(_extract, images, dict(facts), work / DATABASE, config, dict(masks), tell=tell)
+        with _timed(seconds, "matches"):
+            colmap.call(_match, list(facts), list(pairs), work, config, ways[0], tell=tell)
+        with _timed(seconds, "model"):
+            models, findings = map_until_plausible(
+                lambda k, way: _map(colmap, images, len(facts), work, config, k, way, tell), ways, facts
+            )
     return _result(models, list(facts), work / DATABASE, seconds, findings)
 
 
@@ -157,6 +158,8 @@ def _extract(
     masks: Mapping[str, Path], tell: Tell,
 ) -> None:  # fmt: skip
     """Features of the images that have none yet; images that share a lens share a camera."""
+    pycolmap.set_random_seed(config.seed)
+    pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value  # it reports every image; `tell` does
     # A list of pairs may have been cut off.
     rename_images(database, {new: old for old, new in stand_ins(list(facts)).items()})
     with pycolmap.Database.open(database) as db:
@@ -233,21 +236,17 @@ def _match(
 
 
 def _map(
-    images: Path, count: int, work: Path, config: SfmConfig, k: int, way: Try, tell: Tell
+    colmap: ColmapProcess, images: Path, count: int, work: Path, config: SfmConfig, k: int, way: Try,
+    tell: Tell,
 ) -> list[Any]:  # fmt: skip
     """Models of the k-th try, from the disk where they are there; the first has the matches' tolerance."""
     stage, folder = ("model", MODELS) if k == 0 else (f"model, try {k + 1}", f"{MODELS}-{k + 1}")
-    registered = [0]
-
-    def one_more() -> None:
-        registered[0] += 1
-        tell(stage, min(registered[0], count), count)
-
-    models = map_once(
-        work / DATABASE, images, work / folder, way, config.threads, one_more, verify=k > 0
-    )
+    if not (work / folder).is_dir():
+        database = work / DATABASE
+        job = MapJob(stage, database, images, work / folder, way, config.threads, count, verify=k > 0)
+        colmap.call(map_once, job, tell=tell)
     tell(stage, count, count)
-    return models
+    return read_models(work / folder)
 
 
 def _result(

@@ -2,10 +2,11 @@
 
 Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 3 where the
 doctor finds a scene not usable for wires, or a survey no wire, 70 on a defect of plnerf (one paragraph that
-names a crash report), 130 on Ctrl-C.
+names a crash report), 130 on Ctrl-C, 143 on SIGTERM.
 """
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -34,6 +35,10 @@ ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70
 """Exit status: EX_SOFTWARE of sysexits.h."""
 LESS_MEMORY = "Close other programs, or ask for less: smaller images, fewer rays, a part of the cloud."
+GOES_ON = {"train": "The run goes on with --resume."} | dict.fromkeys(
+    ("capture", "reconstruct", "compare"), "The same command goes on from what is done."
+)
+"""What a user can do about a command that was interrupted."""
 OF_A_PRESET = (train, bench, compare)
 """Commands whose options are the settings of a preset."""
 
@@ -84,6 +89,14 @@ def about_defect(error: Exception, arguments: Sequence[str]) -> str:
     return f"plnerf met an error that it should have handled: {type(error).__name__}, {message}. {do}"
 
 
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a command as Ctrl-C does: what is half-written is removed."""
+
+
+def _terminate(*_: object) -> None:
+    raise Terminated
+
+
 def main() -> None:
     """Entry point of the `plnerf` command."""
     # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the
@@ -102,11 +115,12 @@ def main() -> None:
     def note(message: Warning | str, *_: object, **__: object) -> None:
         console.print(f"note: {one_line(str(message))}", markup=False, highlight=False, soft_wrap=True)
 
+    arguments, results = sys.argv[1:], {}
+    before = signal.signal(signal.SIGTERM, _terminate)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
-            arguments, results = sys.argv[1:], {}
             for preset, settings in starts(arguments).items():  # the same options on top of each
                 results[preset] = app_from(settings).cli(prog="plnerf", description=ABOUT, args=arguments)
             if isinstance(next(iter(results.values())), Measuring):
@@ -117,15 +131,18 @@ def main() -> None:
     except OSError as error:
         fail("OSError", f"{error}. {advice_on(error)}")
         sys.exit(1)
-    except KeyboardInterrupt:
-        console.print("Interrupted. A training run goes on with --resume.")
-        sys.exit(130)
+    except KeyboardInterrupt as stop:
+        ended, status = ("Terminated", 143) if isinstance(stop, Terminated) else ("Interrupted", 130)
+        console.print(f"{ended}. {GOES_ON.get(next(iter(arguments), ''), '')}".strip())
+        sys.exit(status)
     except Exception as error:
         if out_of_memory(error):
             fail("Out of memory", f"{shorten(str(error), 300)}. {LESS_MEMORY}")
             sys.exit(1)
         fail("Defect", about_defect(error, sys.argv[1:]))
         sys.exit(DEFECT)
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 if __name__ == "__main__":

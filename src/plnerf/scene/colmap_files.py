@@ -12,9 +12,8 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-import pycolmap
-
 from plnerf.errors import SceneError
+from plnerf.scene.colmap import pycolmap
 
 _MAX_NAME = 4096
 """Bytes of an image's name: no path is longer."""

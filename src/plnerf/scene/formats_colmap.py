@@ -9,9 +9,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import pycolmap
 
 from plnerf.errors import SceneError
+from plnerf.scene.colmap import pycolmap
 from plnerf.scene.colmap_files import check_model
 from plnerf.scene.listing import Intrinsics, Listing, Shot, check_lens, check_present, check_unique
 from plnerf.scene.transforms import rigid_pose

@@ -1,0 +1,127 @@
+"""Long calls of COLMAP in a process of their own, which an interrupt ends at once.
+
+COLMAP looks for interrupts between images, which are seconds apart, and finishes what it has begun: many
+seconds of work on large photos.  What a call leaves on disk is whole after any end (SQLite's journal, folders
+that are renamed when they are complete), so the process is killed.  A crash of native code ends that process
+only.
+
+Messages are pickled, over pipes between the two.  The process waits after each report until it was heard, and
+ends itself where its parent is gone.
+"""
+
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from plnerf.capture.mapping import Tell
+from plnerf.errors import CaptureError
+
+_HEARD = "heard"
+
+
+class ColmapProcess:
+    """Calls functions of modules in one other process, which is started by the first call."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> "ColmapProcess":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    pipe.close()
+
+    def call(self, function: Callable[..., Any], *arguments: object, tell: Tell) -> Any:
+        """What the function returns, called with the arguments and then a `Tell`, whose reports come here.
+
+        Its errors are raised here.  Raises CaptureError where the process ends without a result.
+        """
+        process = self._process = self._process or _start()
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            _send(process.stdin, (function, arguments))
+            while True:
+                what, content = pickle.load(process.stdout)
+                if what == "done":
+                    return content
+                if what == "failed":
+                    raise content
+                tell(*content)
+                _send(process.stdin, _HEARD)
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError) as error:
+            raise CaptureError(
+                f"COLMAP's process ended without a result ({_end(process.wait())}): the system may have been "
+                "short of memory, or a photo damaged in a way that COLMAP does not survive. What was done is "
+                "kept: the same command goes on from there."
+            ) from error
+
+
+def _start() -> "subprocess.Popen[bytes]":
+    """A process in a group of its own, so that Ctrl-C reaches the parent alone, which then ends it."""
+    source = str(Path(__file__).resolve().parents[2])
+    path = os.pathsep.join(filter(None, (source, os.environ.get("PYTHONPATH"))))
+    return subprocess.Popen(
+        [sys.executable, "-m", "plnerf.capture.colmap_process"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": path},
+        process_group=0,
+    )
+
+
+def _end(code: int) -> str:
+    try:
+        return signal.Signals(-code).name if code < 0 else f"status {code}"
+    except ValueError:
+        return f"signal {-code}"
+
+
+def _send(pipe: IO[bytes], content: object) -> None:
+    pickle.dump(content, pipe)
+    pipe.flush()
+
+
+def _serve() -> None:
+    """The other process: answers calls until its parent closes the pipe or is gone."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # so that nothing that COLMAP prints comes among the answers
+    received: queue.Queue[Any] = queue.Queue()
+
+    def listen() -> None:
+        try:
+            while True:
+                received.put(pickle.load(sys.stdin.buffer))
+        except (EOFError, OSError):
+            os._exit(1)  # also in the middle of a long call: nobody waits for it any more
+
+    def tell(stage: str, done: int, of: int) -> None:
+        _send(answers, ("told", (stage, done, of)))
+        received.get()
+
+    threading.Thread(target=listen, daemon=True).start()
+    while True:
+        function, arguments = received.get()
+        try:
+            answer = ("done", function(*arguments, tell))
+        except Exception as error:
+            answer = ("failed", error)
+        _send(answers, answer)
+
+
+if __name__ == "__main__":
+    _serve()
