@@ -162,3 +162,14 @@ def test_files_that_say_that_they_are_empty_give_no_points(tmp_path: Path) -> No
     laspy.LasData(laspy.LasHeader(point_format=6, version="1.4")).write(str(tmp_path / "a.las"))
     for path in tmp_path.iterdir():
         assert read_points(path).points.shape == (0, 3), path.name
+
+
+def test_lines_too_long_to_sample_are_refused(tmp_path: Path) -> None:
+    line = {"type": "LineString", "coordinates": [[0, 0, 0], [1e15, 0, 0]]}
+    (tmp_path / "a.geojson").write_text(json.dumps(line))
+    with pytest.raises(SurveyError, match="The lines are 1,000,000,000,000,000 m long"):
+        read_points(tmp_path / "a.geojson")
+    line["coordinates"] = [[0, 0, 0], [1e300, 0, 0]]  # whose square is infinite
+    (tmp_path / "a.geojson").write_text(json.dumps(line))
+    with np.errstate(over="ignore"), pytest.raises(SurveyError, match="The lines are inf m long"):
+        read_points(tmp_path / "a.geojson")

@@ -15,7 +15,7 @@ from jaxtyping import Float, Shaped
 
 from plnerf.errors import SurveyError
 from plnerf.line.cloud import CONDUCTOR, SHIELD
-from plnerf.line.polylines import resample
+from plnerf.line.polylines import lengths_along, resample
 from plnerf.scene.las_files import open_las
 from plnerf.scene.npy_files import read_npy, read_npz
 from plnerf.scene.ply import read_ply
@@ -24,6 +24,8 @@ from plnerf.score.geojson import read_geojson
 
 WIRE_CLASSES = (SHIELD, CONDUCTOR)
 LAS_CHUNK = 2_000_000
+MAX_SAMPLES = 60_000_000
+"""Points that lines are sampled to, at the most: 1.4 GB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +77,16 @@ def read_points(
 
 
 def sample_lines(lines: list[Float[np.ndarray, "_ 3"]], step_m: float) -> Float[np.ndarray, "n 3"]:
-    """Points on all of the polylines, so far apart or closer."""
+    """Points on all of the polylines, so far apart or closer.
+
+    Raises SurveyError where that is more than fits into memory: a coordinate is wrong, or the step too short.
+    """
+    length_m = sum(float(lengths_along(line)[-1]) for line in lines)
+    if not length_m / step_m <= MAX_SAMPLES:
+        raise SurveyError(
+            f"The lines are {length_m:,.0f} m long, which makes {length_m / step_m:,.0f} points {step_m:g} m "
+            f"apart, more than {MAX_SAMPLES:,}. Correct their coordinates, or give a longer step."
+        )
     return np.concatenate([np.empty((0, 3)), *(resample(line, step_m) for line in lines)])
 
 
