@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pytest
+from jaxtyping import Float
 
 from plnerf.errors import SceneError
 from plnerf.scene.strict_json import MAX_DEPTH, object_of, parse_json, read_json, shown
@@ -96,3 +98,18 @@ def test_kinds_are_those_of_the_annotations() -> None:
 def test_a_truth_is_no_number_of_a_choice() -> None:
     with pytest.raises(SceneError, match="it: kind must be one of 'a', 1, but is True"):
         from_json(Inner, {"kind": True, "pair": [0.0, 1.0]}, "it", SceneError)
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    s_m: Float[np.ndarray, " k"]
+    points: Float[np.ndarray, "k 3"]
+
+
+def test_arrays_of_two_values_have_lengths_of_their_own() -> None:
+    curves = tuple(Curve(np.zeros(k), np.zeros((k, 3))) for k in (2, 5))
+    assert kind_problem(curves, tuple[Curve, ...]) is None
+    object.__setattr__(curves[1], "points", np.zeros(15))
+    assert (kind_problem(curves, tuple[Curve, ...]) or "").startswith("1.points is array")
+    object.__setattr__(curves[0], "s_m", [0.0, 1.0])
+    assert kind_problem(curves, tuple[Curve, ...]) == "0.s_m is [0.0, 1.0]"

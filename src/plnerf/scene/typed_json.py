@@ -6,6 +6,8 @@ import types
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from jaxtyping import AbstractArray
+
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.scene.strict_json import shown
 
@@ -125,6 +127,9 @@ def kind_problem(value: object, hint: Any, key: str = "") -> str | None:
         hints = get_type_hints(hint)
         names = [field.name for field in dataclasses.fields(hint)]
         return _first_problem([(hints[name], getattr(value, name), name) for name in names], key)
+    elif isinstance(hint, type) and issubclass(hint, AbstractArray):
+        # Not isinstance(value, hint), which remembers lengths: one wire's k is not another's.
+        fits = isinstance(value, hint.array_type) and value.ndim == len(hint.dims)
     elif hint is float:
         fits = type(value) in {int, float}
     elif hint in {int, str, bool}:
