@@ -46,10 +46,11 @@ def test_a_stretch_is_the_largest_of_all_sums(odds: list[int]) -> None:
 
 
 def test_an_end_is_where_something_speaks_against_more() -> None:
-    odds = np.array([-9.0, -1, -2, 4, 5, -1, 3, -2, -2, -2, 1])
-    assert extended(odds, 3, 6, 5.0) == (1, 8)  # -3 before, -4 after; one plane more and it is beyond 5
-    assert extended(odds, 3, 6, 2.5) == (2, 7) and extended(odds, 3, 6, 6.5) == (1, 10)
+    odds = np.array([-9.0, 1, -2, 4, 5, -1, 3, -2, -2, -2, 1, -1])
+    assert extended(odds, 3, 6, 5.0) == (1, 6)  # -2 before, -6 after
+    assert extended(odds, 3, 6, 1.5) == (3, 6) and extended(odds, 3, 6, 6.5) == (1, 10)
     assert extended(np.full(4, 1.0), 1, 2, 5.0) == (0, 3)
+    assert extended(np.zeros(4), 1, 2, 5.0) == (1, 2)  # where nothing is seen, nothing is known
     assert extended(np.array([2.0]), 0, 0, 5.0) == (0, 0)
 
 
@@ -106,12 +107,13 @@ def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
 def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     best, twin, road = line(odds=900.0), line(y=0.1, odds=210.0, planes=60), line(sag=0.0, odds=2000.0)
     faint = line(y=-0.1, odds=SELECT.min_odds_similar - 1)
-    other, weak = line(sag=0.1, odds=SELECT.min_odds + 1), line(sag=0.1, odds=SELECT.min_odds - 1)
-    part = line(sag=0.1, odds=SELECT.min_odds + 1, planes=SELECT.min_planes - 1)
+    other, beside = line(sag=0.1, odds=SELECT.min_odds + 1), line(y=0.1, sag=0.1, odds=SELECT.min_odds - 1)
+    weak = line(sag=0.2, odds=SELECT.min_odds - 1)
+    part = line(sag=0.2, odds=SELECT.min_odds + 1, planes=SELECT.min_planes - 1)
     point = replace(line(y=0.2), ends=(7, 7))  # no wire is as short as a plane
-    lines = [road, best, twin, faint, other, weak, part, point]
+    lines = [road, best, twin, faint, other, beside, weak, part, point]
     found = select_wires(lines, LENGTH, SELECT)
-    assert [id(one) for one in found] == [id(one) for one in (best, twin, other)]
+    assert [id(one) for one in found] == [id(one) for one in (best, twin, other, beside)]
     for none in ([road], []):
         assert select_wires(none, LENGTH, SELECT) == []
 

@@ -46,17 +46,14 @@ class Candidate:
 
 
 def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig) -> list[Candidate]:
-    """The lines that hang like the best of them, or with much evidence beside it."""
-    best = best_hanging(lines, length, select)
-    if best is None:
-        return []
+    """The lines that hang like one of the leaders."""
+    first = leaders(lines, length, select)
 
     def is_wire(line: Candidate) -> bool:
         if line.ends[0] == line.ends[1] or line.likeness > select.lies:
             return False
-        if hang_alike(best, line, length, select):
-            return line.odds >= select.min_odds_similar
-        return hangs_beside(best, line, length, select)
+        alike = any(hang_alike(leader, line, length, select) for leader in first)
+        return alike and line.odds >= select.min_odds_similar
 
     return [line for line in lines if is_wire(line)]
 

@@ -107,9 +107,9 @@ class SearchConfig:
 
     coarse: int = 3
     """Curves are compared in one plane of so many before they are fitted."""
-    reach: float = 0.001
+    reach: float = 0.0007
     """Curves are known to so much before they are fitted, in units of half a window's length."""
-    apart: float = 0.003
+    apart: float = 0.002
     """Where curves lie nearer to each other than this, in the same unit, only the best is tried."""
     most_pending: int = 400
     """Curves that are tried, at most."""
@@ -227,7 +227,7 @@ class CertaintyConfig:
     this,"""
     certain_m: float = 0.05
     """or no more metres than this.  Others are what views do not fix, or no wires at all."""
-    bias_px: float = 0.3
+    bias_px: float = 0.2
     """What light from one side moves the ridges of all views by: the less they differ in direction, the
     farther off a wire may be for it."""
     reach_sigmas: float = 4.0

@@ -271,7 +271,7 @@ class WindowConfig:
     """A flight of so many distances between one image and the next is one window;"""
     spacings: float = 25.0
     """windows of a longer one are as long as so many."""
-    margin: float = 0.35
+    margin: float = 0.27
     """A direction is searched beyond the first and the last camera, as a fraction of their distance or of
     `whole` spacings, whichever is less."""
     planes: int = 80

@@ -271,9 +271,9 @@ def stretches(odds):
 
 
 def extended(odds: Float[np.ndarray, " i"], first: int, last: int, faint: float) -> tuple[int, int]:
-    """A stretch with what lies beyond its ends, as far as no more than `faint` nats speak against it."""
-    before, beyond = np.cumsum(odds[:first][::-1]), np.cumsum(odds[last + 1 :])
-    steps = [
-        int(np.argmax(np.append(np.minimum.accumulate(part) < -faint, True))) for part in (before, beyond)
-    ]
+    """A stretch with what speaks for it beyond its ends, behind no more than `faint` nats against it."""
+    steps = []
+    for part in (odds[:first][::-1], odds[last + 1 :]):
+        far = int(np.argmax(np.append(np.minimum.accumulate(np.cumsum(part)) < -faint, True)))
+        steps.append(int((np.flatnonzero(part[:far] > 0) + 1).max(initial=0)))
     return first - steps[0], last + steps[1]
