@@ -7,7 +7,7 @@ import pytest
 from tests.support.drawn import pinhole_cameras
 
 from plnerf.detect.config_lines import DirectionConfig
-from plnerf.detect.directions import given, partners, strongest, vote
+from plnerf.detect.directions import Direction, given, pairs_of_views, stands_out, strongest, vote
 from plnerf.detect.line_maps import unit
 from plnerf.detect.segments import Segments
 from plnerf.detect.views import Views, views_of
@@ -102,12 +102,24 @@ def test_planes_that_meet_at_a_small_angle_say_less() -> None:
     assert votes[1] == pytest.approx(40.0 * np.sin(0.25) / CONFIG.full_angle) and votes[2] == 0
 
 
+def test_a_direction_needs_votes_of_its_own_and_a_share_of_the_first_ones() -> None:
+    def of(excess: float) -> Direction:
+        return Direction(0.0, 0.0, excess)
+
+    least, share = CONFIG.min_excess, CONFIG.min_share
+    assert stands_out(of(1.01 * least), None, CONFIG) and not stands_out(of(0.99 * least), None, CONFIG)
+    strong, weak = of(100 * least), of(2 * least)
+    assert stands_out(of(101 * share * least), strong, CONFIG)
+    assert not stands_out(of(99 * share * least), strong, CONFIG)
+    assert not stands_out(of(0.99 * least), weak, CONFIG)
+
+
 def test_views_are_compared_once_and_with_those_nearby() -> None:
     centres = np.stack([np.arange(9.0), np.zeros(9), np.full(9, 5.0)], 1)
     views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 1.0, -1.0])))
-    near = partners(views, 2)
+    near = pairs_of_views(views, 2)
     assert near[0, 1] and near[0, 2] and not near[1, 0] and not near[0, 5] and not near.diagonal().any()
-    assert partners(views, 64).sum() == 9 * 8 / 2
+    assert pairs_of_views(views, 64).sum() == 9 * 8 / 2
 
 
 def test_an_azimuth_that_is_known_gets_the_slope_that_lines_have() -> None:

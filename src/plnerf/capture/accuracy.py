@@ -73,7 +73,7 @@ def accuracy_text(what: str, figures: dict[str, Any]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Offset:
-    """What many residuals have in common."""
+    """An offset that several residuals share, such as between two vertical datums."""
 
     off_m: Float[np.ndarray, "3"]
     scatter_m: float

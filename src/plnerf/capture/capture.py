@@ -59,9 +59,9 @@ class CaptureConfig:
     masks: Path | None = None
     """A folder of masks of the images, or one for all of them."""
     height_datum: str | None = None
-    """What heights are above whose file does not say it: `ellipsoid`, or a vertical CRS such as EPSG:7837."""
+    """Vertical reference of heights whose file states none: `ellipsoid`, or a CRS such as EPSG:7837."""
     check_every: int = 0
-    """Every so manyth control point whose role is not stated is a check point; 0: none is."""
+    """Every n-th control point without a stated role becomes a check point; 0: none."""
 
     def __post_init__(self) -> None:
         check_height_datum(self.height_datum)
@@ -79,7 +79,7 @@ class CaptureConfig:
 
 @dataclass(frozen=True)
 class _Inputs:
-    """What the choice of a video's pictures depends on."""
+    """Everything that determines which frames of a video are selected."""
 
     video: str
     size: int

@@ -110,7 +110,7 @@ def _serve() -> None:
             os._exit(1)  # also in the middle of a long call: nobody waits for it any more
 
     def tell(stage: str, done: int, of: int) -> None:
-        _send(answers, ("told", (stage, done, of)))
+        _send(answers, ("progress", (stage, done, of)))
         received.get()
 
     threading.Thread(target=listen, daemon=True).start()

@@ -80,7 +80,7 @@ def _stamp(copy: Path) -> list[int]:
 
 
 def _read_record(path: Path) -> dict[str, list[object]]:
-    """What is known; nothing where the record is absent or damaged, and then every copy is made again."""
+    """The recorded state of each copy; empty if the record is missing or damaged: all are copied again."""
     try:
         content = object_of(read_json(path, CaptureError), str(path), CaptureError)
     except CaptureError:

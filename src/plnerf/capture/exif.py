@@ -15,7 +15,7 @@ from PIL import ExifTags, Image
 from plnerf.errors import CaptureError
 
 MIN_SIDE_PX = 16
-"""Of a photo: smaller ones are previews, and hold no feature."""
+"""Shortest side of a photo, in pixels: smaller images are previews without features."""
 HORIZONTAL_M, VERTICAL_M = 3.0, 10.0
 """Standard deviations of a position that states none: a receiver without correction signals."""
 FLOAT_M, FLOAT_UP_M = 0.5, 1.0

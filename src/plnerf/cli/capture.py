@@ -36,10 +36,10 @@ def capture(  # noqa: PLR0913 (an argument is an option)
         features: Largest number of features of an image.
         overlap: Video only: minimum overlap of consecutive selected frames.
         masks: Folder of masks (IMAGE.png, black where an image is ignored), or one for all images.
-        height_datum: What heights are above whose file does not say it: ellipsoid, or a vertical datum such
-            as EPSG:7837.
-        check_every: Every so manyth control point of gcp_list.txt whose role is not stated there is held
-            back to check the result; 0: none is.
+        height_datum: Vertical reference of heights whose file states none: ellipsoid, or a vertical datum
+            such as EPSG:7837.
+        check_every: Every n-th control point of gcp_list.txt without a stated role becomes a check point,
+            which is not fitted; 0: none.
         seed: Decides the random draws of structure from motion.
     """
     from plnerf.capture.capture import CaptureConfig

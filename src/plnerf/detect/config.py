@@ -178,7 +178,7 @@ class SelectConfig:
     min_odds: float = 250.0
     """Nats.  Neighbouring planes and views share their evidence: this is less than it looks."""
     min_odds_similar: float = 200.0
-    """The same for one that hangs like the best."""
+    """The same for one that hangs like a leader, the strongest line of its span."""
     min_planes: int = 19
     """Planes that must show a wire which hangs unlike the best."""
     min_sag: float = 0.001

@@ -220,7 +220,7 @@ class DirectionConfig:
     full_angle: float = 0.5
     """and from which on it votes in full."""
     least_overlap: float = 0.2
-    """A pair votes if so much of what both show together is shown by each."""
+    """Least overlap of the stretches that a pair shows, over their union."""
     azimuth_deg: float | None = None
     """Azimuth of the line, clockwise from the world's +y (north); None: found in the images.  Where it is
     known no other is searched."""
@@ -236,7 +236,7 @@ class DirectionConfig:
     min_share: float = 0.1
     """and as a fraction of what the first direction had."""
     few_px: float = 100.0
-    """Votes that a handful of pairs have by chance."""
+    """Votes that a few pairs of different lines collect by chance."""
 
     def __post_init__(self) -> None:
         angles = (self.step_rad, self.smooth_rad, self.sag_rad, self.apart_rad, self.peak_rad)

@@ -15,7 +15,7 @@ from plnerf.detect.candidate import Candidate, common_ends, select_wires
 from plnerf.detect.chains import chains_of
 from plnerf.detect.config import DEFAULT, DetectConfig
 from plnerf.detect.config_lines import EvidenceConfig
-from plnerf.detect.directions import Direction, given, strongest, vote
+from plnerf.detect.directions import Direction, given, stands_out, strongest, vote
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
@@ -117,9 +117,8 @@ def _next_direction(
         x, y, _ = heading(scene.frames, known_deg)
         return given(float(np.arctan2(y, x)) % np.pi, votes, config.directions)
     direction = strongest(votes, [one.azimuth_rad for one in searched], config.directions)
-    first = searched[0].excess if searched else direction.excess
-    least = max(config.directions.min_excess, config.directions.min_share * first)
-    return direction if direction.excess >= least else None
+    first = searched[0] if searched else None
+    return direction if stands_out(direction, first, config.directions) else None
 
 
 def _left(

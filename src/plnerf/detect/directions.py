@@ -56,15 +56,15 @@ def vote(segments: Segments, views: Views, config: DirectionConfig) -> Float[np.
     limits = (config.least_angle, config.full_angle, config.least_overlap, math.tan(config.max_slope_rad))
     first = np.searchsorted(segments.owner, np.arange(len(views.R) + 1))
     by_view = votes_of_views(
-        segments, views.centre, first, partners(views, config.partners), limits,
+        segments, views.centre, first, pairs_of_views(views, config.partners), limits,
         np.zeros((len(views.R), len(azimuths), len(slopes))),
     )  # fmt: skip
     votes: Float[np.ndarray, "a e"] = by_view.sum(0)
     return votes
 
 
-def partners(views: Views, most: int) -> Bool[np.ndarray, "n n"]:
-    """Whether the second view is one of those nearest to the first, and after it."""
+def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "n n"]:
+    """Whether two views vote as a pair: one is among the `most` nearest to the other.  Each pair once."""
     distance = np.linalg.norm(views.centre[:, None] - views.centre, axis=2)
     rank = np.argsort(np.argsort(distance, axis=1, kind="stable"), axis=1, kind="stable")
     near = (rank <= most) | (rank <= most).T
@@ -151,6 +151,11 @@ def strongest(
         azimuth, slope = azimuth % np.pi, -slope
     # To a microradian: sums in another order must not change what is searched.
     return Direction(round(float(azimuth), 6), slope, excess / (usual + config.few_px))
+
+
+def stands_out(direction: Direction, first: Direction | None, config: DirectionConfig) -> bool:
+    """Whether a direction has enough votes to be searched.  first: the first one searched, if any."""
+    return direction.excess >= max(config.min_excess, config.min_share * first.excess if first else 0.0)
 
 
 def given(azimuth_rad: float, votes: Float[np.ndarray, "a e"], config: DirectionConfig) -> Direction:
