@@ -19,9 +19,9 @@ from plnerf.detect.candidate import (
 from plnerf.detect.config import DetectConfig, SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
 from plnerf.detect.parabola import curve_points
-from plnerf.detect.search import Search, extended, stretches
+from plnerf.detect.search import Search, stretches
 from plnerf.detect.views import Views
-from plnerf.detect.window_search import variants, without_mixtures
+from plnerf.detect.window_search import followed, repeated, variants, without_mixtures
 
 LENGTH = 2.0
 SEARCH, SELECT = SearchConfig(), SelectConfig()
@@ -32,7 +32,7 @@ def line(
     y: float = 0.0, rise: float = 0.1, sag: float = 0.04, odds: float = 900.0, planes: int = PLANES
 ) -> Candidate:
     theta, covariance = np.array([y, y, 0.1, 0.1 + rise, sag, 0.0]), np.eye(6) * 1e-8
-    return Candidate(theta, covariance, 0.3, 12, odds, (0, planes), (0, PLANES - 1))
+    return Candidate(theta, covariance, 0.3, 12, odds, (0, planes))
 
 
 @given(st.lists(st.integers(-9, 9), min_size=1, max_size=12))
@@ -43,15 +43,6 @@ def test_a_stretch_is_the_largest_of_all_sums(odds: list[int]) -> None:
     assert total == max(0, *sums)
     if total > 0:
         assert sum(odds[int(first) : int(last) + 1]) == total
-
-
-def test_an_end_is_where_something_speaks_against_more() -> None:
-    odds = np.array([-9.0, 1, -2, 4, 5, -1, 3, -2, -2, -2, 1, -1])
-    assert extended(odds, 3, 6, 5.0) == (1, 6)  # -2 before, -6 after
-    assert extended(odds, 3, 6, 1.5) == (3, 6) and extended(odds, 3, 6, 6.5) == (1, 10)
-    assert extended(np.full(4, 1.0), 1, 2, 5.0) == (0, 3)
-    assert extended(np.zeros(4), 1, 2, 5.0) == (1, 2)  # where nothing is seen, nothing is known
-    assert extended(np.array([2.0]), 0, 0, 5.0) == (0, 0)
 
 
 def test_alike_is_the_same_slope_and_about_the_same_sag() -> None:
@@ -91,11 +82,11 @@ def test_what_hangs_free_needs_less_sag_and_what_lies_on_something_never_hangs()
 
 def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
     search = a_search()
-    road = replace(line(sag=0.0), rms_px=3.0)
+    road = replace(line(sag=0.0, planes=3), rms_px=3.0)
     search.mask_ridges(road)
     wide = round(SEARCH.mask_rms * 3.0)
     assert search.sharpness is None and search.mask_px(road) == wide
-    wire = line()
+    wire = line(planes=3)
     search.mask_ridges(wire)
     assert search.sharpness is not None and search.sharpness.mask_px == SEARCH.mask_px
     assert search.mask_px(road) == wide  # what was masked can be put back
@@ -110,7 +101,7 @@ def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     other, beside = line(sag=0.1, odds=SELECT.min_odds + 1), line(y=0.1, sag=0.1, odds=SELECT.min_odds - 1)
     weak = line(sag=0.2, odds=SELECT.min_odds - 1)
     part = line(sag=0.2, odds=SELECT.min_odds + 1, planes=SELECT.min_planes - 1)
-    point = replace(line(y=0.2), ends=(7, 7))  # no wire is as short as a plane
+    point = replace(line(y=0.2), seen=(7, 7))  # no wire is as short as a plane
     lines = [road, best, twin, faint, other, beside, weak, part, point]
     found = select_wires(lines, LENGTH, SELECT)
     assert [id(one) for one in found] == [id(one) for one in (best, twin, other, beside)]
@@ -150,16 +141,19 @@ def test_the_background_between_twins_is_no_third() -> None:
 
 def test_wires_that_hang_alike_end_where_the_longest_does() -> None:
     a, b, other = (
-        replace(one, ends=ends)
-        for one, ends in ((line(), (5, 60)), (line(y=0.1), (10, 80)), (line(sag=0.1), (0, 90)))
+        replace(one, seen=seen, fixed=True)
+        for one, seen in ((line(), (5, 60)), (line(y=0.1), (10, 80)), (line(sag=0.1), (0, 90)))
     )
     ends = [common_ends(one, [a, b, other], LENGTH, SELECT) for one in (a, b, other)]
     assert ends == [(5, 80), (5, 80), (0, 90)]
+    vague = replace(b, fixed=False)  # what is not fixed itself fixes no other's end
+    assert common_ends(a, [a, vague, other], LENGTH, SELECT) == (5, 60)
 
 
 def test_of_three_wires_the_second_outermost_end_counts() -> None:
     """Chance ridges beyond the end deceive one wire, hardly two."""
-    three = [replace(line(y=y), ends=ends) for y, ends in ((0.0, (2, 80)), (0.1, (10, 93)), (0.2, (12, 82)))]
+    stretches = {0.0: (2, 80), 0.1: (10, 93), 0.2: (12, 82)}
+    three = [replace(line(y=y), seen=seen, fixed=True) for y, seen in stretches.items()]
     assert [common_ends(one, three, LENGTH, SELECT) for one in three] == [(10, 82)] * 3
 
 
@@ -204,6 +198,53 @@ def test_curves_alike_meet_a_curve_where_it_is_seen(monkeypatch: pytest.MonkeyPa
         assert one == pytest.approx(other, abs=1e-10)
 
 
+def test_a_line_is_the_same_on_more_planes() -> None:
+    search = a_search()
+    step = search.x[1] - search.x[0]
+    wire = replace(line(), seen=(1, 3))
+    search.mask_ridges(wire)
+    width = search.mask_px(wire)
+    (longer,) = search.lengthen(2, 5, [wire])
+    assert len(search.x) == 4 + 7 and search.x[2] == pytest.approx(-1) and np.ptp(np.diff(search.x)) < 1e-12
+    assert longer.seen == (3, 5) and search.mask_px(longer) == width
+    for plane in (0, 1.5, 3):
+        there = curve_points(longer.theta, (plane + 2) / 10)
+        assert there == pytest.approx(curve_points(wire.theta, plane / 3))
+    assert search.length == pytest.approx(10 * step)
+    search.free_ridges(longer)
+    assert not search.masks.any()
+
+
+def test_what_is_followed_is_never_lost() -> None:
+    search, wire = a_search(), line(planes=3)  # there is no ridge to fit it to
+    search.mask_ridges(wire)
+    before = search.masks.copy()
+    assert before.any() and followed(search, [wire]) == [wire]
+    assert (search.masks == before).all()
+
+
+def test_a_line_takes_ridges_where_it_is_seen_only() -> None:
+    whole, aside = a_search(), a_search()
+    whole.mask_ridges(line(planes=3))
+    aside.mask_ridges(line(planes=1))  # up to a third of the window, which is left of the image
+    assert whole.masks.any() and not aside.masks.any()
+
+
+def test_lines_are_repeated_by_what_lies_between_any_two() -> None:
+    a, b, c = line(y=0.0), line(y=0.1), line(y=0.4)
+    found = {round(float(theta[0]), 6) for theta in repeated([a, b, c], PLANES)}
+    assert {0.5, 0.3, -0.1, -0.3, -0.4} <= found  # c + (b - a), c - (b - a), a - (b - a), ...
+    assert not len(repeated([a], PLANES))
+    assert all(theta[3] - theta[2] == pytest.approx(0.1) for theta in repeated([a, b, c], PLANES))
+
+
+def test_a_line_that_repeats_needs_less_evidence() -> None:
+    best, few = line(), line(y=0.1, odds=(SELECT.min_odds_repeated + SELECT.min_odds_similar) / 2)
+    assert select_wires([best, few], LENGTH, SELECT) == [best]
+    repeats = replace(few, repeats=True)
+    assert select_wires([best, repeats], LENGTH, SELECT) == [best, repeats]
+
+
 def test_variants_meet_the_line_in_three_places() -> None:
     own, other = line(rise=0.1, sag=0.04), line(y=0.2, rise=0.12, sag=0.05)
     found = variants(own, [own, other], PLANES + 1)
@@ -223,8 +264,9 @@ def test_variants_meet_a_line_that_is_seen_in_part_where_it_is_seen() -> None:
 
 def test_lines_in_the_air_that_do_not_hang_give_their_ridges_back() -> None:
     search = a_search()
-    wire, road = replace(line(), likeness=0.0), replace(line(sag=0.0), likeness=0.9)
-    mixture, unknown = replace(line(sag=0.0), likeness=SELECT.free), line(sag=0.0)
+    wire, lying = line(planes=3), line(sag=0.0, planes=3)
+    wire, road, unknown = replace(wire, likeness=0.0), replace(lying, likeness=0.9), lying
+    mixture = replace(lying, likeness=SELECT.free)
     lines = [wire, road, mixture, unknown]
     for one in lines:
         search.mask_ridges(one)

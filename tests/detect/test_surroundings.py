@@ -46,7 +46,7 @@ def likeness(folder: Path, pictures: list[np.ndarray], cameras: Cameras, z: floa
     scene = scene_of(folder, cameras, pictures)
     first, _, last = at_x(hanging(0.0, z, 0.0), np.array([X[0], 0.0, X[-1]]))
     theta = np.array([first[1], last[1], first[2], last[2], 0.0, 0.0])
-    line = Candidate(theta, np.eye(6) * 1e-8, 0.3, 12, 900.0, (0, len(X) - 1), (0, len(X) - 1))
+    line = Candidate(theta, np.eye(6) * 1e-8, 0.3, 12, 900.0, (0, len(X) - 1))
     surroundings = Surroundings(scene.photos, scene.train, MOST_PX, CONFIG)
     numbers = np.arange(len(cameras))
     return surroundings.likeness(line, views_of(cameras), numbers, X, CertaintyConfig())

@@ -61,7 +61,7 @@ def a_wire(
     window: Window = PLAIN,
 ) -> Wire:
     """In a metric scene of so many scene units per metre."""
-    candidate = Candidate(theta, covariance, 0.4, 17, 900.0, seen, ends)
+    candidate = Candidate(theta, covariance, 0.4, 17, 900.0, seen)
     frame = LineFrame.of_scene(replace(FRAMES, scale=scale))
     return wire_of(candidate, ends, window, X, footprint, frame, CONFIG)
 
@@ -119,7 +119,7 @@ def test_views_from_one_direction_do_not_make_a_wire_certain() -> None:
     """However many: what light does to all of them is not averaged out.  1 pixel is 3 cm wide."""
     for turn_deg, certain in ((2.0, False), (3.5, False), (5.0, True), (30.0, True)):
         candidate = Candidate(
-            np.zeros(6), np.eye(6) * 1e-8, 0.3, 99, 900.0, (0, 8), (0, 8), turn_rad=np.radians(turn_deg)
+            np.zeros(6), np.eye(6) * 1e-8, 0.3, 99, 900.0, (0, 8), turn_rad=np.radians(turn_deg)
         )
         frame = LineFrame.of_scene(replace(FRAMES, scale=0.01))
         wire = wire_of(candidate, (0, 8), PLAIN, X, 3e-4, frame, CONFIG)
@@ -175,7 +175,7 @@ def test_reach_covers_the_uncertainty_and_some_pixels(seed: int, footprint: floa
 @settings(deadline=None)
 def test_a_wire_is_drawn_out_as_far_as_its_place_is_certain(seed: int, footprint: float) -> None:
     covariance, seen, ends = a_covariance(seed), (3, 5), (1, 8)
-    candidate = Candidate(np.zeros(6), covariance, 0.4, 17, 900.0, seen, ends)
+    candidate = Candidate(np.zeros(6), covariance, 0.4, 17, 900.0, seen)
     low, high = known_ends(candidate, ends, X, footprint, CONFIG)
     known = sigmas_along(covariance, np.linspace(0, 1, PLANES)) <= CONFIG.certain_px * footprint
     assert 1 <= low <= 3 and 5 <= high <= 8  # what was seen stays

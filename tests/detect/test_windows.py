@@ -51,6 +51,10 @@ def test_windows_overlap_by_half_and_cover_the_track() -> None:
     middles = np.array([window.origin[0] for window in windows])
     assert (np.diff(middles) <= length / 2 + 1e-9).all() and len(windows) > 8
     assert middles[0] - length / 2 <= 0.0 and middles[-1] + length / 2 >= centres[-1, 0]
+    more = round(CONFIG.follow * CONFIG.planes)
+    assert [window.follow for window in windows] == [
+        (more, 0), *[(0, 0)] * (len(windows) - 2), (0, more)
+    ]  # fmt: skip
     for window in windows:  # cost per window does not grow with the line
         assert len(window.views) <= 3 * CONFIG.spacings + 2
         low, high = (

@@ -30,14 +30,15 @@ class Candidate:
     """Nats, over the planes in `seen`; 0 until the search has rated it."""
     seen: tuple[int, int] = (0, 0)
     """First and last plane of the stretch with the largest odds."""
-    ends: tuple[int, int] = (0, 0)
-    """First and last plane of the longer stretch with hardly any evidence against it."""
     fixed: bool = False
     """Whether the views fix its place where it was seen."""
     likeness: float = np.nan
     """Mean correlation of views beside it: 1 for a line on a surface, 0 for one in the air; NaN: unknown."""
     turn_rad: float = np.pi / 2
     """Standard deviation of the directions across it from which views look at one place."""
+
+    repeats: bool = False
+    """Whether it lies to another line as two other lines lie to each other: less evidence is enough."""
 
     @property
     def planes(self) -> int:
@@ -50,12 +51,17 @@ def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig
     first = leaders(lines, length, select)
 
     def is_wire(line: Candidate) -> bool:
-        if line.ends[0] == line.ends[1] or line.likeness > select.lies:
+        if line.seen[0] == line.seen[1] or line.likeness > select.lies:
             return False
         alike = any(hang_alike(leader, line, length, select) for leader in first)
-        return alike and line.odds >= select.min_odds_similar
+        return alike and line.odds >= needed(line, select)
 
     return [line for line in lines if is_wire(line)]
+
+
+def needed(line: Candidate, select: SelectConfig) -> float:
+    """Nats that a line needs which hangs like a leader."""
+    return select.min_odds_repeated if line.repeats else select.min_odds_similar
 
 
 def leaders(lines: Sequence[Candidate], length: float, select: SelectConfig) -> list[Candidate]:
@@ -141,8 +147,12 @@ def common_ends(
     Of three or more the second outermost counts: beyond the end, chance ridges deceive one wire, hardly two.
     """
     alike = [
-        line.ends,
-        *(other.ends for other in lines if other is not line and hang_alike(line, other, length, config)),
+        line.seen,
+        *(
+            other.seen
+            for other in lines
+            if other is not line and other.fixed and hang_alike(line, other, length, config)
+        ),
     ]
     ends = np.sort(np.array(alike), axis=0)
     nth = int(len(ends) > 2)

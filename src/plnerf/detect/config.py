@@ -128,8 +128,6 @@ class SearchConfig:
     speaks against a curve, and chance ridges add up there."""
     doubt: float = 0.3
     """Nats taken off in each plane, so that a line ends where views no longer show it."""
-    faint: float = 1.0
-    """Nats against a line beyond an end that do not end it."""
     rounds: int = 5
     """Searches for lines that hang as the best do, at most."""
     gap_px: float = 6.0
@@ -142,7 +140,9 @@ class SearchConfig:
     coarse_step: int = 3
     """These fits use one plane in so many; the last fit uses all."""
     promising: float = 0.75
-    """A line that has less than this part of the odds it needs after two fits is given up."""
+    """A line that has less than this part of the odds it needs after two fits or more is given up,"""
+    growing: float = 1.25
+    """unless the last fit raised its odds by this factor or more."""
     least_planes: int = 8
     """Shortest stretch that a line is fitted to alone."""
     refits: int = 2
@@ -165,8 +165,8 @@ class SearchConfig:
             self,
         )
         check(
-            min(self.mask_px, self.rounds, self.refits, self.faint, self.doubt) >= 0,
-            "detect.search needs mask_px, rounds, refits, faint and doubt of 0 or more",
+            min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0,
+            "detect.search needs mask_px, rounds, refits and doubt of 0 or more",
             self,
         )
 
@@ -178,7 +178,9 @@ class SelectConfig:
     min_odds: float = 250.0
     """Nats.  Neighbouring planes and views share their evidence: this is less than it looks."""
     min_odds_similar: float = 200.0
-    """The same for one that hangs like a leader, the strongest line of its span."""
+    """The same for one that hangs like a leader, the strongest line of its span,"""
+    min_odds_repeated: float = 100.0
+    """and for one that hangs beside such a line as two others hang beside each other."""
     min_planes: int = 19
     """Planes that must show a wire which hangs unlike the best."""
     min_sag: float = 0.001

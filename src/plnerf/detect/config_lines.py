@@ -274,6 +274,9 @@ class WindowConfig:
     margin: float = 0.27
     """A direction is searched beyond the first and the last camera, as a fraction of their distance or of
     `whole` spacings, whichever is less."""
+    follow: float = 0.33
+    """Wires that are found are followed so far beyond the ends of a direction's windows, as a fraction of a
+    window's length."""
     planes: int = 80
     """Planes across a window in which lines are looked for, for each stretch as long as what was flown past
     or as a window of a longer flight."""
@@ -290,9 +293,9 @@ class WindowConfig:
         check(
             0 < self.spacings <= self.whole
             and min(self.aside, self.below, self.above, self.near) > 0
-            and self.margin >= 0 and self.planes >= 10,
-            "detect.windows needs positive lengths, whole not below spacings, a margin of 0 or more, and 10 "
-            "planes or more",
+            and min(self.margin, self.follow) >= 0 and self.planes >= 10,
+            "detect.windows needs positive lengths, whole not below spacings, margin and follow of 0 or "
+            "more, and 10 planes or more",
             self,
         )
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
-from plnerf.detect.candidate import Candidate, common_ends, select_wires
+from plnerf.detect.candidate import Candidate, common_ends
 from plnerf.detect.chains import chains_of
 from plnerf.detect.config import DEFAULT, DetectConfig
 from plnerf.detect.config_lines import EvidenceConfig
@@ -165,14 +165,13 @@ def _in_window(
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
     responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
     search = Search(mine, responses, middles_of_planes(window.planes), config, sharpness)
-    lines = find_lines(search, window, surroundings)
-    _mark(lines, search, replace(window, views=np.arange(len(views.R))).seen_by(views), taken)
+    found, rest = find_lines(search, window, surroundings)
+    _mark([*found, *rest], search, replace(window, views=np.arange(len(views.R))).seen_by(views), taken)
     frame, x, length = LineFrame.of_scene(scene.frames), search.x, search.length
-    chosen = select_wires(lines, length, config.select)
     wires = []
-    for line in chosen:
+    for line in found:
         footprint = typical_footprint(mine, line.theta, x, config.certainty)
-        ends = common_ends(line, chosen, length, config.select)
+        ends = common_ends(line, found, length, config.select)
         ends = known_ends(line, ends, x, footprint, config.certainty)
         wires.append(wire_of(line, ends, window, x, footprint, frame, config.certainty))
     return wires, search.sharpness

@@ -1,6 +1,6 @@
 """The search for lines among the ridges that are left: a ridge counts for one line only."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, no_type_check
 
@@ -115,49 +115,70 @@ class Search:
                 return line, tried
         return None, len(curves)
 
+    def lengthen(self, before: int, beyond: int, lines: Sequence[Candidate]) -> list[Candidate]:
+        """Adds planes before the first and beyond the last one, and gives the lines on all of them."""
+        most, step = len(self.x) - 1, self.x[1] - self.x[0]
+        T = transport_matrix(-before / most, 1 + beyond / most)
+        low, high = self.x[0] - before * step, self.x[-1] + beyond * step
+        self.x = np.linspace(low, high, len(self.x) + before + beyond)
+        self.masks[:] = 0
+        longer = []
+        for line in lines:
+            theta, covariance = T @ line.theta, T @ line.covariance @ T.T
+            seen = (line.seen[0] + before, line.seen[1] + before)
+            longer.append(replace(line, theta=theta, covariance=covariance, seen=seen))
+            self._mask_px[longer[-1]] = self.mask_px(line)
+            self.masks += self._own(longer[-1])
+        self.update_odds()
+        return longer
+
     def mask_ridges(self, line: Candidate) -> None:
         """Takes a line's ridges out."""
         self._mask(line)
-        self._update_odds()
+        self.update_odds()
 
     def free_ridges(self, line: Candidate) -> None:
         """Puts a line's ridges back."""
         self.masks -= self._own(line)
-        self._update_odds()
+        self.update_odds()
 
     def refit(self, line: Candidate, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
-        """The best near some curves with a line's own ridges put back; it then takes the line's place."""
+        """The best near some curves with a line's own ridges put back; it then takes the line's place.
+
+        The odds learn of it with the next change.
+        """
         self.free_ridges(line)
         best, _ = self.best(self.ranked(curves), least)
         if best is None:
             return None
-        best = replace(best, likeness=line.likeness)
+        if line.fixed and not best.fixed:
+            best = line  # it was followed to where views do not fix it
+        else:
+            best = replace(best, likeness=line.likeness, repeats=line.repeats)
         self._mask(best)
         return best
 
     def _fitted(self, curve: Float[np.ndarray, "6"], least: float) -> Candidate | None:
         """The line that a curve becomes when it is fitted to ridges; None where its odds are too low."""
-        search, piece = self.config.search, self._piece(curve)
+        search, piece, before = self.config.search, self._piece(curve), 0.0
         for fit in range(search.stretches):
             line = self._refit(curve, piece, search.coarse_step)
             if line is None:
                 return None
             curve = line.theta
             odds, needed, shown = self._shown(line, least)
-            if fit and odds < search.promising * needed:
+            if fit and odds < min(search.promising * needed, search.growing * before):
                 return None
             if shown == piece or shown[1] - shown[0] < search.least_planes:
                 break
-            piece = shown
+            piece, before = shown, odds
         line = self._refit(curve, piece)
         if line is None:
             return None
         odds, needed, (first, last) = self._shown(line, least)
         if odds < needed or not self._runs_along(line):
             return None
-        softer = self._of_plane(line, 2 * self.odds.sharp_px)[0] - search.doubt
-        extent = extended(softer, first, last, search.faint)
-        line = replace(line, odds=odds, seen=(first, last), ends=extent)
+        line = replace(line, odds=odds, seen=(first, last))
         return replace(line, fixed=is_certain(line, self.views, self.x, self.config.certainty))
 
     def _shown(self, line: Candidate, least: float) -> tuple[float, float, tuple[int, int]]:
@@ -240,12 +261,14 @@ class Search:
         return self._mask_px[line]
 
     def _own(self, line: Candidate) -> UInt8[np.ndarray, " p"]:
-        own = np.zeros_like(self.masks)
-        fine = np.linspace(self.x[0], self.x[-1], 40 * len(self.x))
-        mask_ridges(self.views, line.theta, fine, self.mask_px(line), own)
+        own, (first, last), most = np.zeros_like(self.masks), line.seen, len(self.x) - 1
+        T = transport_matrix(first / most, last / most)
+        fine = np.linspace(self.x[first], self.x[last], 40 * (last - first + 1))
+        mask_ridges(self.views, T @ line.theta, fine, self.mask_px(line), own)
         return own
 
-    def _update_odds(self) -> None:
+    def update_odds(self) -> None:
+        """Lets the odds know which ridges are left."""
         others = self.masks > 0
         self.left = np.where(others, np.float32(0), self.responses)
         self.odds = unclaimed(self.all_odds, self.left, others, self.views, self.config.odds)
@@ -268,12 +291,3 @@ def stretches(odds):
             if run > out[0, c]:
                 out[0, c], out[1, c], out[2, c] = run, begin, i
     return out
-
-
-def extended(odds: Float[np.ndarray, " i"], first: int, last: int, faint: float) -> tuple[int, int]:
-    """A stretch with what speaks for it beyond its ends, behind no more than `faint` nats against it."""
-    steps = []
-    for part in (odds[:first][::-1], odds[last + 1 :]):
-        far = int(np.argmax(np.append(np.minimum.accumulate(np.cumsum(part)) < -faint, True)))
-        steps.append(int((np.flatnonzero(part[:far] > 0) + 1).max(initial=0)))
-    return first - steps[0], last + steps[1]

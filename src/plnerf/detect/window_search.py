@@ -8,11 +8,12 @@ otherwise lend their ridges to wires.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import permutations
 
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, without_gaps
+from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, needed, select_wires, without_gaps
 from plnerf.detect.chains import chains_of
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.parabola import curve_points
@@ -25,10 +26,13 @@ Judge = Callable[[Candidate], Candidate]
 """Gives a line back with what is seen beside it."""
 
 
-def find_lines(search: Search, window: Window, surroundings: Surroundings) -> list[Candidate]:
-    """Lines of any shape, the best first; then those that hang as the leaders do, until none is new.
+def find_lines(
+    search: Search, window: Window, surroundings: Surroundings
+) -> tuple[list[Candidate], list[Candidate]]:
+    """The wires, the best first, and lines that are none: edges of roads, say.
 
-    Where the views fix no line that hangs, there are no others to look for.
+    Lines of any shape come first; then those that hang as the leaders do, until none is new.  Where the views
+    fix no line that hangs, there are no others to look for.  Wires are followed beyond the window at last.
     """
     config = search.config
     chains = chains_of(search.responses, search.views, config.odds.min_response, config.chains)
@@ -41,20 +45,23 @@ def find_lines(search: Search, window: Window, surroundings: Surroundings) -> li
 
     lines = _found_near(search, met, config.select.min_odds, config.search.max_lines, judged)
     first = leaders(lines, search.length, config.select)
-    if not first or not first[0].fixed:
-        return lines
-    lines = without_mixtures(search, refit_all(search, lines))
-    for _ in range(config.search.rounds):
-        new = _like_the_leaders(search, met, lines, judged)
-        lines += new
-        if not new:
-            break
-    lines = refit_all(search, lines)
-    # Fitted again, the lines leave more of their ridges to others.
-    if more := _like_the_leaders(search, met, lines, judged):
-        lines = refit_all(search, [*lines, *more])
-    pixel = typical_footprint(search.views, first[0].theta, search.x, config.certainty)
-    return without_gaps(lines, len(search.x), pixel, config.search)
+    if first and first[0].fixed:
+        lines = without_mixtures(search, refit_all(search, lines))
+        for _ in range(config.search.rounds):
+            new = _like_the_leaders(search, met, lines, judged)
+            lines += new
+            if not new:
+                break
+        lines = refit_all(search, lines)
+        # Fitted again, the lines leave more of their ridges to others.
+        if more := _like_the_leaders(search, met, lines, judged):
+            lines = refit_all(search, [*lines, *more])
+        pixel = typical_footprint(search.views, first[0].theta, search.x, config.certainty)
+        lines = without_gaps(lines, len(search.x), pixel, config.search)
+    wires = select_wires(lines, search.length, config.select)
+    others = [line for line in lines if line not in wires]
+    lines = search.lengthen(*window.follow, [*wires, *others])
+    return followed(search, lines[: len(wires)]), lines[len(wires) :]
 
 
 def _like_the_leaders(
@@ -67,7 +74,25 @@ def _like_the_leaders(
         wanted = partial(hang_alike, leader, length=length, config=config.select)
         pending = search.alike(leader.theta, met)
         new += _found_near(search, pending, config.select.min_odds_similar, most, judged, wanted)
+        most = config.search.max_lines - len(lines) - len(new)
+        pending = repeated([one for one in (*lines, *new) if one.fixed and wanted(one)], len(search.x))
+        if len(pending):
+            least = config.select.min_odds_repeated
+            found = _found_near(search, pending, least, most, judged, wanted)
+            new += [replace(line, repeats=True) for line in found]
     return new
+
+
+def repeated(lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:
+    """The lines moved by what lies between any two of them: wires hang in rows, and in pairs."""
+    out = [np.zeros((0, 6))]
+    for a, b in permutations(lines, 2):
+        first, last = max(a.seen[0], b.seen[0]), min(a.seen[1], b.seen[1])
+        s = (first + last) / 2 / (planes - 1)
+        y, z = np.subtract(curve_points(b.theta, s), curve_points(a.theta, s))
+        move = np.array([y, y, z, z, 0, 0])
+        out += [line.theta[None] + move for line in lines if line is not a]
+    return np.concatenate(out)
 
 
 def _found_near(
@@ -116,10 +141,23 @@ def refit_all(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
         before, lines = lines, []
         for line in before:
             near = variants(line, before, len(search.x))
-            again = search.refit(line, near, search.config.select.min_odds_similar)
+            again = search.refit(line, near, needed(line, search.config.select))
             if again is not None:
                 lines.append(again)
+    search.update_odds()
     return lines
+
+
+def followed(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
+    """Each line fitted again as far as it is seen to go on, beside the others."""
+    longer = []
+    for line in lines:
+        again = search.refit(line, line.theta[None], needed(line, search.config.select))
+        if again is None:
+            search.mask_ridges(line)
+        longer.append(again or line)
+    search.update_odds()
+    return longer
 
 
 def variants(line: Candidate, lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:

@@ -32,6 +32,8 @@ class Window:
     """Those that are used."""
     planes: int
     """Planes across it in which lines are looked for."""
+    follow: tuple[int, int] = (0, 0)
+    """Planes before and beyond it in which those that were found are followed: no other window is there."""
 
     @property
     def R(self) -> Float[np.ndarray, "3 3"]:
@@ -90,7 +92,8 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
     length = last - first if whole else config.spacings * spacing
     planes = round(config.planes * length / flown) if whole else config.planes
     count = int(np.ceil((last - first - length) / (length / 2) - 1e-9)) + 1
-    for middle in np.linspace(first + length / 2, last - length / 2, count):
+    more = round(config.follow * planes)
+    for k, middle in enumerate(np.linspace(first + length / 2, last - length / 2, count)):
         near = np.abs(along - middle) <= (0.5 + config.near) * length
         at = np.abs(along - middle) <= 0.5 * length
         if not at.any():
@@ -102,4 +105,5 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
         yield Window(
             np.array([*(middle * u + y * np.array([-u[1], u[0]])), z]), direction.azimuth_rad, half,
             np.array(low) / half, np.array(high) / half, np.flatnonzero(near), planes,
+            (more * (k == 0), more * (k == count - 1)),
         )  # fmt: skip
