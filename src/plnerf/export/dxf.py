@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from ezdxf import units
-from ezdxf.entities.polyline import Polyline
-from ezdxf.filemanagement import new, readfile
 from jaxtyping import Float
 
+from plnerf.export.drawing_library import Polyline, new, readfile, units
 from plnerf.export.read_back import check_places, check_same
 from plnerf.scene.files import complete_file
 
