@@ -146,6 +146,7 @@ def test_geo_txt_of_odm(tmp_path: Path) -> None:
         ("EPSG:1\na.jpg 1 2 3\n", "cannot be used"),
         ("EPSG:32632\na.jpg 1 2\n", r"line 2 should be `image x y z"),
         ("EPSG:32632\na.jpg 1 2 nan\n", r"line 2 should be"),
+        ("EPSG:32632\na.jpg 1 2 3 nan nan nan inf 1\n", r"line 2 should be"),
         ("EPSG:32632\nz.jpg 1 2 3\n", "none is among the 1 images here"),
     ],
 )

@@ -61,6 +61,9 @@ def test_counts_within_records_and_names_are_checked(scene: Path) -> None:
         path.write_bytes(whole[:name] + outside + whole[name + 8 :])
         with pytest.raises(SceneError, match=rf"names the image {outside.decode()}, outside of"):
             read_colmap(scene)
+    path.write_bytes(whole[:name] + b"9" * 300 + whole[name + 8 :])
+    with pytest.raises(SceneError, match="lists are not there"):
+        read_colmap(scene)
     cameras = scene / "sparse/0/cameras.bin"
     cameras.write_bytes(cameras.read_bytes()[:12] + struct.pack("<i", 99) + cameras.read_bytes()[16:])
     with pytest.raises(SceneError, match="the lens model 99, which COLMAP does not know"):

@@ -51,6 +51,15 @@ def test_a_spoilt_record(text: str, scene: Scene, tmp_path: Path) -> None:
         read_record(tmp_path)
 
 
+def test_a_record_of_a_place_that_32_bits_do_not_hold(scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path, tiny_config(Path("/data/span")), scene)
+    data = json.loads((tmp_path / "scene.json").read_text())
+    data["cameras"]["centre"][0][0] = 1e300
+    (tmp_path / "scene.json").write_text(json.dumps(data))
+    with pytest.raises(ConfigError, match=r"scene\.json .*centre holds a number that is too large"):
+        read_record(tmp_path)
+
+
 def test_a_run_of_an_earlier_version_is_to_be_trained_again(scene: Scene, tmp_path: Path) -> None:
     write_run(tmp_path, tiny_config(Path("/data/span")), scene)
     data = json.loads((tmp_path / "config.json").read_text())

@@ -148,7 +148,7 @@ def _row(line: str, where: str) -> tuple[str, Reference]:
         numbers = [float(word) for word in words[1:]]
     except ValueError:
         numbers = []
-    if len(numbers) < 3 or not all(map(math.isfinite, numbers[:3])):
+    if len(numbers) < 3 or not all(map(math.isfinite, numbers[:3] + numbers[6:8])):
         raise CaptureError(
             f"{where} should be `image x y z [yaw pitch roll [horizontal [vertical accuracy]]]`, but is "
             f"{line!r}. Correct it; a name with spaces is not possible."

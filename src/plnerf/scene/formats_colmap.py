@@ -13,6 +13,7 @@ import numpy as np
 from plnerf.errors import SceneError
 from plnerf.scene.colmap import pycolmap
 from plnerf.scene.colmap_files import check_model
+from plnerf.scene.json_fields import is_file
 from plnerf.scene.listing import Intrinsics, Listing, Shot, check_lens, check_present, check_unique
 from plnerf.scene.transforms import rigid_pose
 
@@ -52,7 +53,7 @@ def read_colmap(source: Path) -> Listing:
             )
         if not image.has_pose:
             unregistered.append(image.name)
-        elif not path.is_file():
+        elif not is_file(path):
             missing.append(image.name)
         else:
             camera = reconstruction.cameras[image.camera_id]

@@ -4,6 +4,7 @@ A table is a TOML file (`data/clearances/`, or the user's own in the same form):
 and band of altitude.  Classes are never interpolated, because insulation is designed anew for each.
 """
 
+import math
 import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
@@ -175,7 +176,7 @@ def load_table(path: Path | None = None) -> Table:
         return _table(data, str(path or DEFAULT_TABLE))
     except KeyError as error:
         raise SurveyError(f"{place} has a class that does not say {error}. {_ADVICE}") from error
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise SurveyError(f"{place} is no table of clearances: {error}. {_ADVICE}") from error
 
 
@@ -190,11 +191,13 @@ def _table(data: dict[str, Any], path: str) -> Table:
     if strange:
         raise ValueError(f"it applies to {', '.join(strange)}, but knows only {', '.join(GROUPS)}")
     metres, bounds = METRES[data["unit"]], [float(bound) for bound in data["altitude_up_to"]]
-    if not bounds or bounds != sorted(set(bounds)):
-        raise ValueError(f"its altitudes {bounds} must rise")
+    if not bounds or bounds != sorted(set(bounds)) or not all(map(math.isfinite, bounds)):
+        raise ValueError(f"its altitudes {bounds} must be finite and rise")
     distances: dict[float, tuple[float, ...]] = {}
     for row in data["class"]:
         nominal, values = float(row["nominal_kv"]), [float(value) for value in row["distance"]]
+        if not 0 < nominal < float("inf"):
+            raise ValueError(f"it has a class of {nominal:g} kV")
         if nominal in distances:
             raise ValueError(f"it has {nominal:g} kV twice")
         if len(values) != len(bounds):

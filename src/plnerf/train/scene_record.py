@@ -107,4 +107,7 @@ def _cameras(columns: dict[str, Any], count: int) -> Cameras:
         )
         for one in fields(Cameras)
     }
+    for name, tensor in tensors.items():
+        if not tensor.isfinite().all():  # what is finite in 64 bits need not be in 32
+            raise ValueError(f"{name} holds a number that is too large")
     return Cameras(**tensors)
