@@ -76,6 +76,13 @@ def test_a_run_is_not_trained_over(tiny_scene: Path, tmp_path: Path) -> None:
     assert_same_bits(newest_tensors(out), before)
 
 
+def test_a_run_without_its_settings_says_what_is_missing(tiny_scene: Path, tmp_path: Path) -> None:
+    out = pipeline.train_scene(tiny_scene, tmp_path / "run", steps=1, **small())
+    (out / "config.json").unlink()
+    with pytest.raises(ConfigError, match=r"step-1\.json of a run, but not its settings, config\.json. Put"):
+        pipeline.train_scene(tiny_scene, out, steps=1, **small())
+
+
 def test_only_one_command_writes_into_a_folder(tiny_scene: Path, tmp_path: Path) -> None:
     out = pipeline.train_scene(tiny_scene, tmp_path / "out" / "run", steps=1, **small())
     again: dict[str, Callable[[], object]] = {

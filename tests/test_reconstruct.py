@@ -56,6 +56,29 @@ def test_a_second_call_does_nothing_again(
     assert done == ["train on", "evaluate", "render", "survey"]
 
 
+def test_a_result_of_which_a_file_is_gone_is_made_again(
+    tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]
+) -> None:
+    def render(run: Path) -> None:
+        done.append("render")
+        for place in ("renders/rgb/0000.png", "renders/path.mp4"):
+            (run / place).parent.mkdir(parents=True, exist_ok=True)
+            (run / place).write_text("made by reconstruct")
+
+    stages = replace(stages, render=render)
+    run = call(stages, tiny_scene, tmp_path / "out")
+    (run / "renders" / "path.mp4").write_text("made again by the user")
+    (run / "renders" / "own.png").write_text("made by the user, and removed")
+    done.clear()
+    call(stages, tiny_scene, tmp_path / "out")
+    assert done == ["train on"]
+    for lost in ("own.png", "rgb/0000.png"):
+        (run / "renders" / lost).unlink()
+        done.clear()
+        call(stages, tiny_scene, tmp_path / "out")
+        assert done == (["train on"] if lost == "own.png" else ["train on", "render"])
+
+
 def test_a_stage_that_failed_is_done_by_the_next_call(
     tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]
 ) -> None:

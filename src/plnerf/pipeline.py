@@ -58,6 +58,8 @@ Device = Literal["auto", "cpu", "cuda"]
 PAGE = "report.html"
 """Of a survey, in its folder."""
 STATE = "reconstruct.json"
+RESULTS = {"eval": "eval", "render": "renders", "survey": "survey"}
+"""Of the stages after training: folders in that of the run."""
 
 
 def bundled_span() -> Path:
@@ -101,7 +103,12 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     """
     scene, out = Path(scene), Path(out)
     with only_writer(out):
-        if (out / "config.json").exists() or list_checkpoints(out / "checkpoints"):
+        if not (out / "config.json").exists() and (kept := list_checkpoints(out / "checkpoints")):
+            raise ConfigError(
+                f"{out} holds the checkpoint {kept[-1].name} of a run, but not its settings, config.json. "
+                "Put that file back, or remove the folder to train anew."
+            )
+        if (out / "config.json").exists():
             raise ConfigError(
                 f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
             )
@@ -288,7 +295,8 @@ def reconstruct(
         OUT/scene/    plnerf capture     (left out where the input is a scene with poses)
         OUT/run/      plnerf train, eval, render, survey
 
-    A stage is done again where its inputs changed: poses, photos, settings, the newest checkpoint.  A run of
+    A stage is done again where its inputs changed: poses, photos, settings, the newest checkpoint; and where
+    a file that it wrote is gone.  A run of
     other settings is kept, as run-1, run-2, ...  skipped: called with a line about every stage that is up to
     date, and about a run that is put aside.
     """
@@ -330,13 +338,23 @@ def _reconstruct(
         stages.train(scene, run, **asdict(training))
     newest = list_checkpoints(run / "checkpoints")[-1].stem
     for name, stage in (("eval", stages.eval), ("render", stages.render), ("survey", stages.survey)):
-        if state.get(name) == newest:
+        if state.get(name) == newest and not _lost(run, state.get(f"{name} files", "")):
             skipped(f"{name}: there already, of {newest}")
             continue
         stage(run)
+        written = sorted(path for path in (run / RESULTS[name]).rglob("*") if path.is_file())
         state[name] = newest
+        state[f"{name} files"] = "\n".join(path.relative_to(run).as_posix() for path in written)
         write_text(out / STATE, json.dumps(state, indent=1) + "\n")
     return run
+
+
+def _lost(run: Path, names: str) -> list[str]:
+    """The files of a result that are no longer there.
+
+    What they hold is not asked: whoever surveys again with other settings wants that survey.
+    """
+    return [name for name in names.splitlines() if not (run / name).is_file()]
 
 
 def _read_state(path: Path) -> dict[str, str]:
