@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -33,6 +34,18 @@ def fails(tell: Tell) -> None:
     raise CaptureError("as the function has it")
 
 
+def fails_in_colmap(tell: Tell) -> None:
+    raise RuntimeError("No registered database factory succeeded.")
+
+
+def fails_in_sqlite(tell: Tell) -> None:
+    raise sqlite3.OperationalError("database or disk is full")
+
+
+def has_a_defect(tell: Tell) -> None:
+    raise NotImplementedError("a kind of RuntimeError")
+
+
 def crashes(tell: Tell) -> None:
     signal.signal(signal.SIGSEGV, signal.SIG_DFL)
     os.kill(os.getpid(), signal.SIGSEGV)
@@ -55,6 +68,15 @@ def test_reports_results_and_errors_come_back() -> None:
             colmap.call(fails, tell=silent)
         assert colmap.call(counts, 0, tell=silent) == first != os.getpid()  # one process for all calls
     assert told == [("count", 0, 3), ("count", 1, 3), ("count", 2, 3)]
+
+
+def test_what_colmap_raises_is_an_error_with_what_to_do() -> None:
+    with ColmapProcess() as colmap:
+        for function, said in ((fails_in_colmap, "factory succeeded"), (fails_in_sqlite, "disk is full")):
+            with pytest.raises(CaptureError, match=rf"could not go on \(.*{said}.*Make room on the disk"):
+                colmap.call(function, tell=silent)
+        with pytest.raises(NotImplementedError):
+            colmap.call(has_a_defect, tell=silent)
 
 
 def test_a_crash_is_an_error_and_an_interrupt_ends_the_call() -> None:

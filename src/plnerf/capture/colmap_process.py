@@ -13,6 +13,7 @@ import os
 import pickle
 import queue
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -49,7 +50,8 @@ class ColmapProcess:
     def call(self, function: Callable[..., Any], *arguments: object, tell: Tell) -> Any:
         """What the function returns, called with the arguments and then a `Tell`, whose reports come here.
 
-        Its errors are raised here.  Raises CaptureError where the process ends without a result.
+        Its errors are raised here.  Raises CaptureError for those of COLMAP and SQLite, and where the process
+        ends without a result.
         """
         process = self._process = self._process or _start()
         assert process.stdin is not None and process.stdout is not None
@@ -60,7 +62,7 @@ class ColmapProcess:
                 if what == "done":
                     return content
                 if what == "failed":
-                    raise content
+                    raise _in_words(content)
                 tell(*content)
                 _send(process.stdin, _HEARD)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError) as error:
@@ -69,6 +71,18 @@ class ColmapProcess:
                 "short of memory, or a photo damaged in a way that COLMAP does not survive. What was done is "
                 "kept: the same command goes on from there."
             ) from error
+
+
+def _in_words(error: Exception) -> Exception:
+    """The error; for COLMAP's own, which are bare RuntimeErrors, and SQLite's, what can be done about it."""
+    if type(error) is not RuntimeError and not isinstance(error, sqlite3.Error):
+        return error
+    own = CaptureError(
+        f"COLMAP could not go on ({error}). Make room on the disk if it is full, and give the same command "
+        "again: what was done is kept. If it ends so again, remove the scene's folder sfm: it is made anew."
+    )
+    own.__cause__ = error
+    return own
 
 
 def _start() -> "subprocess.Popen[bytes]":
