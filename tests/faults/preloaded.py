@@ -1,0 +1,10 @@
+"""What the commands import, so that a process forked afterwards need not: no thread is started by it."""
+
+# ruff: noqa: F401
+import imageio
+import tests.support.tiny_run
+import torch.utils.tensorboard
+
+import plnerf.cli.main
+import plnerf.console
+import plnerf.pipeline
