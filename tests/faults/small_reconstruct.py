@@ -8,6 +8,7 @@ that has imported everything, and shares nothing else with the one that tests.
 import multiprocessing
 import os
 import resource
+import signal
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -67,6 +68,7 @@ def _reconstruct(source: str, out: str, fault: Fault, limits: dict[str, int]) ->
     log = os.open(log_of(Path(out)), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     for stream in (1, 2):
         os.dup2(log, stream)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     for name, value in limits.items():
         resource.setrlimit(getattr(resource, name), (value, value))
     changes = Changes(Path(out), fault)

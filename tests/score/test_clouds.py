@@ -173,3 +173,10 @@ def test_lines_too_long_to_sample_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.geojson").write_text(json.dumps(line))
     with np.errstate(over="ignore"), pytest.raises(SurveyError, match="The lines are inf m long"):
         read_points(tmp_path / "a.geojson")
+
+
+def test_an_error_names_no_thousand_columns(tmp_path: Path) -> None:
+    (tmp_path / "wide.csv").write_text(",".join(["5"] * 5000 + ["a"]))
+    with pytest.raises(SurveyError, match="there is no x and no y") as raised:
+        read_points(tmp_path / "wide.csv")
+    assert len(str(raised.value)) < 1000

@@ -8,6 +8,7 @@ import csv
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -137,8 +138,8 @@ def _read_text(path: Path) -> tuple[Float[np.ndarray, "n 3"], str]:
         absent = [axis for axis in "xyz" if axis not in names]
         if absent:
             raise SurveyError(
-                f"{path}: the first line names the columns {', '.join(words)}, among which there is no "
-                f"{' and no '.join(absent)}. Name three of them x, y and z."
+                f"{path}: the first line names the columns {shorten(', '.join(words), 200)}, among which "
+                f"there is no {' and no '.join(absent)}. Name three of them x, y and z."
             )
         columns, skip = [names.index(axis) for axis in "xyz"], 1
     elif len(words) < 3:
