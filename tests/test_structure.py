@@ -26,6 +26,7 @@ FLOORS = {
     "line": 2,
     "detect": 3,
     "field": 3,
+    "mechanics": 3,
     "render": 4,
     "train": 5,
     "presets": 6,

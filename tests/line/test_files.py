@@ -19,7 +19,7 @@ from plnerf.findings import Finding, harms, note
 from plnerf.line.base import Base
 from plnerf.line.clearances import Clearances, Crossing, Group, Place, Profile, Requirement, WireClearance
 from plnerf.line.cloud import Cloud
-from plnerf.line.ends import Attached, Evidence, Open
+from plnerf.line.ends import Attached, Evidence, Open, Quantity
 from plnerf.line.files import (
     SURVEY_VERSION,
     read_survey,
@@ -30,6 +30,7 @@ from plnerf.line.files import (
 )
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.states import Load, State, States, WireState
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 
@@ -57,6 +58,17 @@ def wire(number: int, **more: Any) -> Wire:
 def place(number: int, to: Group, distance: float) -> Place:
     points = RANDOM.normal(0, 50, (2, 3))
     return Place(number, 1, "phase", to, 5, "distance", distance, 0.21, 17.5, *points)
+
+
+def states() -> States:
+    """Two, the second without wires."""
+    root = RANDOM.normal(0, 0.05, (6, 6))
+    lengths = [Quantity(*RANDOM.uniform(1, 9, 2).tolist()) for _ in range(4)]
+    one = WireState(2, RANDOM.normal(0, 5, 6), root @ root.T, *lengths, 0.23, 312.5)
+    loads = (Load("hot", 75.0), Load("ice, to the left", -5.0, 300.0, 12.5, 611.0))
+    made_of = (("phase", "a conductor (a page)"), ("shield", "a strand (a sheet)"))
+    shown = (State(loads[0], (one, replace(one, wire=1, strength_share=None))), State(loads[1], ()))
+    return States(shown, Quantity(17.5, 3.0), "given", made_of)
 
 
 def survey() -> Survey:
@@ -109,6 +121,7 @@ def survey() -> Survey:
         findings=(note("frame", "No CRS is known."), harms("gap", "A wire is hidden.", "Fly again."),
                   Finding("noise", "stops", "Nothing is seen.", ("wire 3", "0007.jpg"), "Do.")),
         temperature_c=17.5,
+        states=states(),
         detected=(wire(1), wire(2)),
         from_images=True,
     )  # fmt: skip

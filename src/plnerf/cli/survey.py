@@ -14,7 +14,7 @@ from plnerf.survey.config import SurveyConfig
 from plnerf.terminal import Terminal
 
 
-def survey(
+def survey(  # noqa: PLR0913 (an argument is an option of the command)
     source: tyro.conf.Positional[Path],
     *,
     out: OptionalOut = None,
@@ -22,6 +22,8 @@ def survey(
     thresholds: Path | None = None,
     clearance_m: float | None = None,
     line_azimuth: float | None = None,
+    conductor: Path | None = None,
+    states: Path | None = None,
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
@@ -36,12 +38,22 @@ def survey(
         clearance_m: A distance in metres to be kept from everything, in place of a table's.
         line_azimuth: Of the line, in degrees clockwise from north (the world's +y), where wires are to be
             found in images; found too when left out.
+        conductor: Of the phases, for sag at other temperatures, in wind and under ice: a TOML file, or
+            243-al1-39-st1a, acsr-drake, lgj-400-35; also needs --temperature-c, of the conductors then, and
+            pip install "plnerf[mechanics]".
+        states: The states: a TOML file, or nesc-250b; 50, 75 and 100 degrees Celsius when left out.
         settings: Settings of the survey.
     """
+    mechanics = settings.mechanics
+    mechanics = replace(
+        mechanics, conductor=conductor or mechanics.conductor, states=states or mechanics.states
+    )
     said = {"voltage_kv": voltage_kv, "thresholds": thresholds, "clearance_m": clearance_m}
     given = {name: value for name, value in said.items() if value is not None}
     clearance = replace(settings.clearance, **given)  # type: ignore[arg-type]  # each by its name
-    config = replace(settings, clearance=clearance, detect=settings.detect.along(line_azimuth))
+    config = replace(
+        settings, clearance=clearance, mechanics=mechanics, detect=settings.detect.along(line_azimuth)
+    )
     if not survey_shown(Terminal(), source, out, config):
         sys.exit(3)
 

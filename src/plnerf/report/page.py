@@ -19,7 +19,8 @@ from plnerf.report.page_tables import cards, clearance_tables, protocol, wire_ta
 from plnerf.report.plan import plan
 from plnerf.report.profile import profiles
 from plnerf.report.scene_view import view
-from plnerf.report.words import caveats, found, judged, name_of, where
+from plnerf.report.state_table import state_tables
+from plnerf.report.words import caveats, found, judged, name_of, no_states, where
 from plnerf.scene.files import write_text
 
 SECTIONS = {
@@ -28,6 +29,7 @@ SECTIONS = {
     "plan": "Plan",
     "profiles": "Profiles",
     "clearances": "Clearances",
+    "states": "Other states",
     "wires": "Wires",
     "structures": "Structures",
     "pictures": "Fitted wires over the photos",
@@ -69,6 +71,8 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         clearances=clearance_tables(survey, rows),
         crossings=crossing_table(survey),
         unscaled=survey.frame.unit == "unscaled",
+        states=state_tables(survey),
+        no_states=no_states(survey),
         wires=wire_tables(survey),
         structures=structure_table(survey),
         pictures=[shown_picture(one, survey.wires) for one in survey.pictures],

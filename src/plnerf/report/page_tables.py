@@ -178,6 +178,14 @@ def protocol(survey: Survey, files: Sequence[str], about_files: Sequence[str]) -
     if required is not None:
         date = f", {required.date}" if required.date else ""
         pairs.append(("required clearance", f"{required.name} ({required.source}{date})"))
+    if survey.states is not None:
+        known = survey.states.temperature_c
+        pairs.append((
+            "other states",
+            f"conductors at {known.value:.1f} ± {known.half_95:.1f} °C ({CERTAIN}) when surveyed, "
+            f"{survey.states.temperature_from}; "
+            + "; ".join(f"{kind}: {of}" for kind, of in survey.states.conductors),
+        ))  # fmt: skip
     if files:
         pairs.append(("files beside this report", listed(list(files))))
     if about_files:

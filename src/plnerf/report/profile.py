@@ -34,6 +34,7 @@ from plnerf.report.side import (
     sheets,
     ticks,
 )
+from plnerf.report.state_table import state_curves, state_heights, state_legend
 from plnerf.report.words import title_of
 
 LINE_PX = 13
@@ -81,6 +82,7 @@ def profile(survey: Survey, line: Line, sheet: Chain, rows: list[Nearest]) -> Dr
         *(heights for one in under for heights in (one.lowest, one.highest, one.vegetation)),
         *(np.array([one.place.on_wire[2], one.place.on_obstacle[2]]) for one in marked),
         _heights_of_crossings(survey, of_wire),
+        *state_heights(survey, of_wire),
     ])  # fmt: skip
     several = len(survey.spans) > 1
     parts = _axes(scale, units, up, "station along the line" if several else "along the span")
@@ -91,6 +93,7 @@ def profile(survey: Survey, line: Line, sheet: Chain, rows: list[Nearest]) -> Dr
         text = "no ground known" if known else "the ground was not measured"
         parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{text}</text>')
     parts += [_structure(scale, t, one) for one, t in masts]
+    parts += state_curves(scale, survey, of_wire)
     parts += [part for wire in wires for part in _wire(scale, of_wire[wire.id], wire)]
     parts += [part for one in sheet[:-1] for part in _names(scale, one, inside=True)[0]]
     names, right = _names(scale, sheet[-1])
@@ -110,7 +113,8 @@ def profile(survey: Survey, line: Line, sheet: Chain, rows: list[Nearest]) -> Dr
         f'style="max-width:{width:.0f}px;min-width:{min(width, LEAST_WIDTH):.0f}px">{"".join(parts)}</svg>'
     )
     marks = tuple((letter, _about_mark(one, units)) for letter, one in zip(letters, marked, strict=True))
-    return Drawing(title, svg, about(scale, wires, crossed=bool(crosses)), marks)
+    words = about(scale, wires, crossed=bool(crosses)) + state_legend(survey)
+    return Drawing(title, svg, words, marks)
 
 
 def _heights_of_crossings(survey: Survey, of_wire: dict[int, Stretch]) -> Float[np.ndarray, " k"]:

@@ -22,6 +22,8 @@ LOOSE_SAG = 0.1
 """So does one whose sag is less certain than this, relatively (95 %)."""
 STATE = "state of the line"
 """Kind of the finding by which measured clearances say that they are as surveyed."""
+OTHER_STATES = "other states"
+"""Kind of the findings about these."""
 FIGURE = re.compile(r"\d[\d,]*\.\d+|\d+(?=\u00a0%)")
 """Lengths and shares in a sentence; whole numbers may be those of structures."""
 DEGREES: tuple[Degree, ...] = ("stops", "harms", "note")
@@ -151,6 +153,14 @@ def _doubts(wire: Wire, units: Units) -> list[str]:
     if sag is not None and sag.half_95 > LOOSE_SAG * sag.value:
         parts.append(f"its sag is uncertain, {units.interval_with_unit(sag, 3)} ({CERTAIN})")
     return parts + [note[:1].lower() + note[1:].rstrip(".") for note in wire.notes]
+
+
+def no_states(survey: Survey) -> str:
+    """Why there are no other states, and what would give them."""
+    said = [one.text for one in survey.findings if one.kind == OTHER_STATES]
+    if survey.frame.unit == "unscaled":
+        return "Without a scale no other state is known."
+    return said[0] if said and survey.states is None else "No other state was computed."
 
 
 def judged(rows: list[Nearest]) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
+from plnerf.mechanics.config import MechanicsConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, FieldConfig
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
@@ -40,6 +41,8 @@ class SurveyConfig:
     """The ground, and classes of the points, of images."""
     clearance: ClearanceConfig = field(default_factory=ClearanceConfig)
     """Clearances, and what is required of them."""
+    mechanics: MechanicsConfig = field(default_factory=MechanicsConfig)
+    """The same line at other temperatures, in wind and under ice."""
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
     use_classes: bool = False

@@ -3,7 +3,7 @@
     images    wires -> spans, lines -> surfaces (field, stereo) -> structures -> refit -> structures again,
               from the refined curves -> evidence -> ground, classes
     cloud     ground -> lines -> structures -> wires -> classes
-    both      -> clearances
+    both      -> clearances, other states
 
 Nothing is printed and no file is written here: `plnerf.write_survey` does that.
 """
@@ -23,6 +23,7 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line
 from plnerf.line.survey import Survey, WirePoints
 from plnerf.line.wire import Wire
+from plnerf.mechanics.states import compute_states
 from plnerf.scene.scene import Scene
 from plnerf.survey.altitude import altitude_at
 from plnerf.survey.attach import hung_between, lines_of, numbered, trimmed
@@ -190,7 +191,10 @@ def _finished(survey: Survey, config: SurveyConfig) -> Survey:
     if survey.frame.unit != "m" or not survey.wires:
         return survey
     clearances, findings = measure_clearances(survey, config.clearance)
-    return replace(survey, clearances=clearances, findings=(*survey.findings, *findings))
+    states, about = compute_states(survey.lines, config.temperature_c, config.mechanics)
+    return replace(
+        survey, clearances=clearances, states=states, findings=(*survey.findings, *findings, *about)
+    )
 
 
 def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:

@@ -1,0 +1,105 @@
+"""The table of other states, and their curves in the profile."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from plnerf.line.ends import Quantity
+from plnerf.line.states import State, WireState
+from plnerf.line.stations import Stretch
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.report.colours import KINDS
+from plnerf.report.figures import CERTAIN, MINUS, NOTHING, Units, share
+from plnerf.report.side import Scale
+from plnerf.report.tables import Table
+
+STATE_DASHES = ("2 3", "8 3 2 3", "12 4", "1 5", "5 2 1 2 1 2")
+"""Of the states' curves, in the order of the states; with more they begin anew."""
+
+
+def state_tables(survey: Survey) -> list[Table]:
+    """A table for each state, a row for each wire; none where no state was computed."""
+    if survey.states is None:
+        return []
+    wires = {wire.id: wire for wire in survey.wires}
+    return [_table(survey, one, wires) for one in survey.states.states if one.wires]
+
+
+def _table(survey: Survey, state: State, wires: dict[int, Wire]) -> Table:
+    units = Units(survey.frame.unit)
+    blown = bool(state.load.wind_pa)
+    rows = [
+        [
+            str(one.wire), str(survey.span_of(one.wire).id), wires[one.wire].kind,
+            units.interval(wires[one.wire].sag), units.interval(one.sag),
+            units.interval(one.sag_change), _kn(one.horizontal_n), _kn(one.greatest_n),
+            NOTHING if one.strength_share is None else share(one.strength_share),
+            *[_blown(one, wires[one.wire], units)] * blown, units.length(one.ruling_span_m, 1),
+        ]
+        for one in state.wires
+    ]  # fmt: skip
+    return Table(
+        ["wire", "span", "kind", *units.heads_95("sag as surveyed", "sag then", "change"),
+         f"horizontal tension,\u00a0kN ±\u00a0{CERTAIN}", f"greatest tension,\u00a0kN ±\u00a0{CERTAIN}",
+         "of its strength", *units.heads("blown out") * blown, *units.heads("ruling span")],
+        rows,
+        f"{state.load.name}: {state.load.words}. Sag: the greatest vertical drop below the chord."
+        + " Blown out: how far the wire is aside of its chord, seen from above." * blown,
+        frozenset({2}),
+    )  # fmt: skip
+
+
+def _kn(one: Quantity) -> str:
+    return f"{one.value / 1e3:,.1f}\u202f±\u202f{one.half_95 / 1e3:,.1f}".replace("-", MINUS)
+
+
+def _blown(one: WireState, wire: Wire, units: Units) -> str:
+    y = one.of(wire).at(np.linspace(0.0, wire.base.length_m, 41))[:, 0]
+    return units.length(float(np.abs(y - np.linspace(y[0], y[-1], 41)).max()))
+
+
+def state_curves(scale: Scale, survey: Survey, of_wire: dict[int, Stretch]) -> list[str]:
+    """The wires of a drawing in each state, thin and dashed; named by their hover text."""
+    parts = []
+    wires = {wire.id: wire for wire in survey.wires}
+    for number, state in enumerate(_states(survey)):
+        dashes = STATE_DASHES[number % len(STATE_DASHES)]
+        for one in (one for one in state.wires if one.wire in of_wire):
+            wire = wires[one.wire]
+            points = one.of(wire).points(np.linspace(0.0, wire.base.length_m, 61))
+            path = scale.path(of_wire[one.wire].station(points), points[:, 2])
+            parts.append(
+                f'<polyline class="state" points="{path}" fill="none" stroke="{KINDS[wire.kind][1]}" '
+                f'stroke-width="1" stroke-dasharray="{dashes}">'
+                f"<title>wire {wire.id}, {state_number(number)}</title></polyline>"
+            )
+    return parts
+
+
+def state_number(number: int) -> str:
+    """What a drawing calls a state, whose name is the user's own text."""
+    return f"state {number + 1}"
+
+
+def state_heights(survey: Survey, of_wire: dict[int, Stretch]) -> list[np.ndarray]:
+    """Heights of the curves, which a drawing must hold."""
+    wires = {wire.id: wire for wire in survey.wires}
+    return [
+        one.of(wires[one.wire]).points(np.linspace(0.0, wires[one.wire].base.length_m, 21))[:, 2]
+        for state in _states(survey)
+        for one in state.wires
+        if one.wire in of_wire
+    ]
+
+
+def state_legend(survey: Survey) -> str:
+    """What the dashed curves are, as a sentence; empty without any."""
+    named = [
+        f"{state_number(k)} ({one.load.name})" for k, one in enumerate(_states(survey)) if one.wires
+    ]
+    return f" Thin dashed curves: the same wires in other states, {', '.join(named)}." if named else ""
+
+
+def _states(survey: Survey) -> Sequence[State]:
+    return survey.states.states if survey.states is not None else ()
