@@ -30,6 +30,7 @@ from plnerf.line.files import (
 )
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.rules import Judged, NotJudged, Rule, RuleReport
 from plnerf.line.states import Load, State, States, WireState
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
@@ -69,6 +70,17 @@ def states() -> States:
     made_of = (("phase", "a conductor (a page)"), ("shield", "a strand (a sheet)"))
     shown = (State(loads[0], (one, replace(one, wire=1, strength_share=None))), State(loads[1], ()))
     return States(shown, Quantity(17.5, 3.0), "given", made_of)
+
+
+def rules() -> RuleReport:
+    """Of two rules, one of which was not judged."""
+    kept = ("still", "ice"), 6.7, "5.00 m + 1.70 m (D_el)", "a page", False, "a note"
+    return RuleReport(
+        "a matrix", "a standard", "2026", 220.0, ("An example.",),
+        (Rule(1, "ground", "vertical", *kept), Rule(3, "road", "radial", ("wind",), 7.0, "7 m", "b", True)),
+        (Judged(1, "hot", 1, 1, 2, Quantity(7.125, 0.25), *RANDOM.normal(0, 50, (2, 3)), "clear"),),
+        (NotJudged(3, "no road of a map is given"),), (("road", 2), ("rail", 1)),
+    )  # fmt: skip
 
 
 def survey() -> Survey:
@@ -122,6 +134,7 @@ def survey() -> Survey:
                   Finding("noise", "stops", "Nothing is seen.", ("wire 3", "0007.jpg"), "Do.")),
         temperature_c=17.5,
         states=states(),
+        rules=rules(),
         detected=(wire(1), wire(2)),
         from_images=True,
     )  # fmt: skip

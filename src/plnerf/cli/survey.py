@@ -24,6 +24,8 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
     line_azimuth: float | None = None,
     conductor: Path | None = None,
     states: Path | None = None,
+    rules: Path | None = None,
+    objects: tuple[Path, ...] = (),
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
@@ -32,7 +34,7 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
         source: Run folder, scene (no training is needed), or a LAS or LAZ file, whose classes
             count with --use-classes only.
         out: Folder to write; survey in the folder of the run or scene, or beside the cloud, when left out.
-        voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
+        voltage_kv: Nominal voltage in kV, for the clearances that a table or --rules require.
         thresholds: Table of required clearances (TOML), or nerc-fac-003-4.toml; NERC FAC-003-5 when left
             out.
         clearance_m: A distance in metres to be kept from everything, in place of a table's.
@@ -42,8 +44,19 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
             243-al1-39-st1a, acsr-drake, lgj-400-35; also needs --temperature-c, of the conductors then, and
             pip install "plnerf[mechanics]".
         states: The states: a TOML file, or nesc-250b; 50, 75 and 100 degrees Celsius when left out.
+        rules: Matrix of clearances by object, direction and state: a TOML file, or nesc-232, en-50341-uk,
+            gb-50545, fac-003-5 (examples); also needs --voltage-kv.
+        objects: Maps of roads, rail, water and buildings for it: GeoJSON or GeoPackage; needs
+            pip install "plnerf[gis]".
         settings: Settings of the survey.
     """
+    by_rule = settings.rules
+    by_rule = replace(
+        by_rule, matrix=rules or by_rule.matrix, objects=objects or by_rule.objects,
+        voltage_kv=voltage_kv or by_rule.voltage_kv,
+    )  # fmt: skip
+    if by_rule.matrix is not None and thresholds is None:
+        voltage_kv = None  # the matrix is for it, in place of a table
     mechanics = settings.mechanics
     mechanics = replace(
         mechanics, conductor=conductor or mechanics.conductor, states=states or mechanics.states
@@ -52,8 +65,9 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
     given = {name: value for name, value in said.items() if value is not None}
     clearance = replace(settings.clearance, **given)  # type: ignore[arg-type]  # each by its name
     config = replace(
-        settings, clearance=clearance, mechanics=mechanics, detect=settings.detect.along(line_azimuth)
-    )
+        settings, clearance=clearance, mechanics=mechanics, rules=by_rule,
+        detect=settings.detect.along(line_azimuth),
+    )  # fmt: skip
     if not survey_shown(Terminal(), source, out, config):
         sys.exit(3)
 

@@ -23,6 +23,7 @@ from plnerf.export.rows import (
     wire_rows,
     write_csv,
 )
+from plnerf.export.rule_rows import RULES, rule_rows
 from plnerf.export.state_rows import STATES, state_rows
 from plnerf.line.clearances import Place
 from plnerf.line.ends import Quantity
@@ -41,7 +42,7 @@ GEOJSON, PROJECTED, NEAR_PLACES = "conductors.geojson", "conductors-projected.ge
 
 FILES = (
     LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES, STRUCTURES,
-    PLACED_STRUCTURES, CROSSINGS, STATES,
+    PLACED_STRUCTURES, CROSSINGS, STATES, RULES,
 )  # fmt: skip
 """All that may be written of a survey."""
 
@@ -82,7 +83,7 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
         about.append(f"No wires were found: {WIRES} and its GeoJSON are left out.")
     for name, some in (
         (STRUCTURES, structure_rows(survey, transform)), (CROSSINGS, crossing_rows(survey, transform)),
-        (STATES, state_rows(survey)),
+        (STATES, state_rows(survey)), (RULES, rule_rows(survey, transform)),
     ):  # fmt: skip
         if some:
             write_csv(folder / name, some, list(some[0]))

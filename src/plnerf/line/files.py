@@ -20,6 +20,7 @@ from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.rules_json import rules_of, rules_row
 from plnerf.line.states_json import states_of, states_row
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
@@ -31,8 +32,8 @@ from plnerf.scene.whole_result import finish_exchange
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
 SURVEY_VERSION = 6
-"""5 had no other states; 4 named a wire's lowest point differently; 3 had no crossings; 2 had conductors in
-place of lines, and no frame; 1 was written before conductors were fitted."""
+"""5 had no other states and no clearances by rule; 4 named a wire's lowest point differently; 3 had no
+crossings; 2 had conductors in place of lines, and no frame; 1 was written before conductors were fitted."""
 WIRES_VERSION = 1
 
 
@@ -84,6 +85,7 @@ def read_survey(path: Path) -> Survey:
             clearances=None if data["clearances"] is None else _clearances(data["clearances"]),
             findings=tuple(Finding(**(row | {"where": tuple(row["where"])})) for row in data["findings"]),
             temperature_c=data["temperature_c"],
+            rules=None if data["rules"] is None else rules_of(data["rules"]),
             states=None if data["states"] is None else states_of(data["states"]),
             detected=tuple(_wire(row) for row in data["detected"]),
             from_images=data["from_images"],
@@ -110,6 +112,7 @@ def survey_json(survey: Survey) -> dict[str, Any]:
         "from_images": survey.from_images,
         "lines": [_line_row(line) for line in survey.lines],
         "clearances": None if survey.clearances is None else _clearances_row(survey.clearances),
+        "rules": None if survey.rules is None else rules_row(survey.rules),
         "states": None if survey.states is None else states_row(survey.states),
         "detected": [_wire_row(wire) for wire in survey.detected],
         "settings": dict(survey.settings),

@@ -12,6 +12,9 @@ from jaxtyping import Float
 from plnerf.line.ends import Quantity
 from plnerf.line.wire import Wire
 
+SURVEYED = "as surveyed"
+"""Name of the state of the survey itself, which no other may have."""
+
 
 @dataclass(frozen=True)
 class Load:

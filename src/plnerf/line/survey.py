@@ -12,6 +12,7 @@ from plnerf.line.clearances import Clearances
 from plnerf.line.cloud import Cloud
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.rules import RuleReport
 from plnerf.line.states import States
 from plnerf.line.wire import Wire
 
@@ -59,6 +60,8 @@ class Survey:
     """Of the conductors when they were surveyed, if it is known."""
     states: States | None = None
     """The line at other temperatures and loads; None: none was asked for, or what is needed is missing."""
+    rules: RuleReport | None = None
+    """Verdicts by a matrix of rules; None: none was given."""
     detected: tuple[Wire, ...] = ()
     """The wires as they were detected, before they were refitted, with the same ids; none of clouds."""
     wire_points: WirePoints | None = None

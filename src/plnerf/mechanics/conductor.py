@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plnerf.errors import ConfigError
-from plnerf.mechanics.toml_files import Fields, read_toml
+from plnerf.scene.toml_files import Fields, read_toml
 
 FOLDER = "conductors"
 """In the package's data."""

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from plnerf.errors import ConfigError
-from plnerf.line.states import Load
-from plnerf.mechanics.toml_files import Fields, read_toml
+from plnerf.line.states import SURVEYED, Load
+from plnerf.scene.toml_files import Fields, read_toml
 
 FOLDER = "states"
 """In the package's data."""
@@ -61,6 +61,8 @@ def load_states(path: Path) -> StateTable:
             fields.text(name)
     fields.done()
     names = [one.name for one in loads]
+    if SURVEYED in names:
+        raise ConfigError(f"A state of {path} is named {SURVEYED!r}, as the survey itself is. Rename it.")
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise ConfigError(f"The state file {path} has two states named {twice!r}. Give each its own name.")

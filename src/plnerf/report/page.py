@@ -18,6 +18,7 @@ from plnerf.report.overlay import shown_picture
 from plnerf.report.page_tables import cards, clearance_tables, protocol, wire_tables
 from plnerf.report.plan import plan
 from plnerf.report.profile import profiles
+from plnerf.report.rule_table import rule_summary, rule_tables
 from plnerf.report.scene_view import view
 from plnerf.report.state_table import state_tables
 from plnerf.report.words import caveats, found, judged, name_of, no_states, where
@@ -72,6 +73,8 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         crossings=crossing_table(survey),
         unscaled=survey.frame.unit == "unscaled",
         states=state_tables(survey),
+        by_rule=rule_summary(survey),
+        rules=rule_tables(survey),
         no_states=no_states(survey),
         wires=wire_tables(survey),
         structures=structure_table(survey),

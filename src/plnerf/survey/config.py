@@ -6,6 +6,7 @@ from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, FieldConfig
+from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
 from plnerf.survey.lidar.config import LidarConfig
@@ -43,6 +44,8 @@ class SurveyConfig:
     """Clearances, and what is required of them."""
     mechanics: MechanicsConfig = field(default_factory=MechanicsConfig)
     """The same line at other temperatures, in wind and under ice."""
+    rules: RulesConfig = field(default_factory=RulesConfig)
+    """Clearances by a matrix of rules."""
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
     use_classes: bool = False

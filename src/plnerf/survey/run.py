@@ -3,7 +3,7 @@
     images    wires -> spans, lines -> surfaces (field, stereo) -> structures -> refit -> structures again,
               from the refined curves -> evidence -> ground, classes
     cloud     ground -> lines -> structures -> wires -> classes
-    both      -> clearances, other states
+    both      -> clearances, other states, clearances by rule
 
 Nothing is printed and no file is written here: `plnerf.write_survey` does that.
 """
@@ -39,6 +39,7 @@ from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.no_wires import why_none
 from plnerf.survey.posed_photos import Photos, photos_of
+from plnerf.survey.rules import judge_rules
 from plnerf.survey.span_refits import refine_spans
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.structure_kinds import with_structure_kinds
@@ -192,9 +193,9 @@ def _finished(survey: Survey, config: SurveyConfig) -> Survey:
         return survey
     clearances, findings = measure_clearances(survey, config.clearance)
     states, about = compute_states(survey.lines, config.temperature_c, config.mechanics)
-    return replace(
-        survey, clearances=clearances, states=states, findings=(*survey.findings, *findings, *about)
-    )
+    survey = replace(survey, clearances=clearances, states=states)
+    rules, by_rule = judge_rules(survey, config.clearance, config.rules)
+    return replace(survey, rules=rules, findings=(*survey.findings, *findings, *about, *by_rule))
 
 
 def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:

@@ -33,6 +33,10 @@ def read_toml(path: Path, folder: str, what: str) -> dict[str, Any]:
         raise ConfigError(f"{path} is not valid TOML ({error}).") from error
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
 class Fields:
     """The values of one table of a file, taken out by name and checked; what is left over is an error."""
 
@@ -52,8 +56,7 @@ class Fields:
     ) -> float:  # fmt: skip
         """A finite number within bounds."""
         value = self._left.pop(name, default)
-        good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not good or not max(least, above) <= value <= most or value == above:
+        if value is None or not _is_number(value) or not max(least, above) <= value <= most or value == above:
             bounds = [
                 *[f"greater than {above:g}"] * math.isfinite(above),
                 *[f"at least {least:g}"] * math.isfinite(least), *[f"at most {most:g}"] * math.isfinite(most),
@@ -95,6 +98,21 @@ class Fields:
         if not isinstance(value, list) or not all(type(one) is int for one in value):
             raise self._wrong(name, "whole numbers in brackets", value)
         return tuple(value)
+
+    def floats(self, name: str) -> tuple[float, ...]:
+        """Finite numbers; none where it is not there."""
+        value = self._left.pop(name, [])
+        if not isinstance(value, list) or not all(_is_number(one) for one in value):
+            raise self._wrong(name, "numbers in brackets", value)
+        return tuple(float(one) for one in value)
+
+    def numbers_or(self, name: str, word: str) -> tuple[float | None, ...]:
+        """A number, or several in brackets; `word` in place of one is None."""
+        value = self._left.pop(name, None)
+        some = value if isinstance(value, list) else [value]
+        if not some or not all(_is_number(one) or one == word for one in some):
+            raise self._wrong(name, f"a number, or several in brackets ({word!r} in place of one)", value)
+        return tuple(None if one == word else float(one) for one in some)
 
     def texts(self, name: str) -> tuple[str, ...]:
         """Texts; none where it is not there."""

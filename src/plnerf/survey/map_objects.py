@@ -1,0 +1,139 @@
+"""Roads, rail, water and buildings of the user's maps, in plan, in the survey's LineFrame.
+
+Maps are read by GDAL (pyogrio) and held as shapely's geometries, both of the extra `plnerf[gis]`: GeoJSON,
+GeoPackage, shapefiles and what else GDAL reads, of every layer, in any CRS that the map states.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from plnerf.capture.heights import horizontal
+from plnerf.capture.local_frame import GEOGRAPHIC, LocalFrame
+from plnerf.errors import ConfigError, SurveyError
+from plnerf.line.frame import LineFrame
+
+MapClass = Literal["road", "rail", "water", "building"]
+CLASSES: tuple[MapClass, ...] = get_args(MapClass)
+WIDTH_M: dict[MapClass, float] = {"road": 6.0, "rail": 3.0, "water": 2.0, "building": 1.0}
+"""Of what the map has as a line or a point and without a `width_m`."""
+EXTRA = 'pip install "plnerf[gis]"'
+Flat = Float[np.ndarray, "n 2"]
+
+
+@dataclass(frozen=True)
+class MapObject:
+    """One object in plan."""
+
+    kind: MapClass
+    shape: Any
+    """A shapely geometry with an area; LineFrame, metres."""
+
+
+def check_maps(paths: Sequence[Path]) -> None:
+    """Raises ConfigError where a map is missing, or the extra that reads them: before a line is surveyed."""
+    for path in paths:
+        if not path.is_file():
+            raise ConfigError(
+                f"There is no map {path}. Give a GeoJSON, a GeoPackage or another map that GDAL reads."
+            )
+    if paths and (find_spec("pyogrio") is None or find_spec("shapely") is None):
+        raise ConfigError(f"Maps are read by pyogrio and shapely, which are not installed. Install: {EXTRA}.")
+
+
+def read_objects(paths: Sequence[Path], field: str, frame: LineFrame) -> list[MapObject]:
+    """The objects of some maps.  field: the attribute that holds the class of each.
+
+    Lines and points are widened to their attribute `width_m`, or to `WIDTH_M`.  Raises ConfigError for maps
+    that cannot be read, have no such attribute or none of `CLASSES` in it, or without the extra; SurveyError
+    for a survey whose place on the earth is not known.
+    """
+    if not paths:
+        return []
+    if frame.crs is None:
+        raise SurveyError(
+            f"The map {paths[0]} cannot be laid over the survey, whose coordinate reference system is not "
+            "known. Give the photos' positions or the cloud's CRS, or leave the map out."
+        )
+    return [one for path in paths for one in _of_file(path, field, frame)]
+
+
+def _of_file(path: Path, field: str, frame: LineFrame) -> list[MapObject]:
+    import pyogrio
+
+    try:
+        layers = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
+        contents = [pyogrio.raw.read(path, layer=layer) for layer in layers]
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+        raise ConfigError(f"The map {path} cannot be read ({error}).") from error
+    found = [one for content in contents for one in _of_layer(path, content, field, frame)]
+    if not found:
+        raise ConfigError(
+            f"The map {path} has no object whose attribute {field!r} is {', '.join(CLASSES)}. Name the "
+            "attribute that says what they are: --rules.object-field."
+        )
+    return found
+
+
+def _of_layer(path: Path, content: Any, field: str, frame: LineFrame) -> list[MapObject]:
+    import shapely
+
+    meta, _, geometry, columns = content
+    names = [str(name) for name in meta["fields"]]
+    if field not in names:
+        return []
+    if meta["crs"] is None:
+        raise ConfigError(
+            f"The map {path} states no coordinate reference system. Give it one (ogr2ogr -a_srs)."
+        )
+    to_line = _onto(frame, str(meta["crs"]), path)
+    widths = columns[names.index("width_m")] if "width_m" in names else np.full(len(geometry), np.nan)
+    found = []
+    for wkb, kind, width in zip(geometry, columns[names.index(field)], widths, strict=True):
+        name = str(kind).strip().lower()
+        if name not in CLASSES or wkb is None:
+            continue
+        shape = shapely.transform(shapely.force_2d(shapely.from_wkb(wkb)), to_line)
+        if not shape.area:
+            known = width is not None and np.isfinite(width) and width > 0
+            half = (float(width) if known else WIDTH_M[name]) / 2
+            shape = shapely.buffer(shape, half, cap_style="flat" if shape.length else "round")
+        if not shape.is_empty:
+            shapely.prepare(shape)
+            found.append(MapObject(name, shape))
+    return found
+
+
+def _onto(frame: LineFrame, crs: str, path: Path) -> Callable[[Flat], Flat]:
+    """From a map's coordinates to the LineFrame, in plan."""
+    world = CRS.from_user_input(frame.crs)
+    origin = frame.origin_lon_lat_height
+    try:
+        to_world = Transformer.from_crs(
+            horizontal(CRS.from_user_input(crs)), "EPSG:4326" if origin is not None else horizontal(world),
+            always_xy=True,
+        )  # fmt: skip
+    except CRSError as error:
+        raise ConfigError(f"The map {path} is in the CRS {crs[:80]!r}, which is not known.") from error
+
+    def onto(xy: Flat) -> Flat:
+        flat = np.stack(to_world.transform(xy[:, 0], xy[:, 1]), 1)
+        if origin is None:
+            placed = np.column_stack([flat, np.full(len(flat), frame.origin_world[2])])
+        else:
+            longitude, latitude, height = (float(value) for value in origin)
+            level = np.column_stack([flat, np.full(len(flat), height)])
+            placed = LocalFrame(GEOGRAPHIC, (longitude, latitude, height)).to_local(level)
+        if not np.isfinite(placed).all():
+            raise ConfigError(f"The map {path} has coordinates that its CRS cannot have ({crs[:80]}).")
+        line: Flat = frame.from_world(placed)[:, :2]
+        return line
+
+    return onto
