@@ -33,6 +33,7 @@ FLOORS = {
     "synth": 6,
     "survey": 6,
     "export": 7,
+    "change": 7,
     "report": 7,
     "score": 7,
     "doctor": 7,

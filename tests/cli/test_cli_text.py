@@ -24,6 +24,7 @@ COMMANDS = (
     "synth",
     "hang",
     "survey",
+    "change",
     "score",
     "doctor",
     "bench",

@@ -1,8 +1,8 @@
 """The command line.  Each subcommand is one call; whatever is heavy is imported where it is used.
 
 Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 3 where the
-doctor finds a scene not usable for wires, or a survey no wire, 70 on a defect of plnerf (one paragraph that
-names a crash report), 130 on Ctrl-C, 143 on SIGTERM.
+doctor finds a scene not usable for wires, a survey no wire, or a comparison of surveys a change, 70 on a
+defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 143 on SIGTERM.
 """
 
 import os
@@ -18,6 +18,7 @@ import tyro
 
 from plnerf.bench.config import SPAN_PRESETS, for_the_span
 from plnerf.cli.capture import capture, reconstruct, synth
+from plnerf.cli.change import change
 from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
@@ -29,7 +30,8 @@ from plnerf.terminal import Terminal, one_line
 from plnerf.train.config import Settings
 
 COMMANDS: tuple[Callable[..., Any], ...] = (
-    demo, capture, reconstruct, train, eval, render, synth, hang, survey, score, doctor, bench, compare,
+    demo, capture, reconstruct, train, eval, render, synth, hang, survey, change, score, doctor, bench,
+    compare,
 )  # fmt: skip
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70

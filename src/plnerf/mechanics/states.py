@@ -5,7 +5,7 @@ temperature, a survey has no states, and a finding says what is missing.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -44,9 +44,21 @@ def compute_states(
     missing, without a conductor, a temperature or the extra.  Raises ConfigError and SurveyError for
     conductors and states that cannot be.
     """
+    return compute_loads(lines, temperature_c, config, None)
+
+
+def compute_loads(
+    lines: Sequence[Line],
+    temperature_c: float | None,
+    config: MechanicsConfig,
+    loads: Sequence[Load] | None,
+) -> tuple[States | None, tuple[Finding, ...]]:
+    """`compute_states` under given loads, in place of those of the settings."""
     given = _given(temperature_c, config)
     if isinstance(given, Finding):
         return None, (given,)
+    if loads is not None:
+        given = replace(given, table=replace(given.table, loads=tuple(loads)))
     found = [
         (one, given.conductors[one.wires[0].kind])
         for line in lines
