@@ -348,6 +348,21 @@ def test_wires_without_a_state_are_named_with_the_reason() -> None:
     assert "beyond structure 2 (suspension)" in texts
 
 
+def test_a_state_that_no_tension_answers_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where tensions may not change by more than 0.1 %: those of a span with next to no sag do not."""
+    from plnerf.mechanics import change
+
+    monkeypatch.setattr(change, "MOST_RATIO", 1.001)
+    line = line_of((0, 20.0), (150, 20.0), (400, 20.0), sags=[1.5, 4.17], kind="strain")
+    first, second = line.spans
+    taut = replace(line, spans=(replace(first, wires=(_with_p(first.wires[0], 1e9),)), second))
+    found, findings = compute_states([taut], 20.0, MechanicsConfig(ALST))
+    assert found is not None
+    assert [[one.wire for one in state.wires] for state in found.states] == [[1], [1], [1]]
+    texts = [one.text for one in findings if "No tension answers the state" in one.text]
+    assert len(texts) == 3 and texts[0].startswith("Wire 2: No tension answers the state '50 °C' (50 °C)")
+
+
 def test_structures_named_strain_end_a_section(tmp_path: Path) -> None:
     line = line_of((0, 20.0), (150, 20.0), (400, 20.0), sags=[1.5, 4.17])
     path = tmp_path / "s.toml"

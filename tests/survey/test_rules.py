@@ -10,7 +10,7 @@ import pytest
 from pyproj import Transformer
 from tests.support.states import HOT
 
-from plnerf.errors import ConfigError, SurveyError
+from plnerf.errors import ConfigError
 from plnerf.line.cloud import BUILDING, GROUND, HIGH_VEGETATION, Cloud
 from plnerf.line.ends import Attached, Quantity
 from plnerf.line.frame import LineFrame
@@ -238,8 +238,11 @@ def test_what_is_wrong_with_a_map_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"There is no map .*none.gpkg"):
         judged(tmp_path, rules, objects=(tmp_path / "none.gpkg",))
     nowhere = replace(survey(), frame=replace(FRAME, crs=None))
-    with pytest.raises(SurveyError, match=r"cannot be laid over the survey, whose coordinate"):
-        judged(tmp_path, rules, nowhere, objects=(path,))
+    path = write_map(tmp_path / "good.gpkg", 25832)
+    config = RulesConfig(tmp_path / "rules.toml", 110.0, (path,))
+    report, findings = judge_rules(nowhere, ClearanceConfig(), config)  # what took minutes is not lost
+    assert report is not None and not report.judged
+    assert f"{path} cannot be laid over the survey, whose coordinate" in findings[0].text
 
 
 def test_rows_for_an_area_count_where_it_is_named(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.ends import Attached, Quantity
 from plnerf.line.line import Line
@@ -41,8 +42,8 @@ def compute_states(
     """The states of a line's wires, and what a reader must know of them.
 
     temperature_c: of the conductors at the survey, if it is given.  None, and a finding that says what is
-    missing, without a conductor, a temperature or the extra.  Raises ConfigError and SurveyError for
-    conductors and states that cannot be.
+    missing, without a conductor, a temperature or the extra; a finding names wires that no tension answers
+    a state of.  Raises ConfigError for conductors and states that cannot be.
     """
     return compute_loads(lines, temperature_c, config, None)
 
@@ -65,13 +66,19 @@ def compute_loads(
         for one in sections(line, given.table.strain)
         if one.wires[0].kind in given.conductors
     ]
-    states = tuple(
-        State(load, tuple(wire for one, of in found for wire in _wire_states(one, of, load, given)))
-        for load in given.table.loads
-    )
+    states, unanswered = [], []
+    for load in given.table.loads:
+        wires: list[WireState] = []
+        for one, of in found:
+            try:
+                wires += _wire_states(one, of, load, given)
+            except SurveyError as error:  # of one section: the others have theirs
+                ids = _listed([str(wire.id) for wire in one.wires])
+                unanswered.append(harms(KIND, f"Wire{'s' * (len(one.wires) > 1)} {ids}: {error}"))
+        states.append(State(load, tuple(wires)))
     made_of = tuple((str(kind), f"{of.name} ({of.source})") for kind, of in given.conductors.items())
-    made = States(states, given.temperature_c, given.temperature_from, made_of)
-    return made, _findings(lines, [one for one, _ in found], given)
+    made = States(tuple(states), given.temperature_c, given.temperature_from, made_of)
+    return made, (*_findings(lines, [one for one, _ in found], given), *unanswered)
 
 
 def _given(temperature_c: float | None, config: MechanicsConfig) -> _Given | Finding:

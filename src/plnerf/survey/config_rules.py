@@ -45,7 +45,7 @@ class RulesConfig:
         from plnerf.survey.rule_file import load_matrix  # bring NumPy
 
         load_matrix(self.matrix).number_of(self.kv)
-        check_maps(self.objects)
+        check_maps(self.objects, self.object_field)
 
     @property
     def kv(self) -> float:

@@ -37,8 +37,9 @@ class MapObject:
     """A shapely geometry with an area; LineFrame, metres."""
 
 
-def check_maps(paths: Sequence[Path]) -> None:
-    """Raises ConfigError where a map is missing, or the extra that reads them: before a line is surveyed."""
+def check_maps(paths: Sequence[Path], field: str) -> None:
+    """Raises ConfigError for maps that `read_objects` would refuse, before a line is surveyed: where one is
+    missing or cannot be read, or the extra is missing that reads them."""
     for path in paths:
         if not path.is_file():
             raise ConfigError(
@@ -46,14 +47,16 @@ def check_maps(paths: Sequence[Path]) -> None:
             )
     if paths and (find_spec("pyogrio") is None or find_spec("shapely") is None):
         raise ConfigError(f"Maps are read by pyogrio and shapely, which are not installed. Install: {EXTRA}.")
+    for path in paths:
+        _layers(path, field)
 
 
 def read_objects(paths: Sequence[Path], field: str, frame: LineFrame) -> list[MapObject]:
     """The objects of some maps.  field: the attribute that holds the class of each.
 
     Lines and points are widened to their attribute `width_m`, or to `WIDTH_M`.  Raises ConfigError for maps
-    that cannot be read, have no such attribute or none of `CLASSES` in it, or without the extra; SurveyError
-    for a survey whose place on the earth is not known.
+    that cannot be read, have no such attribute or none of `CLASSES` in it; SurveyError for a survey whose
+    place on the earth is not known.
     """
     if not paths:
         return []
@@ -65,15 +68,26 @@ def read_objects(paths: Sequence[Path], field: str, frame: LineFrame) -> list[Ma
     return [one for path in paths for one in _of_file(path, field, frame)]
 
 
-def _of_file(path: Path, field: str, frame: LineFrame) -> list[MapObject]:
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """The objects of a layer of a map that have one of the classes."""
+
+    crs: str
+    kinds: tuple[MapClass, ...]
+    wkb: tuple[bytes, ...]
+    widths_m: tuple[float, ...]
+
+
+def _layers(path: Path, field: str) -> list[_Layer]:
+    """All layers of a map that hold some."""
     import pyogrio
 
     try:
-        layers = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
-        contents = [pyogrio.raw.read(path, layer=layer) for layer in layers]
+        names = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
+        contents = [pyogrio.raw.read(path, layer=name) for name in names]
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
         raise ConfigError(f"The map {path} cannot be read ({error}).") from error
-    found = [one for content in contents for one in _of_layer(path, content, field, frame)]
+    found = [layer for content in contents if (layer := _layer(path, content, field)) is not None]
     if not found:
         raise ConfigError(
             f"The map {path} has no object whose attribute {field!r} is {', '.join(CLASSES)}. Name the "
@@ -82,32 +96,49 @@ def _of_file(path: Path, field: str, frame: LineFrame) -> list[MapObject]:
     return found
 
 
-def _of_layer(path: Path, content: Any, field: str, frame: LineFrame) -> list[MapObject]:
-    import shapely
-
+def _layer(path: Path, content: Any, field: str) -> _Layer | None:
     meta, _, geometry, columns = content
     names = [str(name) for name in meta["fields"]]
     if field not in names:
-        return []
+        return None
+    classes = [str(kind).strip().lower() for kind in columns[names.index(field)]]
+    widths = columns[names.index("width_m")] if "width_m" in names else [None] * len(classes)
+    rows = [
+        (kind, wkb, _width(kind, width))
+        for kind, wkb, width in zip(classes, geometry, widths, strict=True)
+        if kind in CLASSES and wkb is not None
+    ]
+    if not rows:
+        return None
     if meta["crs"] is None:
         raise ConfigError(
             f"The map {path} states no coordinate reference system. Give it one (ogr2ogr -a_srs)."
         )
-    to_line = _onto(frame, str(meta["crs"]), path)
-    widths = columns[names.index("width_m")] if "width_m" in names else np.full(len(geometry), np.nan)
+    kinds, shapes, metres = zip(*rows, strict=True)
+    return _Layer(str(meta["crs"]), kinds, shapes, metres)
+
+
+def _width(kind: MapClass, width: Any) -> float:
+    try:
+        value = float(width)
+    except (TypeError, ValueError):  # none, or a text
+        return WIDTH_M[kind]
+    return value if np.isfinite(value) and value > 0 else WIDTH_M[kind]
+
+
+def _of_file(path: Path, field: str, frame: LineFrame) -> list[MapObject]:
+    import shapely
+
     found = []
-    for wkb, kind, width in zip(geometry, columns[names.index(field)], widths, strict=True):
-        name = str(kind).strip().lower()
-        if name not in CLASSES or wkb is None:
-            continue
-        shape = shapely.transform(shapely.force_2d(shapely.from_wkb(wkb)), to_line)
-        if not shape.area:
-            known = width is not None and np.isfinite(width) and width > 0
-            half = (float(width) if known else WIDTH_M[name]) / 2
-            shape = shapely.buffer(shape, half, cap_style="flat" if shape.length else "round")
-        if not shape.is_empty:
-            shapely.prepare(shape)
-            found.append(MapObject(name, shape))
+    for layer in _layers(path, field):
+        to_line = _onto(frame, layer.crs, path)
+        for kind, wkb, width in zip(layer.kinds, layer.wkb, layer.widths_m, strict=True):
+            shape = shapely.transform(shapely.force_2d(shapely.from_wkb(wkb)), to_line)
+            if not shape.area:
+                shape = shapely.buffer(shape, width / 2, cap_style="flat" if shape.length else "round")
+            if not shape.is_empty:
+                shapely.prepare(shape)
+                found.append(MapObject(kind, shape))
     return found
 
 

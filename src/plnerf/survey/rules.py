@@ -12,7 +12,7 @@ judged too, whatever states a row is for.
 
 from collections.abc import Sequence
 
-from plnerf.errors import ConfigError
+from plnerf.errors import ConfigError, SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.rules import Judged, NotJudged, Rule, RuleReport, verdict_of
 from plnerf.line.states import SURVEYED
@@ -33,12 +33,13 @@ def judge_rules(
 ) -> tuple[RuleReport | None, tuple[Finding, ...]]:
     """The verdicts of a matrix on a survey; None where none is given.
 
-    Raises ConfigError and SurveyError for a voltage that is not the matrix's, and maps that cannot be used.
+    Raises ConfigError for a voltage that is not the matrix's, areas that it does not know, and maps that
+    cannot be read.
     """
     if config.matrix is None:
         return None, ()
     matrix, kv = load_matrix(config.matrix), config.kv
-    maps = read_objects(config.objects, config.object_field, survey.frame)
+    maps, unplaced = _maps(survey, config)
     rules, not_judged = _applicable(matrix, kv, survey, config)
     states = rule_states(survey)
     lower_m = {one.object: one.required_m for one in rules if one.direction == "vertical"}
@@ -58,7 +59,15 @@ def judge_rules(
         matrix.name, matrix.source, matrix.date, kv, matrix.caveats, tuple(rules), tuple(judged),
         tuple(sorted(not_judged, key=lambda one: one.rule)), _counts(maps),
     )  # fmt: skip
-    return report, _findings(report)
+    return report, (*unplaced, *_findings(report))
+
+
+def _maps(survey: Survey, config: RulesConfig) -> tuple[list[MapObject], list[Finding]]:
+    """The maps' objects; none, and a finding, where they cannot be laid over the survey."""
+    try:
+        return read_objects(config.objects, config.object_field, survey.frame), []
+    except SurveyError as error:
+        return [], [harms(KIND, str(error))]
 
 
 def _applicable(
