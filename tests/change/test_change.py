@@ -27,6 +27,8 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.mechanics.config import MechanicsConfig
 from plnerf.mechanics.states import compute_loads
+from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config_ground import ClearanceConfig
 
 ALST = Path("243-al1-39-st1a")
 TURN = surveys.turned(37.0)
@@ -148,6 +150,26 @@ def test_thirty_degrees_are_found_within_their_interval_and_explained() -> None:
     wrong = [one.standing for one in cold.sags if one.a in phases]
     assert set(wrong) == {"different"}
     assert all(one.standing in {"different", "within the uncertainties"} for one in cold.clearances)
+
+
+def measured(survey: Survey) -> Survey:
+    found, _ = measure_clearances(survey, ClearanceConfig())
+    return replace(survey, clearances=found)
+
+
+def test_a_clearance_that_a_warm_wire_lost_is_explained_by_its_wire() -> None:
+    """What is below is the same: the wire's own movement makes the difference."""
+    pytest.importorskip("mechaphlowers", reason="plnerf[mechanics] is not installed")
+    found = compare_surveys(measured(first()), measured(warmer(first(), 60.0)), ALST)
+    phases = {wire.id for wire in first().wires if wire.kind == "phase"}
+    down = [one for one in found.clearances if one.to == "ground" and one.a in phases]
+    assert len(down) == len(phases) and found.different == 0
+    for one in down:
+        assert one.difference_m.value < -0.1 and one.standing == "explained by temperature"
+        assert one.by_wire_m == pytest.approx(one.difference_m.value, abs=0.03)
+        assert abs(one.by_object_m.value) < 0.03
+    others = [one for one in found.clearances if one.a not in phases]
+    assert {one.standing for one in others} == {"within the uncertainties"}
 
 
 def test_without_temperatures_sags_are_stated_and_not_judged() -> None:
