@@ -157,7 +157,8 @@ def _onto(frame: LineFrame, crs: str, path: Path) -> Callable[[Flat], Flat]:
     def onto(xy: Flat) -> Flat:
         flat = np.stack(to_world.transform(xy[:, 0], xy[:, 1]), 1)
         if origin is None:
-            placed = np.column_stack([flat, np.full(len(flat), frame.origin_world[2])])
+            z = float(frame.to_world(np.zeros((1, 3)))[0, 2])
+            placed = np.column_stack([flat, np.full(len(flat), z)])
         else:
             longitude, latitude, height = (float(value) for value in origin)
             level = np.column_stack([flat, np.full(len(flat), height)])
