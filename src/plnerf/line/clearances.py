@@ -101,6 +101,17 @@ class WireClearance:
 
 
 @dataclass(frozen=True, eq=False)
+class Possible:
+    """What may come nearer to a wire than anything that enough images show."""
+
+    place: Place
+    seen: int
+    """How many images see something there."""
+    past: int
+    """How many see past it, as if nothing were there."""
+
+
+@dataclass(frozen=True, eq=False)
 class Crossing:
     """Where a wire of one line passes over a wire of another."""
 
@@ -130,6 +141,9 @@ class Clearances:
     crossings: tuple[Crossing, ...] = ()
     """Of wires of different lines, the nearest to each other first.  A requirement applies to none of them:
     what lines must keep from each other is another rule."""
+    possible: tuple[Possible, ...] = ()
+    """Things that would be the nearest to a wire if they were there, the nearest first.  They have no
+    verdict."""
 
     def verdict(self, place: Place) -> Verdict | None:
         """None where nothing is required: of shield wires, and of what the requirement does not apply to."""

@@ -11,6 +11,8 @@ SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE = 13, 14, 15, 16, 18
 """Classes of LAS 1.4 (ASPRS)."""
 NO_WIRE = 0
 """Wire id of points on no wire; wires count from 1."""
+NOT_JUDGED = -1
+"""In place of a number of images, of points that are not judged by what images see."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,11 @@ class Cloud:
     """Standard deviation of the place."""
     attributes: Attributes | None = None
     """Of clouds out of LAS files."""
+    seen: Int[np.ndarray, " n"] | None = None
+    """Of clouds from images, how many images see a thing where the point is; NOT_JUDGED of ground, wires and
+    structures."""
+    past: Int[np.ndarray, " n"] | None = None
+    """How many see past it, likewise."""
 
     @classmethod
     def empty(cls) -> "Cloud":

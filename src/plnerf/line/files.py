@@ -15,7 +15,16 @@ import numpy as np
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding
 from plnerf.line.base import Base
-from plnerf.line.clearances import GROUPS, Clearances, Crossing, Place, Profile, Requirement, WireClearance
+from plnerf.line.clearances import (
+    GROUPS,
+    Clearances,
+    Crossing,
+    Place,
+    Possible,
+    Profile,
+    Requirement,
+    WireClearance,
+)
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 from plnerf.line.frame import LineFrame
@@ -32,8 +41,9 @@ from plnerf.scene.whole_result import finish_exchange
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
 SURVEY_VERSION = 6
-"""5 had no other states and no clearances by rule; 4 named a wire's lowest point differently; 3 had no
-crossings; 2 had conductors in place of lines, and no frame; 1 was written before conductors were fitted."""
+"""5 had no possible obstacles, coverage, other states and clearances by rule; 4 named a wire's lowest point
+differently; 3 had no crossings; 2 had conductors in place of lines, and no frame; 1 was written before
+conductors were fitted."""
 WIRES_VERSION = 1
 
 
@@ -269,6 +279,7 @@ def _clearances_row(found: Clearances) -> dict[str, Any]:
             for one in found.wires
         ],
         "crossings": [asdict(one) for one in found.crossings],
+        "possible": [asdict(one) for one in found.possible],
     }
 
 
@@ -288,6 +299,7 @@ def _clearances(row: Mapping[str, Any]) -> Clearances:
             Crossing(**(one | {key: _array(one[key], 3) for key in ("on_upper", "on_lower")}))
             for one in row["crossings"]
         ),
+        tuple(Possible(_place(one["place"]), one["seen"], one["past"]) for one in row["possible"]),
     )  # fmt: skip
 
 

@@ -28,6 +28,20 @@ class Picture:
 
 
 @dataclass(frozen=True, eq=False)
+class Crop:
+    """The part of a photo around a possible obstacle."""
+
+    of: int
+    """Index of the obstacle in `Clearances.possible`."""
+    name: str
+    rgb: UInt8[np.ndarray, "h w 3"]
+    at: Float[np.ndarray, "2"]
+    """Pixels of the obstacle in it."""
+    wire: Float[np.ndarray, "2"]
+    """Pixels of the wire where the obstacle is nearest to it."""
+
+
+@dataclass(frozen=True, eq=False)
 class WirePoints:
     """n points on wires that a trained field shows, whatever the curves are; LineFrame."""
 
@@ -67,6 +81,7 @@ class Survey:
     wire_points: WirePoints | None = None
     """None: there is no field."""
     pictures: tuple[Picture, ...] = ()
+    crops: tuple[Crop, ...] = ()
     from_images: bool = False
     """Whether the cloud's points come from images rather than a laser."""
 

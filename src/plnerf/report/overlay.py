@@ -54,19 +54,24 @@ def shown_picture(picture: Picture, wires: Sequence[Wire]) -> Shown:
     if width > PICTURE_PX:
         size = (PICTURE_PX, max(1, round(height * PICTURE_PX / width)))
         drawn = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(
-        ".jpg", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    )
     inside = [
         wire.id
         for wire, line in zip(wires, picture.wires, strict=True)
         if ((line >= 0) & (line <= [width, height])).all(1).any()
     ]
     return Shown(
-        f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}",
+        jpeg_url(drawn),
         drawn.shape[1], drawn.shape[0],
         f"{picture.name}: {wires_named(inside) if inside else 'no wire'}",
     )  # fmt: skip
+
+
+def jpeg_url(picture: UInt8[np.ndarray, "h w 3"]) -> str:
+    """The picture itself, as a page holds it."""
+    _, data = cv2.imencode(
+        ".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    )
+    return f"data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}"
 
 
 def overlay(

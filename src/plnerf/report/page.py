@@ -17,6 +17,7 @@ from plnerf.report.nearest import by_need, check_parts
 from plnerf.report.overlay import shown_picture
 from plnerf.report.page_tables import cards, clearance_tables, protocol, wire_tables
 from plnerf.report.plan import plan
+from plnerf.report.possible_view import possible_crops, possible_table
 from plnerf.report.profile import profiles
 from plnerf.report.rule_table import rule_summary, rule_tables
 from plnerf.report.scene_view import view
@@ -70,6 +71,8 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         spans=span_table(survey),
         drawings=profiles(survey, rows),
         clearances=clearance_tables(survey, rows),
+        possible=possible_table(survey),
+        crops=possible_crops(survey),
         crossings=crossing_table(survey),
         unscaled=survey.frame.unit == "unscaled",
         states=state_tables(survey),

@@ -32,11 +32,19 @@ from plnerf.survey.config_ground import ClearanceConfig, ObstacleConfig
 from plnerf.survey.crossings import find_crossings, variance_towards
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import CLASSES, NO_THING, Nearest, beside, nearest_along, obstacles, stations
+from plnerf.survey.possible import about_possible, find_possible, possible_points
 from plnerf.survey.thresholds import AboveTableError, requirement
 
 STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
 REQUIRED = "required clearance"
 """Kinds of findings.  The first says at what load and temperature sag and clearances hold."""
+OBSTACLES: dict[Group, str] = {
+    "ground": "ground",
+    "vegetation": "vegetation",
+    "structures": "buildings",
+    "other": "other things",
+}
+"""In words; the structures of the line itself are none."""
 _Indices = dict[Group, Int[np.ndarray, " _"]]
 
 
@@ -59,10 +67,17 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
         above = [harms(REQUIRED, f"Nothing is judged. {error}")]
     found = obstacles(survey, config.obstacles)
     shared = _shared(survey)
-    wires = tuple(
-        _measure(span, wire, survey.cloud, found, shared, config) for span, wire in survey.wires_by_span()
-    )
-    clearances = Clearances(wires, required, crossings=find_crossings(survey))
+    by_span = tuple(survey.wires_by_span())
+    wires = tuple(_measure(span, wire, survey.cloud, found, shared, config) for span, wire in by_span)
+    doubted = possible_points(survey, config)
+    maybe = [
+        place
+        for span, wire in by_span
+        for group, near in _near(wire, survey.cloud, doubted, shared, config).items()
+        for place in _places(span, wire, survey.cloud, group, near, config)
+    ]
+    possible = find_possible(survey, wires, maybe, config)
+    clearances = Clearances(wires, required, crossings=find_crossings(survey), possible=possible)
     return clearances, (*above, *_findings(survey, found, clearances, config.obstacles))
 
 
@@ -72,19 +87,29 @@ def _shared(survey: Survey) -> set[int]:
     return {id_ for id_ in ids if ids.count(id_) > 1}
 
 
-def _measure(
-    span: Span, wire: Wire, cloud: Cloud, found: _Indices, shared: set[int], config: ClearanceConfig
-) -> WireClearance:
-    """shared: structures outside of whose bends things may be beside no wire, but beyond the ends of two."""
-    at = stations(wire, config.station_m)
-    points, sigma = wire.points(at), wire.sigma_at(at)
-    reach_m = config.obstacles.reach_m
+def _near(
+    wire: Wire, cloud: Cloud, found: _Indices, shared: set[int], config: ClearanceConfig
+) -> dict[Group, Nearest]:
+    """Of each group what is nearest beside the wire's stations.
+
+    shared: structures outside of whose bends things may be beside no wire, but beyond the ends of two.
+    """
+    at, reach_m = stations(wire, config.station_m), config.obstacles.reach_m
     first, last = (
         reach_m if cloud.sigma_m is None or (isinstance(end, Attached) and end.structure in shared) else 0.0
         for end in wire.ends
     )
-    beyond_m = (first, last)
-    near = {group: nearest_along(wire, at, cloud.xyz, found[group], reach_m, beyond_m) for group in GROUPS}
+    return {
+        group: nearest_along(wire, at, cloud.xyz, found[group], reach_m, (first, last)) for group in GROUPS
+    }
+
+
+def _measure(
+    span: Span, wire: Wire, cloud: Cloud, found: _Indices, shared: set[int], config: ClearanceConfig
+) -> WireClearance:
+    at = stations(wire, config.station_m)
+    points, sigma = wire.points(at), wire.sigma_at(at)
+    near = _near(wire, cloud, found, shared, config)
     ground_z, ground_sigma = ground_under(wire, at, cloud.xyz, found["ground"], cloud.sigma_m, config.ground)
     profile = Profile(
         wire=wire.id,
@@ -179,11 +204,15 @@ def _findings(
                 "The cloud states no standard deviations: those of the clearances hold the wire's part only.",
             )
         )
-    findings += _left_out(survey.cloud, found, config)
-    absent = ["other things" if group == "other" else group for group in GROUPS if not len(found[group])]
+    findings += [*about_possible(clearances.possible), *_left_out(survey.cloud, found, config)]
+    absent = [OBSTACLES[group] for group in GROUPS if not len(found[group])]
     if absent:
         findings.append(
-            note(KIND, f"No points of the cloud count as {', '.join(absent)}: nothing is known of these.")
+            note(
+                KIND,
+                f"The cloud has no points of {', '.join(absent)} as obstacles to the wires: no distance to "
+                "these is stated, which does not mean that there are none.",
+            )
         )
     counts = np.bincount(survey.cloud.label, minlength=256)
     noise = [f"{counts[code]:,} of class {code}" for code in NO_THING if counts[code]]

@@ -121,6 +121,11 @@ class ObstacleConfig:
     """Other points this near to a wire belong to it: spacers, dampers, and what was not labelled as wire."""
     reach_m: float = 50.0
     """Horizontal distance from the wire within which obstacles are searched."""
+    min_seen: int = 3
+    """Images that must see a thing where a point of a cloud from images is, and more than see past it: two
+    images of a pair make the same mistake.  Other points are possible obstacles, listed apart."""
+    max_possible: int = 8
+    """Possible obstacles that are listed, the nearest to a wire first."""
 
     def __post_init__(self) -> None:
         if not self.reach_m > 0 or min(self.support_m, self.plant_support_m, self.own_m) < 0:
@@ -128,6 +133,11 @@ class ObstacleConfig:
                 "Obstacles need reach_m > 0, and support_m, plant_support_m and own_m of 0 or more, but got "
                 f"reach_m={self.reach_m}, support_m={self.support_m}, "
                 f"plant_support_m={self.plant_support_m}, own_m={self.own_m}."
+            )
+        if self.min_seen < 1 or self.max_possible < 0:
+            raise ConfigError(
+                "Obstacles need min_seen >= 1 and max_possible >= 0, but got "
+                f"{self.min_seen} and {self.max_possible}."
             )
         if not self.max_sigma_m > 0:
             raise ConfigError(f"Obstacles need max_sigma_m > 0, but got {self.max_sigma_m}.")

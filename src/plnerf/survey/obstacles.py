@@ -21,9 +21,11 @@ from plnerf.line.cloud import (
     HIGH_VEGETATION,
     LOW_VEGETATION,
     NO_WIRE,
+    NOT_JUDGED,
     SHIELD,
     TOWER,
     VEGETATION,
+    Cloud,
 )
 from plnerf.line.polylines import onto_segments
 from plnerf.line.survey import Survey
@@ -63,7 +65,8 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         f"standard deviations also points of more than {config.max_sigma_m:g} m, vegetation within "
         f"{config.plant_support_m:g} m of a structure's foot or a wire's end, and what lies beyond the ends "
         "of a wire rather than beside it, which may be a structure that is not seen, but not where the line "
-        "goes on in another span",
+        "goes on in another span; in clouds from images also what fewer than "
+        f"{config.min_seen} images see, or no more than see past it: that is listed as possible",
     }
 
 
@@ -79,8 +82,22 @@ class Nearest:
     """Where on the wire it is nearest."""
 
 
-def obstacles(survey: Survey, config: ObstacleConfig) -> dict[Group, Int[np.ndarray, " _"]]:
-    """Indices of the points that count, by group; `rules` describes them in words."""
+def is_shown(cloud: Cloud, config: ObstacleConfig) -> Bool[np.ndarray, " n"]:
+    """Which points enough images see; all where a cloud does not come from images."""
+    if cloud.seen is None or cloud.past is None:
+        return np.ones(len(cloud.xyz), np.bool_)
+    enough: Bool[np.ndarray, " n"] = (cloud.seen >= config.min_seen) & (cloud.seen > cloud.past)
+    return enough | (cloud.seen == NOT_JUDGED)
+
+
+def obstacles(
+    survey: Survey, config: ObstacleConfig, *, possible: bool = False
+) -> dict[Group, Int[np.ndarray, " _"]]:
+    """Indices of the points that count, by group; `rules` describes them in words.
+
+    possible: those that only too few images see, in their place.
+    """
+    shown = is_shown(survey.cloud, config) != possible
     cloud, all_wires = survey.cloud, survey.wires
     places = [one.foot[:2] for one in survey.structures]
     places += [end[:2] for wire in all_wires for end in wire.points(np.array([0.0, wire.base.length_m]))]
@@ -89,7 +106,7 @@ def obstacles(survey: Survey, config: ObstacleConfig) -> dict[Group, Int[np.ndar
     found: dict[Group, Int[np.ndarray, " _"]] = {}
     for group in GROUPS:
         counts = np.isin(np.arange(256), CLASSES[group])
-        counted = counts[cloud.label] & (cloud.wire == NO_WIRE)
+        counted = counts[cloud.label] & (cloud.wire == NO_WIRE) & shown
         if cloud.sigma_m is not None:
             counted &= cloud.sigma_m <= config.max_sigma_m
         index = np.flatnonzero(counted)

@@ -31,6 +31,7 @@ from plnerf.survey.chains import find_chains, wires_of, with_wires
 from plnerf.survey.classify import classified, ground_of, standing_on
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
+from plnerf.survey.crops import crops_of
 from plnerf.survey.field_surface import field_surface
 from plnerf.survey.kinds import with_kinds
 from plnerf.survey.known_kinds import with_stated
@@ -42,6 +43,7 @@ from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.rules import judge_rules
 from plnerf.survey.span_refits import refine_spans
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
+from plnerf.survey.stereo.witnesses import Sight, with_witnesses
 from plnerf.survey.structure_kinds import with_structure_kinds
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
@@ -122,7 +124,8 @@ def _of_images(
     field, points = rendered or (None, None)
     wires = [wire for wire in found if wire.evidence.certain]
     chains = find_chains(wires, config.spans)
-    surface, findings = stereo_surface(photos, wires, field, config.stereo, parts[0])
+    sights: list[Sight] = []
+    surface, findings = stereo_surface(photos, wires, field, config.stereo, parts[0], sights.append)
     scenery = scenery_of(surface, field, chains, config.supports)
     extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
     refined, residual_px = refine_spans(photos, extents, config.refine, parts[1])
@@ -132,7 +135,7 @@ def _of_images(
     hung = with_wires(hung, with_evidence(wires_of(hung), points, config.evidence))
     hung, before = numbered(hung, hung_between(chains, extents, supports))
     if residual_px > config.refine.loose_poses_px:
-        surface = inflate_sigma(surface, residual_px, config.stereo)
+        surface, sights = inflate_sigma(surface, sights, residual_px, config.stereo)
         findings = (*findings, _loose(residual_px))
     ground = ground_of(surface, wires_of(hung), supports.points, config.classify)
     lines = lines_of(hung, supports, standing_on(ground, supports.seen))
@@ -140,6 +143,7 @@ def _of_images(
     every = [wire for line in lines for wire in line.wires]
     as_detected = [replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)]
     cloud, more = classified(surface, ground, every, supports.points, config.classify)
+    cloud = with_witnesses(cloud, sights, config.stereo.witnesses)
     if not every:
         findings = (why_none(found, photos, surface, config.refine.diameter_m), *findings)
     survey = Survey(
@@ -147,7 +151,9 @@ def _of_images(
         detected=tuple(as_detected), wire_points=points,
         pictures=pictures_of(photos, every, config.pictures), from_images=True,
     )  # fmt: skip
-    return _finished(survey, config)
+    survey = _finished(survey, config)
+    possible = survey.clearances.possible if survey.clearances is not None else ()
+    return replace(survey, crops=crops_of(photos, possible))
 
 
 def _with_heights(photos: Photos, config: SurveyConfig) -> Photos:

@@ -107,6 +107,35 @@ class ConsistencyConfig:
 
 
 @dataclass(frozen=True)
+class WitnessConfig:
+    """Which images see a thing where a point is, and which see past it."""
+
+    window_cells: int = 2
+    """Cells of the kept depth map, two pixels wide each, on every side of the point that are asked: together
+    about as wide as two of the blocks that are matched."""
+    sigmas: float = 3.0
+    """An image sees a thing at the point where the depths differ by no more than so many standard
+    deviations, and what the window is wide."""
+    min_known: float = 0.25
+    """Share of the window that must have depths; with fewer the image is silent there."""
+    min_share: float = 0.1
+    """Share of the window's depths that must lie at the point for it to be seen; to be seen past, as many at
+    most may lie elsewhere than behind it."""
+
+    def __post_init__(self) -> None:
+        if self.window_cells < 0 or not self.sigmas > 0:
+            raise ConfigError(
+                "Witnesses need window_cells >= 0 and sigmas > 0, but got "
+                f"{self.window_cells} and {self.sigmas}."
+            )
+        if not (0 < self.min_known <= 1 and 0 < self.min_share < 0.5):
+            raise ConfigError(
+                "Witnesses need 0 < min_known <= 1 and 0 < min_share < 0.5, but got "
+                f"{self.min_known} and {self.min_share}."
+            )
+
+
+@dataclass(frozen=True)
 class CoarseConfig:
     """How typical distances are measured where no field gives them: by matching reduced images first."""
 
@@ -165,6 +194,7 @@ class StereoConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
     consistency: ConsistencyConfig = field(default_factory=ConsistencyConfig)
     coarse: CoarseConfig = field(default_factory=CoarseConfig)
+    witnesses: WitnessConfig = field(default_factory=WitnessConfig)
 
     def __post_init__(self) -> None:
         if min(self.points, self.most_sharing) < 1 or self.longest_px < 32 or self.wire_samples < 2:

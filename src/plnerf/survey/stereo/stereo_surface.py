@@ -22,6 +22,7 @@ from plnerf.survey.stereo.depth import DepthMap, depth_map
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points
 from plnerf.survey.stereo.partners import joined_partners, partners
 from plnerf.survey.stereo.stereo_views import picture, shows_wires, view_of
+from plnerf.survey.stereo.witnesses import Sight
 from plnerf.survey.surface import Surface, joined
 
 
@@ -31,6 +32,7 @@ def stereo_surface(
     field: Surface | None,
     config: StereoConfig,
     progress: Callable[[int, int], None] | None = None,
+    keep: Callable[[Sight], None] | None = None,
 ) -> tuple[Surface, tuple[Finding, ...]]:
     """Points of stereo at those of `config.points` pixels, drawn evenly from the training images, that have a
     depth, and the field's points on the wires.
@@ -38,6 +40,8 @@ def stereo_surface(
     Without a field the images alone decide, and wires get no points; so they do of how far away things are
     where a field, trained too little, shows it in too few views.  Where the images make no stereo, all of the
     field, or nothing, with a finding.
+
+    keep: takes every image's depth map, by which points can be judged.
     """
     photos = replace(photos, box=box_around(photos.box, wires))  # cameras may fly high above what they show
     views = [view_of(photos, i, config.longest_px) for i in photos.train]
@@ -66,6 +70,8 @@ def stereo_surface(
             there = [picture(photos, photos.train[j], views[j], config.longest_px)[0] for j in others]
             depths = depth_map(mine, there, float(distances[k, -1]), config.match)
             depths.t[shows_wires(view, wires, config)] = np.nan
+            if keep is not None:
+                keep(Sight.of(view, depths))
             at = _pixels(depths, each, random)
             t, rays, sigma = depths.t[at], mine.rays[at], depths.sigma[at]
             pixel = t / float(view.focal_px.mean())
@@ -86,10 +92,13 @@ def stereo_surface(
     return joined([met.chosen(kept), *of_field]), ()
 
 
-def inflate_sigma(surface: Surface, residual_px: float, config: StereoConfig) -> Surface:
-    """The same points, less certain: both images of a pair lie `residual_px` off their poses."""
+def inflate_sigma(
+    surface: Surface, sights: Sequence[Sight], residual_px: float, config: StereoConfig
+) -> tuple[Surface, list[Sight]]:
+    """The same points and depths, less certain: both images of a pair lie `residual_px` off their poses."""
     factor = np.hypot(1.0, np.sqrt(2) * residual_px / config.match.sigma_px)
-    return replace(surface, sigma_m=surface.sigma_m * factor)
+    looser = [replace(one, sigma=one.sigma * np.float32(factor)) for one in sights]
+    return replace(surface, sigma_m=surface.sigma_m * factor), looser
 
 
 def _no_stereo(pairs: str, has_field: bool) -> Finding:

@@ -1,0 +1,91 @@
+"""What may be near to a wire though too few images show it: a table, and parts of photos to judge it by."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from plnerf.line.clearances import Possible
+from plnerf.line.ends import Quantity
+from plnerf.line.survey import Crop, Survey
+from plnerf.report.colours import MARK, rgb
+from plnerf.report.figures import Units
+from plnerf.report.overlay import Shown, jpeg_url
+from plnerf.report.shown import shown
+from plnerf.report.tables import XYZ, Table
+
+CROP_PX = 420
+"""Longer side of a crop in the page, to which it is enlarged or reduced."""
+RING_PX = 22
+"""Radius of the ring around the obstacle: what is inside of it is to be judged."""
+
+
+@dataclass(frozen=True)
+class Looked:
+    """One obstacle's crops, and what they are of."""
+
+    title: str
+    crops: tuple[Shown, ...]
+
+
+def possible_table(survey: Survey) -> Table | None:
+    """A row for each; None without any."""
+    found = survey.clearances.possible if survey.clearances is not None else ()
+    if not found:
+        return None
+    units = Units(survey.frame.unit)
+    rows = [
+        [
+            str(k), one.place.to, str(one.place.wire),
+            units.interval(Quantity(one.place.distance_m, one.place.sigma_m)), str(one.seen), str(one.past),
+            units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_obstacle)),
+        ]
+        for k, one in enumerate(found, 1)
+    ]  # fmt: skip
+    return Table(
+        ["", "to", "wire", *units.heads_95("distance, if it is there"), "images see it", "see past it",
+         *units.heads("at"), f"where {XYZ}"],
+        rows,
+        "Not counted as clearances and without a verdict: too few images see something at the place, or no "
+        "more than see past it. Most such places are wrong matches of the images, but a thin twig can be one "
+        "too.",
+        frozenset({1}),
+    )  # fmt: skip
+
+
+def possible_crops(survey: Survey) -> list[Looked]:
+    """Each obstacle's parts of photos, with a ring around its place and a line from there to the wire."""
+    found = survey.clearances.possible if survey.clearances is not None else ()
+    units = Units(survey.frame.unit)
+    return [
+        Looked(_title(k, one, units), tuple(_shown(crop) for crop in survey.crops if crop.of == k - 1))
+        for k, one in enumerate(found, 1)
+    ]
+
+
+def _title(number: int, one: Possible, units: Units) -> str:
+    return f"{number}: {units.with_unit(one.place.distance_m)} from wire {one.place.wire}, if it is there"
+
+
+def _shown(crop: Crop) -> Shown:
+    height, width = crop.rgb.shape[:2]
+    factor = CROP_PX / max(height, width)
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    interpolation = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    drawn = cv2.resize(crop.rgb, size, interpolation=interpolation).astype(np.uint8)
+    return Shown(jpeg_url(_marked(drawn, crop.at * factor, crop.wire * factor)), *size, crop.name)
+
+
+def _marked(
+    picture: UInt8[np.ndarray, "h w 3"], at: Float[np.ndarray, "2"], wire: Float[np.ndarray, "2"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """With the ring, and the line from it to the wire."""
+    colour, centre = rgb(MARK), tuple(np.round(at - 0.5).astype(int).tolist())
+    cv2.circle(picture, centre, RING_PX, colour, 2, cv2.LINE_AA)
+    towards = wire - at
+    apart = float(np.linalg.norm(towards))
+    if apart > RING_PX and np.abs(wire).max() < 10 * CROP_PX:
+        ends = np.round(np.stack([at + towards * RING_PX / apart, wire]) - 0.5).astype(int).tolist()
+        cv2.line(picture, ends[0], ends[1], colour, 1, cv2.LINE_AA)
+    return picture

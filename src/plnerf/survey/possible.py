@@ -1,0 +1,80 @@
+"""What may be near to a wire, though too few images show it to count: a reader must look at it.
+
+LineFrame, metres.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Int
+
+from plnerf.findings import Finding, harms
+from plnerf.line.clearances import GROUPS, SIGMAS, Group, Place, Possible, WireClearance
+from plnerf.line.survey import Survey
+from plnerf.survey.config_ground import ClearanceConfig
+from plnerf.survey.obstacles import obstacles
+
+POSSIBLE = "possible obstacles"
+"""Kind of the finding."""
+
+
+def possible_points(survey: Survey, config: ClearanceConfig) -> dict[Group, Int[np.ndarray, " _"]]:
+    """Indices of the points that only too few images see, by group; none of clouds that are not of images."""
+    found = obstacles(survey, config.obstacles, possible=True)
+    found["ground"] = found["ground"][:0]  # ground is not judged
+    return found
+
+
+def find_possible(
+    survey: Survey,
+    wires: Sequence[WireClearance],
+    places: Sequence[Place],
+    config: ClearanceConfig,
+) -> tuple[Possible, ...]:
+    """Of the places at points that too few images see, those that would be the nearest to their wire: each
+    thing once, where it is nearest, the nearest first."""
+    cloud = survey.cloud
+    if cloud.seen is None or cloud.past is None:
+        return ()
+    by_wire = {one.wire: one for one in wires}
+    kept: list[Place] = []
+    for place in sorted(places, key=lambda place: place.distance_m):
+        if not _matters(place, by_wire[place.wire]):
+            continue
+        if all(np.linalg.norm(place.on_obstacle - one.on_obstacle) > config.apart_m for one in kept):
+            kept.append(place)
+    found = []
+    for place in kept[: config.obstacles.max_possible]:
+        i = int(np.flatnonzero((cloud.xyz == place.on_obstacle).all(1))[0])
+        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i])))
+    return tuple(found)
+
+
+def _matters(place: Place, known: WireClearance) -> bool:
+    """Whether it is nearer than what counts in its group by more than both may be off; where nothing counts
+    in the group, nearer than anything that does."""
+    stated = [known.least(group) for group in ([place.to] if known.places[place.to] else GROUPS)]
+    return all(
+        one is None or place.distance_m < one.distance_m - SIGMAS * math.hypot(place.sigma_m, one.sigma_m)
+        for one in stated
+    )
+
+
+def about_possible(found: Sequence[Possible]) -> list[Finding]:
+    """What a reader must know of them; nothing where there are none."""
+    if not found:
+        return []
+    nearest = found[0].place
+    at = f"{nearest.distance_m:.2f} m from wire {nearest.wire}"
+    if len(found) == 1:
+        what = (
+            f"Something may be {at}, nearer than what counts: too few images show it, or no more than see "
+            "past it. It has no verdict."
+        )
+    else:
+        what = (
+            f"{len(found)} things may be nearer to wires than what counts, the nearest {at}: too few images "
+            "show them, or no more than see past them. They have no verdict."
+        )
+    return [harms(POSSIBLE, what, "Look at their pictures.")]

@@ -1,0 +1,101 @@
+"""How many images see a thing where a point is, and how many see past it.
+
+A wrong match puts points into the air that a few images agree on, since both images of a pair make the same
+mistake.  All other images whose depth maps reach that place see what lies behind it, which no plant there
+would let them see.  (P. Merrell et al., "Real-time visibility-based fusion of depth maps", ICCV 2007.)
+
+Letters: n points, k cells of a window.  LineFrame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from plnerf.line.cloud import GROUND, NO_WIRE, NOISE, NOT_JUDGED, TOWER, Cloud
+from plnerf.survey.stereo.config import WitnessConfig
+from plnerf.survey.stereo.depth import DepthMap
+from plnerf.survey.stereo.stereo_views import View
+
+EVERY_PX = 2
+"""One of so many rows and columns of a depth map is kept: a survey holds those of all images at once."""
+CHUNK = 20_000
+"""Points in work at a time, which bounds memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """An image's depth map, as kept to judge points by it."""
+
+    view: View
+    t: Float[np.ndarray, "h w"]
+    """Distances along the rays of every EVERY_PX-th row and column; NaN where the image is silent."""
+    sigma: Float[np.ndarray, "h w"]
+
+    @classmethod
+    def of(cls, view: View, depths: DepthMap) -> "Sight":
+        """Of a view's depth map."""
+        t, sigma = (
+            np.ascontiguousarray(one[::EVERY_PX, ::EVERY_PX], np.float32) for one in (depths.t, depths.sigma)
+        )
+        return cls(view, t, sigma)
+
+
+def with_witnesses(cloud: Cloud, sights: Sequence[Sight], config: WitnessConfig) -> Cloud:
+    """The cloud with how many images see a thing at each point, and past it; as it was without images.
+
+    Ground is not judged, nor what lies on wires, which depth maps leave out, nor the line's structures.
+    """
+    if not sights:
+        return cloud
+    judge = np.flatnonzero((cloud.wire == NO_WIRE) & ~np.isin(cloud.label, (GROUND, TOWER, NOISE)))
+    seen, past = (np.full(len(cloud.xyz), NOT_JUDGED) for _ in range(2))
+    sigma = np.zeros(len(judge)) if cloud.sigma_m is None else cloud.sigma_m[judge]
+    seen[judge], past[judge] = witnesses(cloud.xyz[judge], sigma, sights, config)
+    return replace(cloud, seen=seen, past=past)
+
+
+def witnesses(
+    points: Float[np.ndarray, "n 3"],
+    sigma_m: Float[np.ndarray, " n"],
+    sights: Sequence[Sight],
+    config: WitnessConfig,
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Numbers of images that see a thing at each point, and that see past it.
+
+    An image whose window around the point has few depths, or shows something before it, is neither.
+    """
+    seen, past = np.zeros(len(points), np.int64), np.zeros(len(points), np.int64)
+    for sight in sights:
+        for first in range(0, len(points), CHUNK):
+            part = slice(first, first + CHUNK)
+            index, at, beyond = judged(points[part], sigma_m[part], sight, config)
+            seen[first + index[at]] += 1
+            past[first + index[beyond]] += 1
+    return seen, past
+
+
+def judged(
+    points: Float[np.ndarray, "n 3"], sigma_m: Float[np.ndarray, " n"], sight: Sight, config: WitnessConfig
+) -> tuple[Int[np.ndarray, " _"], Bool[np.ndarray, " _"], Bool[np.ndarray, " _"]]:
+    """Which points an image has inside of it; of these, at which it sees a thing, and past which it sees."""
+    pixels, inside = sight.view.project(points)
+    index = np.flatnonzero(inside)
+    rows, columns = sight.t.shape
+    column, row = (pixels[index] / EVERY_PX).astype(int).T
+    around = np.arange(-config.window_cells, config.window_cells + 1)
+    row = np.clip(row[:, None, None] + around[:, None], 0, rows - 1)
+    column = np.clip(column[:, None, None] + around, 0, columns - 1)
+    t, sigma = (one[row, column].reshape(len(index), -1) for one in (sight.t, sight.sigma))
+    distance = np.linalg.norm(points[index] - sight.view.centre, axis=1)[:, None]
+    # What a window mixes lies as far before and behind as it reaches sideways.
+    wide = (config.window_cells + 0.5) * EVERY_PX * distance / float(sight.view.focal_px.mean())
+    limit = config.sigmas * np.hypot(sigma, sigma_m[index, None]) + wide
+    known = np.isfinite(t)
+    count = known.sum(1)
+    enough = count >= config.min_known * t.shape[1]
+    with np.errstate(invalid="ignore"):  # NaN is neither
+        at, beyond = np.abs(t - distance) <= limit, t > distance + limit
+    sees = enough & (at.sum(1) >= config.min_share * count)
+    return index, sees, enough & ~sees & (beyond.sum(1) >= (1 - config.min_share) * count)
