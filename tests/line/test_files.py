@@ -17,8 +17,18 @@ from tests.conftest import SNAPSHOTS
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.base import Base
-from plnerf.line.clearances import Clearances, Crossing, Group, Place, Profile, Requirement, WireClearance
+from plnerf.line.clearances import (
+    Clearances,
+    Crossing,
+    Group,
+    Place,
+    Possible,
+    Profile,
+    Requirement,
+    WireClearance,
+)
 from plnerf.line.cloud import Cloud
+from plnerf.line.coverage import Coverage
 from plnerf.line.ends import Attached, Evidence, Open, Quantity
 from plnerf.line.files import (
     SURVEY_VERSION,
@@ -120,6 +130,7 @@ def survey() -> Survey:
         Requirement(2.5, ("vegetation",), "a rule", "a page", "2026-01-01", ("Indoors it is not valid.",)),
         "at 20 degrees",
         (Crossing(2, 4, 6.125, 0.05, 17.5, 31.25, *RANDOM.normal(0, 50, (2, 3)), 6.5),),
+        (Possible(place(2, "vegetation", 1.1), 2, 7), Possible(place(4, "other", 1.3), 5, 0, True)),
     )  # fmt: skip
     return Survey(
         frame=FRAME,
@@ -130,6 +141,7 @@ def survey() -> Survey:
         made={"input": "83 images", "preset": "pl-nerf-wire"},
         settings={"detect": {"certain_px": 3.0}, "scales": [0.7, 1.4], "path": None},
         clearances=clearances,
+        coverage=(Coverage(1, 1, gaps - 5, gaps, gaps / 9, np.full(n, np.nan), gaps, 0.5),),
         findings=(note("frame", "No CRS is known."), harms("gap", "A wire is hidden.", "Fly again."),
                   Finding("noise", "stops", "Nothing is seen.", ("wire 3", "0007.jpg"), "Do.")),
         temperature_c=17.5,

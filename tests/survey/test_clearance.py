@@ -299,7 +299,7 @@ def test_the_state_of_the_line_and_what_is_missing_are_said() -> None:
     assert state.kind == "state of the line" and {one.kind for one in more} == {"clearances"}
     assert "as surveyed; the conductors' temperature is not known" in state.what
     text = " ".join(one.what for one in more)
-    assert "No points of the cloud count as ground, structures, other things" in text
+    assert "no points of ground, buildings, other things as obstacles to the wires" in text
     assert "3 of class 7" in text and "class 14" not in text
     assert "at 31.5 degrees Celsius" in said(survey_of(groups, temperature_c=31.5))[0].what
     required = measure_clearances(survey_of(groups), ClearanceConfig(voltage_kv=345.0))[1]

@@ -30,6 +30,7 @@ from plnerf.survey.stereo.distances import distances_by_matching, distances_of_p
 from plnerf.survey.stereo.partners import partners
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.stereo.stereo_views import Picture, View, picture, shows_wires, view_of
+from plnerf.survey.stereo.witnesses import Sight
 from plnerf.survey.surface import Surface, joined
 
 FLOOR = -0.5
@@ -361,6 +362,10 @@ def test_pixels_near_to_wires_are_marked() -> None:
 def test_images_off_their_poses_make_points_less_certain() -> None:
     """0.3 px each, beside 0.4 px of the match."""
     surface = points(5, [0, 0, 0], [1, 1, 1], sigma=0.1)
-    wider = inflate_sigma(surface, 0.3, CONFIG)
+    view = views_of(row_of_cameras())[0]
+    sight = Sight.of(view, DepthMap(np.ones((8, 8)), np.full((8, 8), 0.1)))
+    wider, (looser,) = inflate_sigma(surface, [sight], 0.3, CONFIG)
     np.testing.assert_allclose(wider.sigma_m, 0.1 * np.hypot(0.4, 0.3 * np.sqrt(2)) / 0.4)
-    assert (inflate_sigma(surface, 0.0, CONFIG).sigma_m == surface.sigma_m).all()
+    np.testing.assert_allclose(looser.sigma, wider.sigma_m[0], rtol=1e-6)
+    same, _ = inflate_sigma(surface, [], 0.0, CONFIG)
+    assert (same.sigma_m == surface.sigma_m).all()

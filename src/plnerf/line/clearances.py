@@ -109,6 +109,8 @@ class Possible:
     """How many images see something there."""
     past: int
     """How many see past it, as if nothing were there."""
+    at_open_end: bool = False
+    """Whether it may be a structure that was not found: it stands where a wire is seen last."""
 
 
 @dataclass(frozen=True, eq=False)

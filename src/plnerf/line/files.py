@@ -26,6 +26,7 @@ from plnerf.line.clearances import (
     WireClearance,
 )
 from plnerf.line.cloud import Cloud
+from plnerf.line.coverage import Coverage
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
@@ -93,6 +94,7 @@ def read_survey(path: Path) -> Survey:
             made=data["made"],
             settings=data["settings"],
             clearances=None if data["clearances"] is None else _clearances(data["clearances"]),
+            coverage=tuple(_coverage(row) for row in data["coverage"]),
             findings=tuple(Finding(**(row | {"where": tuple(row["where"])})) for row in data["findings"]),
             temperature_c=data["temperature_c"],
             rules=None if data["rules"] is None else rules_of(data["rules"]),
@@ -122,6 +124,7 @@ def survey_json(survey: Survey) -> dict[str, Any]:
         "from_images": survey.from_images,
         "lines": [_line_row(line) for line in survey.lines],
         "clearances": None if survey.clearances is None else _clearances_row(survey.clearances),
+        "coverage": [asdict(one) | {"silent": one.silent} for one in survey.coverage],
         "rules": None if survey.rules is None else rules_row(survey.rules),
         "states": None if survey.states is None else states_row(survey.states),
         "detected": [_wire_row(wire) for wire in survey.detected],
@@ -299,7 +302,7 @@ def _clearances(row: Mapping[str, Any]) -> Clearances:
             Crossing(**(one | {key: _array(one[key], 3) for key in ("on_upper", "on_lower")}))
             for one in row["crossings"]
         ),
-        tuple(Possible(_place(one["place"]), one["seen"], one["past"]) for one in row["possible"]),
+        tuple(Possible(**(one | {"place": _place(one["place"])})) for one in row["possible"]),
     )  # fmt: skip
 
 
@@ -317,6 +320,13 @@ def _wire_clearance(row: Mapping[str, Any]) -> WireClearance:
             wire=int(profile["wire"]), points=_array(profile["points"], -1, 3), distance_m=distances, **arrays
         ),
     )
+
+
+def _coverage(row: Mapping[str, Any]) -> Coverage:
+    from_m, to_m, ground, air, images = (
+        _gappy(row[key], -1) for key in ("from_m", "to_m", "ground", "air", "images")
+    )
+    return Coverage(row["line"], row["span"], from_m, to_m, ground, air, images, row["least"])
 
 
 def _place(row: Mapping[str, Any]) -> Place:

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int, UInt8
 from plnerf.findings import Finding
 from plnerf.line.clearances import Clearances
 from plnerf.line.cloud import Cloud
+from plnerf.line.coverage import Coverage
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
 from plnerf.line.rules import RuleReport
@@ -69,6 +70,8 @@ class Survey:
     """Every setting that decided it, as plain JSON values."""
     clearances: Clearances | None = None
     """None: without scale, or without wires, there are none."""
+    coverage: tuple[Coverage, ...] = ()
+    """Of every span that has wires; none without scale."""
     findings: tuple[Finding, ...] = ()
     temperature_c: float | None = None
     """Of the conductors when they were surveyed, if it is known."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from plnerf.line.survey import Survey
+from plnerf.report.coverage_view import coverage_tables
 from plnerf.report.line_tables import crossing_table, span_table, structure_table
 from plnerf.report.nearest import by_need, check_parts
 from plnerf.report.overlay import shown_picture
@@ -30,6 +31,7 @@ SECTIONS = {
     "space": "In space",
     "plan": "Plan",
     "profiles": "Profiles",
+    "coverage": "Coverage",
     "clearances": "Clearances",
     "states": "Other states",
     "wires": "Wires",
@@ -70,6 +72,7 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         plan=plan(survey),
         spans=span_table(survey),
         drawings=profiles(survey, rows),
+        coverage=coverage_tables(survey),
         clearances=clearance_tables(survey, rows),
         possible=possible_table(survey),
         crops=possible_crops(survey),

@@ -8,6 +8,7 @@ import numpy as np
 from plnerf.line.ends import Attached, End, Quantity
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
+from plnerf.report.coverage_view import any_not_seen, not_seen
 from plnerf.report.figures import CERTAIN, NOTHING, Units, counted, listed, share
 from plnerf.report.line_tables import least_crossings, span_headings, value_range
 from plnerf.report.nearest import Nearest, by_need, worst
@@ -137,7 +138,7 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
         for one in line.spans
         for wire in one.wires
     }
-    judged = any(one.standing != "open" for one in rows)
+    judged, silent = any(one.standing != "open" for one in rows), any_not_seen(survey)
     order = (
         "First those that fall short of what is required, or come nearest to it."
         if judged
@@ -150,6 +151,7 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
             *[units.length(one.required_m), units.length(one.margin_m)] * judged,
             units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_wire)),
             units.place(shown(survey.frame, one.place.on_obstacle)),
+            *[not_seen(survey, one.place.wire) or NOTHING] * silent,
         ]
         for one in rows
     ]  # fmt: skip
@@ -158,10 +160,11 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     return Table(
         [*["verdict"] * judged, "to", "wire", _span_head(survey), *units.heads_95("distance"),
          *units.heads("required", "margin") * judged, *units.heads("at"), f"on the wire {XYZ}",
-         f"on the obstacle {XYZ}"],
+         f"on the obstacle {XYZ}", *["not seen at stations"] * silent],
         cells,
         f"Least distance in space {which} to each group of things, where along the span (horizontally from "
-        f"the wire's first end) and between which points. {order}",
+        f"the wire's first end) and between which points. {order}"
+        + " Where stretches were not seen, distances are those to what was seen." * silent,
         frozenset({0, 1} if judged else {0}), folded=folded,
     )  # fmt: skip
 
@@ -206,6 +209,8 @@ def cards(survey: Survey, rows: list[Nearest]) -> list[Card]:
         found.append(Card("sag", sags or NOTHING, _why(wires) or "of all wires"))
     for one in worst(rows):
         about = f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}"
+        missing = not_seen(survey, one.place.wire)
+        about += f"; of its span {missing} not seen" if missing else ""
         distance = units.interval_with_unit(one.distance)
         verdict = None if one.standing == "open" else verdict_of(one)
         found.append(Card(f"least to {one.to}", distance, about, verdict))

@@ -19,6 +19,7 @@ from plnerf.line.stations import Stretch, azimuth_deg, chains
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import CLASSES, DASHED, KINDS, MARK
+from plnerf.report.coverage_view import GREY, any_not_seen, corridors
 from plnerf.report.figures import Units, degrees
 from plnerf.report.profile import LEAST_WIDTH, Drawing
 from plnerf.report.shown import shown, shows_world
@@ -63,7 +64,8 @@ def plan(survey: Survey) -> Drawing | None:
     paper = _paper(np.concatenate([*curves, *feet])[:, :2], across[1, :2] - across[0, :2])
     crossings = survey.clearances.crossings if survey.clearances is not None else ()
     crosses = [paper.at(shown(frame, one.on_upper[None]))[0] for one in crossings]
-    parts = [_wire(paper, wire, curve) for wire, curve in zip(survey.wires, curves, strict=True)]
+    parts = _not_seen(paper, survey)
+    parts += [_wire(paper, wire, curve) for wire, curve in zip(survey.wires, curves, strict=True)]
     several, stretches, taken = len(survey.lines) > 1, [], [*crosses]
     for line in survey.lines:
         for one in (one for chain in chains(line) for one in chain):
@@ -100,6 +102,8 @@ def _about(survey: Survey, *, north: bool, several: bool, crossed: bool) -> str:
         + "; beside their numbers, by how much the line turns there" * turns
         + "; rings: open ends" * is_open
         + "; crosses: where wires of two lines cross" * crossed
+        + "; grey: stretches of which too little ground or air was seen, darker where of both"
+        * any_not_seen(survey)
         + "."
     )
 
@@ -121,6 +125,18 @@ def _paper(points: Float[np.ndarray, "n 2"], along: Float[np.ndarray, "2"]) -> _
     wide, tall = np.maximum(high - low, 1e-6).tolist()
     per_unit = min((WIDTH - 2 * MARGIN) / wide, (MOST_HEIGHT - 2 * MARGIN) / tall)
     return _Paper(turn, (low + high) / 2, per_unit, WIDTH, max(LEAST_HEIGHT, tall * per_unit + 2 * MARGIN))
+
+
+def _not_seen(paper: _Paper, survey: Survey) -> list[str]:
+    """Grey corridors of the stretches that were not seen."""
+    return [
+        f'<polygon points="{_path(paper.at(shown(survey.frame, corners)))}" fill="{GREY}" '
+        f'fill-opacity="{opacity}"/>'
+        for line in survey.lines
+        for chain in chains(line)
+        for stretch in chain
+        for opacity, corners in corridors(survey, stretch, line.id)
+    ]
 
 
 def _wire(paper: _Paper, wire: Wire, curve: Float[np.ndarray, "k 3"]) -> str:

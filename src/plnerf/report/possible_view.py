@@ -39,18 +39,20 @@ def possible_table(survey: Survey) -> Table | None:
         [
             str(k), one.place.to, str(one.place.wire),
             units.interval(Quantity(one.place.distance_m, one.place.sigma_m)), str(one.seen), str(one.past),
+            "open end" if one.at_open_end else "images",
             units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_obstacle)),
         ]
         for k, one in enumerate(found, 1)
     ]  # fmt: skip
     return Table(
         ["", "to", "wire", *units.heads_95("distance, if it is there"), "images see it", "see past it",
-         *units.heads("at"), f"where {XYZ}"],
+         "in doubt by", *units.heads("at"), f"where {XYZ}"],
         rows,
-        "Not counted as clearances and without a verdict: too few images see something at the place, or no "
-        "more than see past it. Most such places are wrong matches of the images, but a thin twig can be one "
-        "too.",
-        frozenset({1}),
+        "Not counted as clearances and without a verdict. In doubt by images: too few of them see something "
+        "at the place, or no more than see past it; most such places are wrong matches, but a thin twig can "
+        "be one too. By an open end: it stands where a wire is seen last, and may be a structure that was "
+        "not found.",
+        frozenset({1, 6}),
     )  # fmt: skip
 
 

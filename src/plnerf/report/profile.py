@@ -18,6 +18,7 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.band import BAND, band
 from plnerf.report.colours import CLASSES, DASHED, KINDS, MARK
+from plnerf.report.coverage_view import air_on_profile, ground_on_profile
 from plnerf.report.figures import CERTAIN, MINUS, Units, counted, runs_of
 from plnerf.report.nearest import Nearest, worst
 from plnerf.report.shown import height_shift
@@ -86,8 +87,8 @@ def profile(survey: Survey, line: Line, sheet: Chain, rows: list[Nearest]) -> Dr
     ])  # fmt: skip
     several = len(survey.spans) > 1
     parts = _axes(scale, units, up, "station along the line" if several else "along the span")
-    for each in under:
-        parts += _ground(scale, each)
+    no_air, no_ground = (mark(scale, survey, line.id, sheet) for mark in (air_on_profile, ground_on_profile))
+    parts += [*no_air, *(part for each in under for part in _ground(scale, each)), *no_ground]
     if not any(np.isfinite(one.lowest).any() for one in under):
         x, y = LEFT + scale.width / 2, TOP + scale.height - 12
         text = "no ground known" if known else "the ground was not measured"
@@ -113,8 +114,8 @@ def profile(survey: Survey, line: Line, sheet: Chain, rows: list[Nearest]) -> Dr
         f'style="max-width:{width:.0f}px;min-width:{min(width, LEAST_WIDTH):.0f}px">{"".join(parts)}</svg>'
     )
     marks = tuple((letter, _about_mark(one, units)) for letter, one in zip(letters, marked, strict=True))
-    words = about(scale, wires, crossed=bool(crosses)) + state_legend(survey)
-    return Drawing(title, svg, words, marks)
+    text = about(scale, wires, crossed=bool(crosses), silent=bool(no_air or no_ground))
+    return Drawing(title, svg, text + state_legend(survey), marks)
 
 
 def _heights_of_crossings(survey: Survey, of_wire: dict[int, Stretch]) -> Float[np.ndarray, " k"]:
@@ -158,7 +159,9 @@ def _ground(scale: Scale, under: Below) -> list[str]:
     ]
 
 
-def about(scale: Scale, wires: Sequence[Wire], *, crossed: bool = False) -> str:
+def about(
+    scale: Scale, wires: Sequence[Wire], *, crossed: bool = False, silent: bool = False
+) -> str:
     """What a drawing shows, and by how much it is stretched."""
     stretched = (
         "Heights and lengths at the same scale"
@@ -177,6 +180,8 @@ def about(scale: Scale, wires: Sequence[Wire], *, crossed: bool = False) -> str:
         + ". Brown: ground below the wires, paler between its lowest and highest; green: the top of the "
         "vegetation near them. Letters: worst clearances, seen from the side, and so shorter than they are "
         "where the obstacle lies beside the wire."
+        + " Grey behind the wires: stretches of which too little air was seen; a dark strip at the bottom: "
+        "of which too little ground was." * silent
     )
 
 

@@ -78,7 +78,7 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
     ]
     possible = find_possible(survey, wires, maybe, config)
     clearances = Clearances(wires, required, crossings=find_crossings(survey), possible=possible)
-    return clearances, (*above, *_findings(survey, found, clearances, config.obstacles))
+    return clearances, (*above, *_findings(survey, found, doubted, clearances, config.obstacles))
 
 
 def _shared(survey: Survey) -> set[int]:
@@ -182,7 +182,7 @@ def _highest(
 
 
 def _findings(
-    survey: Survey, found: _Indices, clearances: Clearances, config: ObstacleConfig
+    survey: Survey, found: _Indices, doubted: _Indices, clearances: Clearances, config: ObstacleConfig
 ) -> list[Finding]:
     temperature = survey.temperature_c
     findings = [
@@ -204,7 +204,7 @@ def _findings(
                 "The cloud states no standard deviations: those of the clearances hold the wire's part only.",
             )
         )
-    findings += [*about_possible(clearances.possible), *_left_out(survey.cloud, found, config)]
+    findings += [*about_possible(clearances.possible), *_left_out(survey.cloud, found, doubted, config)]
     absent = [OBSTACLES[group] for group in GROUPS if not len(found[group])]
     if absent:
         findings.append(
@@ -246,7 +246,9 @@ def _of_crossings(survey: Survey, clearances: Clearances) -> str:
     return f"{said[:1].upper()}{said[1:]}. No requirement is applied between lines."
 
 
-def _left_out(cloud: Cloud, found: _Indices, config: ObstacleConfig) -> list[Finding]:
+def _left_out(
+    cloud: Cloud, found: _Indices, doubted: _Indices, config: ObstacleConfig
+) -> list[Finding]:
     """Which points of clouds from images do not count, because they are uncertain."""
     if cloud.sigma_m is None:
         return []
@@ -264,14 +266,14 @@ def _left_out(cloud: Cloud, found: _Indices, config: ObstacleConfig) -> list[Fin
             )
         )
     plants = counts & ~loose & np.isin(cloud.label, CLASSES["vegetation"])
-    near = int(plants.sum()) - len(found["vegetation"])
+    near = int(plants.sum()) - len(found["vegetation"]) - len(doubted["vegetation"])
     if near:
         findings.append(
             harms(
                 KIND,
-                f"{near:,} points of vegetation within {config.plant_support_m:g} m of structures and wires' "
-                "ends are no obstacles to the clearances, since images do not separate them from the "
-                "structure.",
+                f"{near:,} points of vegetation within {config.plant_support_m:g} m of structures and of the "
+                "wires' ends on them are no obstacles to the clearances, since images do not separate them "
+                "from the structure.",
                 "Look there yourself.",
             )
         )

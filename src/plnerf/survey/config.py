@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
-from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, FieldConfig
+from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, CoverageConfig, FieldConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
@@ -40,6 +40,8 @@ class SurveyConfig:
     """Which wires are shield wires."""
     classify: ClassifyConfig = field(default_factory=ClassifyConfig)
     """The ground, and classes of the points, of images."""
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
+    """How much of the ground and the air around each span was seen."""
     clearance: ClearanceConfig = field(default_factory=ClearanceConfig)
     """Clearances, and what is required of them."""
     mechanics: MechanicsConfig = field(default_factory=MechanicsConfig)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from plnerf.errors import ConfigError
+from plnerf.survey.stereo.config import WitnessConfig
 
 
 @dataclass(frozen=True)
@@ -216,6 +217,41 @@ class FieldConfig:
             raise ConfigError(
                 "Points of a field need rays, most_sharing and neighbours of 1 or more, but got "
                 f"{self.rays}, {self.most_sharing} and {self.neighbours}."
+            )
+
+
+@dataclass(frozen=True)
+class CoverageConfig:
+    """How much of the ground and the air around a span was seen."""
+
+    stretch_m: float = 5.0
+    """Length of the stretches of which it is stated, about."""
+    step_m: float = 2.0
+    """Spacing of the columns, and of the places in their air."""
+    side_m: float = 5.0
+    """How far the corridor reaches outside of the outer wires."""
+    min_images: int = 3
+    """Images that must see a place in the air, or past it."""
+    least_share: float = 0.5
+    """A stretch of which a smaller share was seen counts as not seen."""
+    max_sigma_m: float = 1.0
+    """Points of a greater standard deviation show no ground."""
+    unknown_drop_m: float = 10.0
+    """Where no ground is known at all, air is counted so far below the lowest wire."""
+    witnesses: WitnessConfig = field(default_factory=WitnessConfig)
+    """Which images see a place."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.step_m <= self.stretch_m or self.side_m < 0 or self.min_images < 1:
+            raise ConfigError(
+                "Coverage needs 0 < step_m <= stretch_m, side_m >= 0 and min_images >= 1, but got "
+                f"step_m={self.step_m}, stretch_m={self.stretch_m}, side_m={self.side_m}, "
+                f"min_images={self.min_images}."
+            )
+        if not 0 <= self.least_share <= 1 or min(self.max_sigma_m, self.unknown_drop_m) <= 0:
+            raise ConfigError(
+                "Coverage needs least_share from 0 to 1, and max_sigma_m and unknown_drop_m greater than 0, "
+                f"but got {self.least_share}, {self.max_sigma_m} and {self.unknown_drop_m}."
             )
 
 

@@ -27,6 +27,7 @@ from plnerf.line.cloud import (
     VEGETATION,
     Cloud,
 )
+from plnerf.line.ends import Attached
 from plnerf.line.polylines import onto_segments
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
@@ -63,10 +64,12 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         f"within {config.own_m:g} m of any wire",
         "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
         f"standard deviations also points of more than {config.max_sigma_m:g} m, vegetation within "
-        f"{config.plant_support_m:g} m of a structure's foot or a wire's end, and what lies beyond the ends "
-        "of a wire rather than beside it, which may be a structure that is not seen, but not where the line "
-        "goes on in another span; in clouds from images also what fewer than "
-        f"{config.min_seen} images see, or no more than see past it: that is listed as possible",
+        f"{config.plant_support_m:g} m of a structure's foot or a wire's end on it, and what lies beyond the "
+        "ends of a wire rather than beside it, which may be a structure that is not seen, but not where the "
+        "line goes on in another span; in clouds from images also what fewer than "
+        f"{config.min_seen} images see, or no more than see past it, and vegetation within "
+        f"{config.plant_support_m:g} m of where a wire with an open end is seen last: both are listed as "
+        "possible",
     }
 
 
@@ -95,29 +98,61 @@ def obstacles(
 ) -> dict[Group, Int[np.ndarray, " _"]]:
     """Indices of the points that count, by group; `rules` describes them in words.
 
-    possible: those that only too few images see, in their place.
+    possible: in their place those that only too few images see, and plants at open ends of wires.
     """
-    shown = is_shown(survey.cloud, config) != possible
     cloud, all_wires = survey.cloud, survey.wires
-    places = [one.foot[:2] for one in survey.structures]
-    places += [end[:2] for wire in all_wires for end in wire.points(np.array([0.0, wire.base.length_m]))]
-    supports = cKDTree(np.array(places)) if places else None
+    held, loose = _ends(survey)
+    every = cKDTree(np.array(held + loose)) if held or loose else None
     wires = cKDTree(np.concatenate([wire.polyline() for wire in all_wires])) if all_wires else None
     found: dict[Group, Int[np.ndarray, " _"]] = {}
     for group in GROUPS:
         counts = np.isin(np.arange(256), CLASSES[group])
-        counted = counts[cloud.label] & (cloud.wire == NO_WIRE) & shown
+        counted = counts[cloud.label] & (cloud.wire == NO_WIRE)
         if cloud.sigma_m is not None:
             counted &= cloud.sigma_m <= config.max_sigma_m
         index = np.flatnonzero(counted)
+        sure = is_shown(cloud, config)[index]
         if group == "vegetation" and cloud.sigma_m is not None:
-            index = index[~_within(supports, cloud.xyz[:, :2], index, config.plant_support_m)]
+            of_structure = _within(_tree(held), cloud.xyz[:, :2], index, config.plant_support_m)
+            index, sure = index[~of_structure], sure[~of_structure]
+            sure &= ~at_open_end(survey, index, config)
         if group in {"structures", "other"}:
-            index = index[~_within(supports, cloud.xyz[:, :2], index, config.support_m)]
+            of_structure = _within(every, cloud.xyz[:, :2], index, config.support_m)
+            index, sure = index[~of_structure], sure[~of_structure]
         if group == "other":
-            index = index[~_within(wires, cloud.xyz, index, config.own_m)]
-        found[group] = index
+            of_wire = _within(wires, cloud.xyz, index, config.own_m)
+            index, sure = index[~of_wire], sure[~of_wire]
+        found[group] = index[sure != possible]
     return found
+
+
+def at_open_end(
+    survey: Survey, index: Int[np.ndarray, " m"], config: ObstacleConfig
+) -> Bool[np.ndarray, " m"]:
+    """Which of the indexed points of a cloud from images are so near to where a wire is no longer seen that
+    they may be a structure that was not found."""
+    if survey.cloud.sigma_m is None:
+        return np.zeros(len(index), np.bool_)
+    return _within(_tree(_ends(survey)[1]), survey.cloud.xyz[:, :2], index, config.plant_support_m)
+
+
+def _ends(survey: Survey) -> tuple[list[Float[np.ndarray, "2"]], list[Float[np.ndarray, "2"]]]:
+    """Feet of structures and the ends of wires that they hold; and open ends, where the curve ends and where
+    images see the last of it."""
+    held, loose = [one.foot[:2] for one in survey.structures], []
+    for wire in survey.wires:
+        length, seen = wire.base.length_m, wire.evidence.seen_m
+        last = ((0.0, seen[0][0]), (length, seen[-1][1])) if seen else ((0.0,), (length,))
+        for end, s in zip(wire.ends, last, strict=True):
+            if isinstance(end, Attached):
+                held.append(wire.points(np.array(s[:1]))[0, :2])
+            else:
+                loose += [one[:2] for one in wire.points(np.array(s))]
+    return held, loose
+
+
+def _tree(places: list[Float[np.ndarray, "2"]]) -> cKDTree | None:
+    return cKDTree(np.array(places)) if places else None
 
 
 def stations(wire: Wire, step_m: float) -> Float[np.ndarray, " k"]:

@@ -1,4 +1,5 @@
-"""What may be near to a wire, though too few images show it to count: a reader must look at it.
+"""What may be near to a wire, though too few images show it to count, or it may be a structure of the line
+that was not found: a reader must look at it.
 
 LineFrame, metres.
 """
@@ -13,7 +14,7 @@ from plnerf.findings import Finding, harms
 from plnerf.line.clearances import GROUPS, SIGMAS, Group, Place, Possible, WireClearance
 from plnerf.line.survey import Survey
 from plnerf.survey.config_ground import ClearanceConfig
-from plnerf.survey.obstacles import obstacles
+from plnerf.survey.obstacles import at_open_end, obstacles
 
 POSSIBLE = "possible obstacles"
 """Kind of the finding."""
@@ -47,7 +48,8 @@ def find_possible(
     found = []
     for place in kept[: config.obstacles.max_possible]:
         i = int(np.flatnonzero((cloud.xyz == place.on_obstacle).all(1))[0])
-        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i])))
+        end = place.to == "vegetation" and bool(at_open_end(survey, np.array([i]), config.obstacles)[0])
+        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i]), end))
     return tuple(found)
 
 
@@ -67,14 +69,14 @@ def about_possible(found: Sequence[Possible]) -> list[Finding]:
         return []
     nearest = found[0].place
     at = f"{nearest.distance_m:.2f} m from wire {nearest.wire}"
-    if len(found) == 1:
-        what = (
-            f"Something may be {at}, nearer than what counts: too few images show it, or no more than see "
-            "past it. It has no verdict."
-        )
-    else:
-        what = (
-            f"{len(found)} things may be nearer to wires than what counts, the nearest {at}: too few images "
-            "show them, or no more than see past them. They have no verdict."
-        )
-    return [harms(POSSIBLE, what, "Look at their pictures.")]
+    things = "Something" if len(found) == 1 else f"{len(found)} things"
+    near = "" if len(found) == 1 else "the nearest "
+    ends, few = any(one.at_open_end for one in found), any(not one.at_open_end for one in found)
+    why = " or ".join(
+        ["too few images show it, or no more than see past it,"] * few
+        + ["it stands at an open end and may be a structure that was not found"] * ends
+    ).rstrip(",")
+    what = (
+        f"{things} may be nearer to a wire than what counts, {near}{at}. Each has no verdict, because {why}."
+    )
+    return [harms(POSSIBLE, what, "Look at their pictures, under Clearances.")]

@@ -31,6 +31,7 @@ from plnerf.survey.chains import find_chains, wires_of, with_wires
 from plnerf.survey.classify import classified, ground_of, standing_on
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
+from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.crops import crops_of
 from plnerf.survey.field_surface import field_surface
 from plnerf.survey.kinds import with_kinds
@@ -151,7 +152,7 @@ def _of_images(
         detected=tuple(as_detected), wire_points=points,
         pictures=pictures_of(photos, every, config.pictures), from_images=True,
     )  # fmt: skip
-    survey = _finished(survey, config)
+    survey = _finished(survey, config, sights)
     possible = survey.clearances.possible if survey.clearances is not None else ()
     return replace(survey, crops=crops_of(photos, possible))
 
@@ -186,8 +187,9 @@ def _low_point(photos: Photos) -> Float[np.ndarray, "3"]:
     return np.array([*np.median(centres[:, :2], axis=0), centres[:, 2].min() - FLIGHT_M])
 
 
-def _finished(survey: Survey, config: SurveyConfig) -> Survey:
-    """With clearances where lengths are metres, and with how it was made."""
+def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()) -> Survey:
+    """With clearances and with what was seen along the spans where lengths are metres, and with how it was
+    made."""
     survey = replace(
         survey,
         temperature_c=config.temperature_c,
@@ -197,11 +199,14 @@ def _finished(survey: Survey, config: SurveyConfig) -> Survey:
     survey = with_stated(survey, config.kinds)
     if survey.frame.unit != "m" or not survey.wires:
         return survey
+    coverage = coverage_of(survey, sights, config.coverage)
+    unseen = about_coverage(coverage, several_lines=len(survey.lines) > 1)
     clearances, findings = measure_clearances(survey, config.clearance)
     states, about = compute_states(survey.lines, config.temperature_c, config.mechanics)
-    survey = replace(survey, clearances=clearances, states=states)
+    survey = replace(survey, coverage=coverage, clearances=clearances, states=states)
     rules, by_rule = judge_rules(survey, config.clearance, config.rules)
-    return replace(survey, rules=rules, findings=(*survey.findings, *findings, *about, *by_rule))
+    findings = (*survey.findings, *unseen, *findings, *about, *by_rule)
+    return replace(survey, rules=rules, findings=findings)
 
 
 def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:

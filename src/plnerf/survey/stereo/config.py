@@ -116,6 +116,8 @@ class WitnessConfig:
     sigmas: float = 3.0
     """An image sees a thing at the point where the depths differ by no more than so many standard
     deviations, and what the window is wide."""
+    alike: int = 24
+    """Nearest points, within `sigmas` of a point's standard deviation, that are judged together with it."""
     min_known: float = 0.25
     """Share of the window that must have depths; with fewer the image is silent there."""
     min_share: float = 0.1
@@ -123,10 +125,10 @@ class WitnessConfig:
     most may lie elsewhere than behind it."""
 
     def __post_init__(self) -> None:
-        if self.window_cells < 0 or not self.sigmas > 0:
+        if self.window_cells < 0 or not self.sigmas > 0 or self.alike < 1:
             raise ConfigError(
-                "Witnesses need window_cells >= 0 and sigmas > 0, but got "
-                f"{self.window_cells} and {self.sigmas}."
+                "Witnesses need window_cells >= 0, sigmas > 0 and alike >= 1, but got "
+                f"{self.window_cells}, {self.sigmas} and {self.alike}."
             )
         if not (0 < self.min_known <= 1 and 0 < self.min_share < 0.5):
             raise ConfigError(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
 from plnerf.line.cloud import GROUND, NO_WIRE, NOISE, NOT_JUDGED, TOWER, Cloud
 from plnerf.survey.stereo.config import WitnessConfig
@@ -45,15 +46,33 @@ class Sight:
 def with_witnesses(cloud: Cloud, sights: Sequence[Sight], config: WitnessConfig) -> Cloud:
     """The cloud with how many images see a thing at each point, and past it; as it was without images.
 
+    Each number is the median of those of the points around that are the same thing as far as deviations tell:
+    one point of many that a few more images see makes no thing of them.
     Ground is not judged, nor what lies on wires, which depth maps leave out, nor the line's structures.
     """
     if not sights:
         return cloud
     judge = np.flatnonzero((cloud.wire == NO_WIRE) & ~np.isin(cloud.label, (GROUND, TOWER, NOISE)))
     seen, past = (np.full(len(cloud.xyz), NOT_JUDGED) for _ in range(2))
+    points = cloud.xyz[judge]
     sigma = np.zeros(len(judge)) if cloud.sigma_m is None else cloud.sigma_m[judge]
-    seen[judge], past[judge] = witnesses(cloud.xyz[judge], sigma, sights, config)
+    near = _alike(points, config.sigmas * sigma, config.alike)
+    for mine, counts in zip((seen, past), witnesses(points, sigma, sights, config), strict=True):
+        of_near = np.where(near >= 0, counts[near], np.nan) if len(counts) else np.zeros((0, 1))
+        mine[judge] = np.nanmedian(of_near, axis=1)  # rounded down
     return replace(cloud, seen=seen, past=past)
+
+
+def _alike(
+    points: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"], count: int
+) -> Int[np.ndarray, "n k"]:
+    """Indices of so many nearest points within each one's radius, itself the first; -1 where there are
+    fewer."""
+    if not len(points):
+        return np.zeros((0, 1), np.int64)
+    apart, near = cKDTree(points).query(points, k=min(count, len(points)), workers=-1)
+    apart, near = apart.reshape(len(points), -1), near.reshape(len(points), -1)  # k = 1 drops the axis
+    return np.where(apart <= radius[:, None], near, -1)
 
 
 def witnesses(
@@ -82,6 +101,8 @@ def judged(
     """Which points an image has inside of it; of these, at which it sees a thing, and past which it sees."""
     pixels, inside = sight.view.project(points)
     index = np.flatnonzero(inside)
+    if not len(index):
+        return index, np.zeros(0, np.bool_), np.zeros(0, np.bool_)
     rows, columns = sight.t.shape
     column, row = (pixels[index] / EVERY_PX).astype(int).T
     around = np.arange(-config.window_cells, config.window_cells + 1)

@@ -1,0 +1,184 @@
+"""Points that too few images see are possible obstacles, not obstacles; what was not seen is told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.catenary_surveys import fitted
+from tests.survey.test_clearance import WIRE, survey_of
+
+from plnerf.errors import ConfigError
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NOISE, NOT_JUDGED
+from plnerf.line.survey import Survey
+from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig, ObstacleConfig
+from plnerf.survey.coverage import about_coverage, coverage_of
+from plnerf.survey.possible import POSSIBLE
+from plnerf.survey.stereo.config import WitnessConfig
+from plnerf.survey.stereo.depth import DepthMap
+from plnerf.survey.stereo.stereo_views import View
+from plnerf.survey.stereo.witnesses import Sight, with_witnesses, witnesses
+
+CONFIG = WitnessConfig()
+WIDE, TALL, FOCAL = 240, 160, 200.0
+DOWN = np.diag([1.0, -1.0, -1.0])
+"""Looking straight down, x to the right."""
+
+
+def above(x: float, y: float = 0.0, z: float = 40.0) -> View:
+    """A camera above a place."""
+    centre = np.array([x, y, z])
+    return View(DOWN, centre, np.full(2, FOCAL), np.array([WIDE, TALL]) / 2, np.zeros(5), WIDE, TALL)
+
+
+def sight(view: View, z: float = 0.0, box: tuple[float, float, float, float] | None = None) -> Sight:
+    """Of a flat floor at z, and a box on it by its x, y, half side and top."""
+    rays = view.rays()
+    t = (z - view.centre[2]) / rays[..., 2]
+    if box is not None:
+        x, y, half, top = box
+        to_top = (top - view.centre[2]) / rays[..., 2]
+        at = view.centre + to_top[..., None] * rays
+        t = np.where((np.abs(at[..., :2] - [x, y]) <= half).all(-1), to_top, t)
+    return Sight.of(view, DepthMap(t, np.full(t.shape, 0.05)))
+
+
+TREE = (2.0, 1.0, 2.0, 6.0)
+
+
+def counts(points: list[list[float]], sights: list[Sight], sigma: float = 0.1) -> list[tuple[int, int]]:
+    at = np.array(points, np.float64)
+    seen, past = witnesses(at, np.full(len(at), sigma), sights, CONFIG)
+    return list(zip(seen.tolist(), past.tolist(), strict=True))
+
+
+def test_images_see_a_thing_or_past_it() -> None:
+    """A crown's top is seen by all, what floats in the air is seen past, what a crown hides is neither."""
+    sights = [sight(above(x), box=TREE) for x in (-4.0, -1.0, 2.0, 5.0, 8.0)]
+    top, floating, hidden, floor = [2, 1, 6], [-6, -3, 6], [2, 1, 2], [-6, -3, 0]
+    assert counts([top, floating, hidden, floor], sights) == [(5, 0), (0, 5), (0, 0), (5, 0)]
+
+
+def test_silent_images_and_those_that_look_elsewhere_are_no_witnesses() -> None:
+    view = above(0.0)
+    silent = Sight.of(view, DepthMap(np.full((TALL, WIDE), np.nan), np.full((TALL, WIDE), np.nan)))
+    assert counts([[0, 0, 6]], [silent, sight(above(500.0))]) == [(0, 0)]
+
+
+def test_uncertain_points_are_seen_at_greater_distances() -> None:
+    """3 m above the floor: past it where the point is exact, at it where it may be 2 m off."""
+    one = [sight(above(0.0))]
+    assert counts([[0, 0, 3]], one, 0.05) == [(0, 1)] and counts([[0, 0, 3]], one, 2.0) == [(1, 0)]
+
+
+def judged(seen: list[int], past: list[int], distances: list[float]) -> Survey:
+    """Plants straight below the wire's lowest point, one for each, and what images see of them."""
+    wire = fitted(WIRE)
+    s = np.array([wire.lowest[0]])
+    plants = wire.points(s) - np.array([[0.0, 0.0, d] for d in distances])
+    survey = survey_of({HIGH_VEGETATION: plants})
+    cloud = replace(
+        survey.cloud, sigma_m=np.full(len(plants), 0.05), seen=np.array(seen), past=np.array(past)
+    )
+    return replace(survey, cloud=cloud)
+
+
+@pytest.mark.parametrize(("seen", "past", "counts"), [
+    (7, 0, True), (4, 3, True), (3, 2, True), (NOT_JUDGED, NOT_JUDGED, True),
+    (2, 0, False), (4, 4, False), (2, 7, False), (0, 0, False),
+])  # fmt: skip
+def test_a_near_plant_counts_if_enough_images_see_it(seen: int, past: int, counts: bool) -> None:
+    """Else the next one does, and the near one is possible, with the numbers of images and a finding."""
+    survey = judged([seen, 9], [past, 0], [1.5, 4.0])
+    found, findings = measure_clearances(survey, ClearanceConfig())
+    least = found.wires[0].least("vegetation")
+    assert least is not None and least.distance_m == pytest.approx(1.5 if counts else 4.0, abs=0.01)
+    said = [one for one in findings if one.kind == POSSIBLE]
+    if counts:
+        assert found.possible == () and not said
+    else:
+        (one,) = found.possible
+        assert (one.seen, one.past) == (seen, past) and one.place.distance_m == pytest.approx(1.5, abs=0.01)
+        assert found.verdict(one.place) is None and "1.50 m from wire" in said[0].what
+
+
+def test_what_is_no_nearer_than_what_counts_is_not_listed() -> None:
+    """Farther away, or nearer by less than both may be off, or more than are to be listed."""
+    assert measure_clearances(judged([1, 9], [0, 0], [6.0, 4.0]), ClearanceConfig())[0].possible == ()
+    assert measure_clearances(judged([1, 9], [0, 0], [3.95, 4.0]), ClearanceConfig())[0].possible == ()
+    few = ClearanceConfig(obstacles=ObstacleConfig(max_possible=0))
+    assert measure_clearances(judged([1, 9], [0, 0], [1.0, 4.0]), few)[0].possible == ()
+
+
+def test_wires_ground_and_noise_are_not_judged() -> None:
+    one = {HIGH_VEGETATION: [[0.0, 0, 6]], GROUND: [[0.0, 0, 0]], NOISE: [[0.0, 0, 9]]}
+    survey = survey_of({label: np.array(places) for label, places in one.items()})
+    found = with_witnesses(survey.cloud, [sight(above(0.0))], CONFIG)
+    assert found.seen is not None and found.past is not None
+    by_label = dict(zip(found.label.tolist(), zip(found.seen, found.past, strict=True), strict=True))
+    assert by_label == {HIGH_VEGETATION: (0, 1), GROUND: (NOT_JUDGED,) * 2, NOISE: (NOT_JUDGED,) * 2}
+    assert with_witnesses(survey.cloud, [], CONFIG).seen is None
+
+
+def covered(ground_to: float = 1e9) -> Survey:
+    """A wire with ground below it, up to a station."""
+    wire = fitted(WIRE)
+    floor = float(wire.points(np.linspace(0, wire.base.length_m, 50))[:, 2].min()) - 8.0
+    along, across = np.arange(0, wire.base.length_m, 1.0), np.arange(-8, 8.5, 1.0)
+    s, y = (one.ravel() for one in np.meshgrid(along, across))
+    ground = wire.base.place(s, np.stack([y, np.full(len(y), floor)], 1))[s <= ground_to]
+    return survey_of({GROUND: ground}, wire)
+
+
+def flown(survey: Survey, each: int = 3) -> list[Sight]:
+    """Images of the floor along the wire, `each` at a place."""
+    (wire,) = survey.wires
+    floor = float(survey.cloud.xyz[:, 2].min())
+    places = wire.points(np.arange(0.0, wire.base.length_m + 1, 5.0))
+    return [sight(above(*place[:2], floor + 40.0), floor) for place in places for _ in range(each)]
+
+
+def test_all_is_seen_where_images_show_ground_and_air() -> None:
+    survey = covered()
+    (one,) = coverage_of(survey, flown(survey), CoverageConfig())
+    assert (one.ground > 0.99).all() and (one.air > 0.9).all() and one.silent == ()
+    assert one.from_m[0] == 0 and one.length_m == pytest.approx(survey.wires[0].base.length_m)
+    assert about_coverage([one], several_lines=False) == []
+
+
+def test_ground_without_points_is_not_seen() -> None:
+    survey = covered(ground_to=20.0)
+    (one,) = coverage_of(survey, flown(survey), CoverageConfig())
+    assert not one.no_ground[one.to_m <= 19].any() and one.no_ground[one.from_m >= 22].all()
+    ((begin, end),) = one.silent
+    assert 18 <= begin <= 23 and end == one.to_m[-1]
+    (finding,) = about_coverage([one], several_lines=False)
+    assert f"{begin:.0f} to {end:.0f} m" in finding.what and finding.degree == "harms"
+
+
+def test_air_that_too_few_images_see_is_not_seen() -> None:
+    """Two images everywhere are too few; without images nothing is stated of the air."""
+    survey = covered()
+    (one,) = coverage_of(survey, flown(survey, each=1)[:1], CoverageConfig())
+    assert one.no_air.any() and not one.no_ground.any()
+    (laser,) = coverage_of(survey, [], CoverageConfig())
+    assert np.isnan(laser.air).all() and laser.silent == () and (laser.ground > 0.99).all()
+
+
+def test_without_scale_there_is_no_coverage() -> None:
+    survey = covered()
+    unscaled = replace(survey, frame=replace(survey.frame, unit="unscaled"))
+    assert coverage_of(unscaled, [], CoverageConfig()) == ()
+
+
+def test_settings_that_mean_nothing_are_refused() -> None:
+    with pytest.raises(ConfigError, match="window_cells"):
+        WitnessConfig(window_cells=-1)
+    with pytest.raises(ConfigError, match="min_share"):
+        WitnessConfig(min_share=0.7)
+    with pytest.raises(ConfigError, match="step_m"):
+        CoverageConfig(step_m=0.0)
+    with pytest.raises(ConfigError, match="least_share"):
+        CoverageConfig(least_share=2.0)
+    with pytest.raises(ConfigError, match="min_seen"):
+        ObstacleConfig(min_seen=0)
