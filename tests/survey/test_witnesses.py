@@ -9,6 +9,7 @@ from tests.survey.test_clearance import WIRE, survey_of
 
 from plnerf.errors import ConfigError
 from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NOISE, NOT_JUDGED
+from plnerf.line.ends import Open
 from plnerf.line.survey import Survey
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig, ObstacleConfig
@@ -100,6 +101,24 @@ def test_a_near_plant_counts_if_enough_images_see_it(seen: int, past: int, count
         (one,) = found.possible
         assert (one.seen, one.past) == (seen, past) and one.place.distance_m == pytest.approx(1.5, abs=0.01)
         assert found.verdict(one.place) is None and "1.50 m from wire" in said[0].what
+
+
+@pytest.mark.parametrize("is_open", [False, True])
+def test_a_plant_where_a_wire_is_seen_last_may_be_a_structure(is_open: bool) -> None:
+    """Only at an open end: there it is possible, however many images see it; elsewhere it counts."""
+    wire = fitted(WIRE)
+    if is_open:
+        wire = replace(
+            wire, ends=(wire.ends[0], Open("nothing")), evidence=replace(wire.evidence, seen_m=((0.0, 70.0),))
+        )
+    plants = wire.points(np.array([72.0, 40.0])) - np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 4.0]])
+    survey = survey_of({HIGH_VEGETATION: plants}, wire)
+    nine, none = np.array([9, 9]), np.array([0, 0])
+    survey = replace(survey, cloud=replace(survey.cloud, sigma_m=np.full(2, 0.05), seen=nine, past=none))
+    found, _ = measure_clearances(survey, ClearanceConfig())
+    least = found.wires[0].least("vegetation")
+    assert least is not None and least.distance_m == pytest.approx(4.0 if is_open else 1.5, abs=0.05)
+    assert [one.at_open_end for one in found.possible] == [True] * is_open
 
 
 def test_what_is_no_nearer_than_what_counts_is_not_listed() -> None:
