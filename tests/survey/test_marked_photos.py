@@ -8,8 +8,10 @@ import pytest
 import torch
 from tests.support.drawn import pinhole_cameras, scene_of
 
+from plnerf.line.clearances import Place, Possible
 from plnerf.line.hang import hang
 from plnerf.survey import marked_photos
+from plnerf.survey.crops import EACH, SIDE, crops_of
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.posed_photos import Photos, photos_of
 
@@ -60,3 +62,20 @@ def test_a_lens_turns_nothing_back_into_the_photo(photos: Photos) -> None:
     aside = hang((0.0, -0.5, 0.9), (1.0, -0.5, 0.9), 0.01)
     (found,) = pictures_of(replace(photos, cameras=distorted), [aside], 1)
     assert inside(found.rgb, found.wires[0]) == 0
+
+
+def test_crops_show_a_possible_obstacle_from_several_sides(photos: Photos) -> None:
+    """The nearest photo first; the place lies inside of each crop, where the photo shows it; none of what no
+    photo shows."""
+    at, on_wire = np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.1])
+    near = Place(1, 1, "phase", "vegetation", 5, "distance", 0.1, 0.01, 0.5, on_wire, at)
+    far = replace(near, on_obstacle=np.array([50.0, 0.0, 0.0]))
+    found = crops_of(photos, [Possible(near, 2, 5), Possible(far, 2, 5)])
+    assert len(found) == EACH == len({one.name for one in found}) and {one.of for one in found} == {0}
+    distances = photos.distances(at[None])[:, 0]
+    assert found[0].name == photos.names[photos.train[int(distances.argmin())]]
+    for one in found:
+        size = one.rgb.shape[1::-1]
+        assert (one.at >= 0).all() and (one.at < size).all() and one.wire[1] < one.at[1]
+        assert max(size) <= max(photos.full_sizes_px.max() * SIDE + 1, 2)
+    assert crops_of(photos, []) == ()
