@@ -170,11 +170,11 @@ class Common:
 
 def common_stretch(true: Wire, found: Wire, config: WireScoreConfig) -> Common | None:
     """None where they share too little, or where the true wire turns back on the other's base."""
-    return _common(true.polyline(), found, config)
+    return common_with(true.polyline(), found, config)
 
 
-def _common(line: Float[np.ndarray, "v 3"], found: Wire, config: WireScoreConfig) -> Common | None:
-    """Of a true wire by its polyline."""
+def common_with(line: Float[np.ndarray, "v 3"], found: Wire, config: WireScoreConfig) -> Common | None:
+    """As `common_stretch`, of a true wire by its polyline."""
     base = found.base
     local = base.local(line)
     if local[-1, 0] < local[0, 0]:
@@ -201,7 +201,7 @@ def match_wires(
     """
     check_frame(found, true)
     lines = [wire.polyline() for wire in true]
-    common = [[_common(line, one, config) for one in found] for line in lines]
+    common = [[common_with(line, one, config) for one in found] for line in lines]
     # Costs of what is no match exceed those of all matches together, so that none is given up for it.
     none = (len(true) + len(found) + 1) * config.match_m
     distance = np.full((len(true), len(found)), none)
