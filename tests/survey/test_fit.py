@@ -179,3 +179,28 @@ def test_settings_that_cannot_work_are_refused() -> None:
         FitConfig(max_rounds=0)
     with pytest.raises(ConfigError, match="min_points must be 6 or more"):
         FitConfig(min_points=5)
+
+
+def test_a_bow_that_no_curve_follows_is_in_the_stated_deviation() -> None:
+    """Gusts: 0.2 m to one side in one half of the span, to the other side in the other, of 2,000 points."""
+    wire, random = WIRES["steep"], np.random.default_rng(7)
+    t = np.linspace(0, 1, 2000)
+    exact = on(wire, 2000)
+    blown = exact + 0.2 * np.sin(2 * np.pi * t)[:, None] * np.append(wire.base.n, 0.0)
+    noise = 0.02 * random.normal(size=exact.shape)
+    calm, windy = (fit_wire(points + noise, wire.base)[0] for points in (exact, blown))
+    s = t[20::40] * wire.base.length_m
+    off = np.abs(windy.at(s)[:, 0] - wire.base.local(blown)[20::40, 1]) / windy.sigma_at(s)[:, 0]
+    assert off.max() < 2.2 and 0.7 < np.sqrt((off**2).mean()) < 1.2, "by independent points 100 deviations"
+    assert calm.sigma_at(s).max() < 0.004, "of points that scatter by chance nothing is added"
+    assert windy.sigma_at(s)[:, 0].max() < 0.3
+
+
+def test_what_all_points_are_off_together_is_a_share_of_their_scatter() -> None:
+    wire, random = WIRES["level"], np.random.default_rng(8)
+    points = on(wire, 5000) + 0.05 * random.normal(size=(5000, 3))
+    alone, together = (
+        fit_wire(points, wire.base, FitConfig(common_share=share))[0].sigma_at(np.array([20.0]))[0]
+        for share in (0.0, 0.2)
+    )
+    assert np.sqrt(together**2 - alone**2) == pytest.approx([0.01, 0.01], rel=0.05)

@@ -8,6 +8,7 @@ taut wire, or of points too few to show a bow, the swing stays near 0 and says h
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
+from scipy.stats import f
 
 from plnerf.errors import SurveyError
 from plnerf.line.base import Base, base_of, jacobian
@@ -17,6 +18,8 @@ from plnerf.line.wire import Wire
 from plnerf.survey.config_wires import UNKNOWNS, FitConfig
 
 NOT_KNOWN = Open("not known yet")
+TAKEN = 3
+"""Numbers of a wire's curve that follow its points across, and up: so many stretches' means they take."""
 
 
 def fit_wire(
@@ -25,8 +28,9 @@ def fit_wire(
     """The wire that most of the points lie on, and which points those are.
 
     base: where the wire begins and ends; from the first to the last point where left out.  The wire's id is 0
-    and its ends are open until a caller knows better; points count as independent in its covariance.  Raises
-    SurveyError for too few points, or for points at one place.
+    and its ends are open until a caller knows better.  Its covariance holds the points' scatter, as if they
+    were independent, and what all points of a stretch are off together (`_of_misfit`).  Raises SurveyError
+    for too few points, or for points at one place.
     """
     if len(points) < config.min_points:
         raise SurveyError(
@@ -67,11 +71,41 @@ def fit_wire(
         J[:, k].T @ J[:, k] / max(rms, config.sigma_m) ** 2 for k, rms in enumerate((across, up))
     )
     covariance = np.linalg.pinv(information, hermitian=True)
+    covariance = covariance + _of_misfit(q, s[inlier] / L, apart[inlier], config)
     evidence = Evidence(
         f"{inlier.sum():,} points", int(inlier.sum()),
         residual_across_m=float(across), residual_up_m=float(up),
     )  # fmt: skip
     return Wire(0, base, q, covariance, (NOT_KNOWN, NOT_KNOWN), evidence), inlier
+
+
+def _of_misfit(
+    q: Float[np.ndarray, "6"], t: Float[np.ndarray, " m"], apart: Float[np.ndarray, "m 2"], config: FitConfig
+) -> Float[np.ndarray, "6 6"]:
+    """Covariance of what the wire departs from its curve: gusts, strips that do not agree, a bow that is no
+    plane curve's.
+
+    t: share of the length.  Where the mean distances of stretches from the curve exceed what independent
+    points leave, beyond chance, the excess of their variance displaces all of a wire alike and its middle
+    against its ends; three numbers of the curve have taken their part of it.
+    """
+    count = min(config.stretches, len(t) // config.min_points)
+    if count <= TAKEN:
+        return np.zeros((UNKNOWNS, UNKNOWNS))
+    stretch = np.clip((t * count).astype(np.int64), 0, count - 1)
+    number = np.bincount(stretch, np.ones(len(t)), count)
+    sums = np.stack([np.bincount(stretch, off, count) for off in apart.T], 1)
+    mean = sums / np.maximum(number, 1.0)[:, None]
+    noise = ((apart - mean[stretch]) ** 2).sum(0) / (len(t) - count)
+    squares, free = number @ mean**2, count - TAKEN
+    real = squares > noise * free * f.ppf(config.misfit_level, free, len(t) - count)
+    across, up = np.where(real, (squares / free - noise) * count / len(t), 0.0)
+    common = config.common_share**2 * (apart**2).mean(0)
+    alike = np.kron(np.diag(common + np.array([across, up])), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
+    arm = max(float(q[4]), float(np.sqrt(across)) / np.radians(config.swing_deg), LEAST_BEND_M)
+    found = np.zeros((UNKNOWNS, UNKNOWNS))
+    found[:4, :4], found[4, 4], found[5, 5] = alike, up, across / arm**2
+    return found
 
 
 def _start(L: float, local: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "6"]:
