@@ -20,7 +20,7 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey import obstacles as room
 from plnerf.survey.clearance import _lowest, measure_clearances
-from plnerf.survey.config_ground import ClearanceConfig, GroundSectionConfig, ObstacleConfig
+from plnerf.survey.config_ground import ClearanceConfig, GroundSectionConfig, ObstacleConfig, SamplingConfig
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, rules, stations
 
@@ -58,12 +58,16 @@ def survey_of(
     return Survey(frame, (line_of([one], structures),), cloud(groups), "test", **more)
 
 
+EXACT = SamplingConfig(point_m=1e-9, share=1e-9)
+"""Obstacles end at their points."""
+
+
 def measured(survey: Survey, **settings: Any) -> Clearances:
     return measure_clearances(survey, ClearanceConfig(**settings))[0]
 
 
-def first(survey: Survey) -> WireClearance:
-    return measured(survey).wires[0]
+def first(survey: Survey, **settings: Any) -> WireClearance:
+    return measured(survey, **settings).wires[0]
 
 
 def said(survey: Survey) -> list[Finding]:
@@ -162,7 +166,7 @@ def test_stated_deviations_of_distances_are_the_true_ones() -> None:
     trees = {5: WIRE.points(np.array([15.0, 50.0, 90.0])) + offsets}
     found, stated = [], []
     for seed in range(60):
-        unsorted = first(survey_of(trees, fitted(WIRE, 0.1, seed))).places["vegetation"]
+        unsorted = first(survey_of(trees, fitted(WIRE, 0.1, seed)), sampling=EXACT).places["vegetation"]
         places = sorted(unsorted, key=lambda place: float(place.on_obstacle[0]))
         found.append([place.distance_m for place in places])
         stated.append([place.sigma_m for place in places])
@@ -173,9 +177,13 @@ def test_the_deviation_of_the_cloud_adds_to_that_of_the_wire() -> None:
     groups = {5: np.array([[40.0, 2.0, 12.0]])}
     survey = survey_of(groups)
     stated = replace(survey, cloud=cloud(groups, sigma_m=np.array([0.3])))
-    one, two = (first(each).least("vegetation") for each in (survey, stated))
+    one, two = (first(each, sampling=EXACT).least("vegetation") for each in (survey, stated))
     assert one is not None and two is not None
     assert two.sigma_m == pytest.approx(np.hypot(one.sigma_m, 0.3))
+    alone = first(survey).least("vegetation")
+    assert alone is not None and alone.sigma_m == pytest.approx(
+        np.hypot(one.sigma_m, np.hypot(0.03, 0.45 * 1.5)), rel=1e-3
+    ), "a single point does not show how far its plant reaches"
     assert any("no standard deviations" in finding.what for finding in said(survey))
     assert not any("no standard deviations" in finding.what for finding in said(stated))
 
@@ -381,7 +389,7 @@ def test_a_wire_with_swing_has_the_distances_of_its_own_curve() -> None:
     trees = wire.points(random.uniform(0, wire.base.length_m, 300)) + random.normal(size=(300, 3)) * [3, 3, 2]
     trees[:, 2] -= 6
     survey = survey_of({2: ground, 5: trees}, wire)
-    one, config = first(survey), CONFIG.obstacles
+    one, config = first(survey, sampling=EXACT), CONFIG.obstacles
     for group, index in obstacles(survey, config).items():
         place = one.least(group)
         if len(index):

@@ -3,7 +3,8 @@
 Letters: k stations along a wire; s along the wire's base from its first end; LineFrame, metres, z up.
 
 The variance of a distance is that of the wire along the line to the obstacle, from the covariance of its
-curve, plus that of the obstacle's point where the cloud states one.  A shift along the wire does not change
+curve, plus that of the obstacle's point: as the cloud states it, else by how far apart its points are
+(`sampling.py`).  A shift along the wire does not change
 the distance to first order, since the line to the obstacle is square to the wire.
 """
 
@@ -33,6 +34,7 @@ from plnerf.survey.crossings import find_crossings, variance_towards
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import CLASSES, NO_THING, Nearest, beside, nearest_along, obstacles, stations
 from plnerf.survey.possible import about_possible, find_possible, possible_points
+from plnerf.survey.sampling import sampling_sigma_m
 from plnerf.survey.thresholds import AboveTableError, requirement
 
 STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
@@ -74,7 +76,7 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
         place
         for span, wire in by_span
         for group, near in _near(wire, survey.cloud, doubted, shared, config).items()
-        for place in _places(span, wire, survey.cloud, group, near, config)
+        for place in _places(span, wire, survey.cloud, group, near, doubted[group], config)
     ]
     possible = find_possible(survey, wires, maybe, config)
     clearances = Clearances(wires, required, crossings=find_crossings(survey), possible=possible)
@@ -131,21 +133,29 @@ def _measure(
             on_wire=points[lowest],
             on_obstacle=np.array([*points[lowest, :2], ground_z[lowest]]),
         )  # fmt: skip
-    places = {group: _places(span, wire, cloud, group, near[group], config) for group in GROUPS}
+    places = {group: _places(span, wire, cloud, group, near[group], found[group], config) for group in GROUPS}
     return WireClearance(wire.id, span.id, wire.kind, places, vertical, profile)
 
 
 def _places(
-    span: Span, wire: Wire, cloud: Cloud, group: Group, near: Nearest, config: ClearanceConfig
-) -> tuple[Place, ...]:
-    """The nearest obstacles of those within `apart_m` along the wire; of these the nearest ones."""
+    span: Span, wire: Wire, cloud: Cloud, group: Group, near: Nearest, beside: Int[np.ndarray, " m"],
+    config: ClearanceConfig,
+) -> tuple[Place, ...]:  # fmt: skip
+    """The nearest obstacles of those within `apart_m` along the wire; of these the nearest ones.
+
+    beside: indices of the group's points.
+    """
     found = []
     for station in _lowest(near.distance_m, wire.base.length_m / (len(near.s_m) - 1), config):
         s, i = near.s_m[station : station + 1], near.index[station]
         on_wire, obstacle = wire.points(s)[0], cloud.xyz[i]
         towards = (on_wire - obstacle) / max(float(near.distance_m[station]), 1e-9)
         of_wire = float(np.sqrt(variance_towards(wire, float(s[0]), towards)))
-        of_point = 0.0 if cloud.sigma_m is None else float(cloud.sigma_m[i])
+        of_point = (
+            sampling_sigma_m(cloud.xyz, beside, int(i), config.sampling, crown=group == "vegetation")
+            if cloud.sigma_m is None
+            else float(cloud.sigma_m[i])
+        )
         place = Place(
             wire.id, span.id, wire.kind, group, int(cloud.label[i]), "distance",
             distance_m=float(near.distance_m[station]),
@@ -201,7 +211,8 @@ def _findings(
         findings.append(
             note(
                 KIND,
-                "The cloud states no standard deviations: those of the clearances hold the wire's part only.",
+                "The cloud states no standard deviations: how far obstacles reach between its points is "
+                "taken from the points' spacing.",
             )
         )
     findings += [*about_possible(clearances.possible), *_left_out(survey.cloud, found, doubted, config)]

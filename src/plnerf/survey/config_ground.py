@@ -145,6 +145,30 @@ class ObstacleConfig:
 
 
 @dataclass(frozen=True)
+class SamplingConfig:
+    """How uncertain the place of an obstacle is in clouds that state no standard deviations."""
+
+    point_m: float = 0.03
+    """Standard deviation of a point: range, beam and the matching of strips."""
+    neighbours: int = 8
+    """Nearest points of the obstacle that show how far apart its points are."""
+    share: float = 0.45
+    """Standard deviation of where the obstacle ends, as a share of their spacing.  Chosen on simulated
+    flights over spans of even seeds."""
+    max_spacing_m: float = 1.5
+    """Greatest spacing; also that of points that have too few neighbours within `reach_m`."""
+    reach_m: float = 3.0
+    """Distance along each axis within which neighbours are sought."""
+
+    def __post_init__(self) -> None:
+        if min(self.point_m, self.share, self.max_spacing_m, self.reach_m) <= 0 or self.neighbours < 3:
+            raise ConfigError(
+                "The sampling of obstacles needs lengths and a share above 0 and 3 neighbours or more, but "
+                f"got {self}."
+            )
+
+
+@dataclass(frozen=True)
 class OnWiresConfig:
     """How near to a wire a point lies on it."""
 
@@ -279,6 +303,7 @@ class ClearanceConfig:
     max_places: int = 5
     """Places that are listed of one wire and group, at most."""
     obstacles: ObstacleConfig = field(default_factory=ObstacleConfig)
+    sampling: SamplingConfig = field(default_factory=SamplingConfig)
     ground: GroundSectionConfig = field(default_factory=GroundSectionConfig)
 
     def __post_init__(self) -> None:

@@ -1,0 +1,49 @@
+"""How much nearer than its nearest measured point an obstacle may be, in clouds that state no deviations.
+
+A scanner samples what it sees: the twig or the roof's edge that is nearest to a wire lies between points, or
+beyond the last of them.  How far apart points are there depends on what they are of: n neighbours within r
+lie 2 r / n apart on a bar, r sqrt(pi / n) on a surface, and r (4 pi / 3 n)^(1/3) in a crown.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from plnerf.survey.config_ground import SamplingConfig
+
+BALLS = (2.0, math.pi, 4 * math.pi / 3)
+"""Size of the ball of radius 1 in one, two and three dimensions."""
+
+
+def sampling_sigma_m(
+    xyz: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " m"], of: int, config: SamplingConfig,
+    *, crown: bool,
+) -> float:  # fmt: skip
+    """Standard deviation of where an obstacle ends, at one of its points; index: the points like it.
+
+    Grows with the spacing of the points around; where there are none, it is that of `max_spacing_m`.  crown:
+    beams enter it, so that its few outermost points do not show its shape: they count as spread in space.
+    """
+    around = xyz[index] - xyz[of]
+    around = around[(np.abs(around) <= config.reach_m).all(1)]
+    r = np.linalg.norm(around, axis=1)
+    order = np.argsort(r, kind="stable")[: config.neighbours + 1]
+    spacing = config.max_spacing_m
+    if len(order) == config.neighbours + 1:
+        dimension = 3.0 if crown else _dimension(around[order])
+        spacing = min(spacing, _spacing(config.neighbours, float(r[order[-1]]), dimension))
+    return math.hypot(config.point_m, config.share * spacing)
+
+
+def _spacing(n: int, radius_m: float, dimension: float) -> float:
+    """Of points of which n others lie within the radius of one."""
+    of = [radius_m * (ball / n) ** (1 / k) for k, ball in enumerate(BALLS, 1)]
+    return float(np.interp(dimension, (1, 2, 3), of))
+
+
+def _dimension(around: Float[np.ndarray, "k 3"]) -> float:
+    """1 of a bar, 2 of a plane, 3 of a ball: by how many directions share the spread."""
+    spread = np.maximum(np.linalg.eigvalsh(around.T @ around), 0.0)
+    total = float((spread**2).sum())
+    return float(np.clip(spread.sum() ** 2 / total, 1.0, 3.0)) if total > 0 else 1.0

@@ -1,0 +1,46 @@
+"""How far obstacles reach between their points: half a spacing, whatever the points are of."""
+
+import numpy as np
+import pytest
+
+from plnerf.errors import ConfigError
+from plnerf.survey.config_ground import SamplingConfig
+from plnerf.survey.sampling import sampling_sigma_m
+
+CONFIG = SamplingConfig(point_m=1e-9, share=1.0, max_spacing_m=5.0, reach_m=6.0)
+
+
+def lattice(dimensions: int, step_m: float) -> np.ndarray:
+    """Points of a bar, a surface or a crown, the middle one at 0."""
+    one = step_m * np.arange(-4, 5)
+    axes = [one if k < dimensions else np.zeros(1) for k in range(3)]
+    return np.stack([axis.ravel() for axis in np.meshgrid(*axes)], 1)
+
+
+@pytest.mark.parametrize(("dimensions", "crown"), [(1, False), (2, False), (3, False), (3, True)])
+def test_the_spacing_is_that_of_the_points(dimensions: int, crown: bool) -> None:
+    xyz = lattice(dimensions, 0.5)
+    middle = int(np.linalg.norm(xyz, axis=1).argmin())
+    found = sampling_sigma_m(xyz, np.arange(len(xyz)), middle, CONFIG, crown=crown)
+    assert found == pytest.approx(0.5, rel=0.3)
+
+
+def test_a_crown_s_tip_counts_as_spread_in_space() -> None:
+    """A beam rarely meets it: points above one another do not show how far it reaches."""
+    xyz = lattice(1, 0.3)
+    bar, tip = (sampling_sigma_m(xyz, np.arange(9), 4, CONFIG, crown=crown) for crown in (False, True))
+    assert bar == pytest.approx(0.3, rel=0.01) and tip > 2 * bar
+
+
+def test_few_points_are_the_least_certain() -> None:
+    xyz = lattice(2, 0.5)
+    few, none = (sampling_sigma_m(xyz, np.arange(n), 0, CONFIG, crown=False) for n in (6, 1))
+    assert few == none == 5.0
+    assert sampling_sigma_m(xyz, np.arange(9), 0, SamplingConfig(), crown=False) > SamplingConfig().point_m
+
+
+def test_settings_that_measure_nothing_are_refused() -> None:
+    with pytest.raises(ConfigError, match="3 neighbours or more"):
+        SamplingConfig(neighbours=2)
+    with pytest.raises(ConfigError, match="above 0"):
+        SamplingConfig(share=0.0)
