@@ -39,8 +39,9 @@ class ThingsConfig:
     """Greatest angle between planes of neighbouring places of one roof."""
     min_roof_m2: float = 12.0
     """Least area of a roof in plan, of what is 3 m wide everywhere."""
-    over_roof_m: float = 0.7
-    """Points up to so far above a roof belong to it, such as chimneys; what is higher does not."""
+    over_roof_m: float = 1.3
+    """Points up to so far above a roof belong to it, such as chimneys, which reach 0.7 m above the ridge and
+    1.2 m above the slope that they stand in; what is higher does not."""
 
     def __post_init__(self) -> None:
         lengths = (

@@ -22,6 +22,7 @@ from plnerf.survey.lidar.checks import astray, check_cloud, distinct
 from plnerf.survey.lidar.classes import wires_and_structures, with_given, with_ground
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.linear import Linear, find_linear
+from plnerf.survey.lidar.loose_wires import loose_wires
 from plnerf.survey.lidar.spans import TrackSpan, find_spans
 from plnerf.survey.lidar.structures import find_structures
 from plnerf.survey.lidar.stubs import about_stubs, without_stubs
@@ -115,7 +116,10 @@ def _found(
     progress(4, STAGES)
     wires = [wire for line in made.lines for wire in line.wires]
     of_wire = {number: tall[its] for number, its in made.points.items()}
-    loose = np.concatenate([*(tall[one.points] for one in stubs), []]).astype(np.int64)
+    held = [outlines[k] for k in made.outlines.values()]
+    free = tall[~taken]
+    beyond = free[loose_wires(points[free], linear, held, wires, config)]
+    loose = np.concatenate([*(tall[one.points] for one in stubs), beyond]).astype(np.int64)
     cloud = wires_and_structures(points, wires, of_wire, [bodies[k] for k in made.outlines.values()], loose)
     if seen:
         cloud = with_ground(cloud, ground, wires, linear, config)

@@ -37,13 +37,15 @@ class TrackSpan:
         return self.ends[1] - self.ends[0]
 
     def end(self, last: bool) -> Float[np.ndarray, "t 3"]:
-        """The tracks' points at one end of the span."""
+        """The tracks' points at one end of the span, without tracks that end farther from it than
+        they are long, if there are others: the curve of a few metres may be anywhere at the other end."""
         s = self.ends[int(last)]
-        points = []
+        points, sure = [], []
         for track in self.tracks:
             at = float((self.o + s * self.u - track.o) @ track.u)
             points.append(track.points(np.array([at]))[0])
-        return np.array(points)
+            sure.append(max(track.ends[0] - at, at - track.ends[1]) <= track.length_m)
+        return np.array(points)[sure if any(sure) else slice(None)]
 
 
 def find_spans(tracks: Sequence[Parabola], found: Linear, config: LidarConfig) -> list[TrackSpan]:
