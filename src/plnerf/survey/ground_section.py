@@ -17,6 +17,10 @@ from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import PLANE, GroundSectionConfig
 from plnerf.survey.obstacles import beside
 
+BETWEEN_TWO = 2 / 3
+"""Variance of a height on the edge between two cells, as a share of that of each: the mean of
+w^2 + (1 - w)^2."""
+
 
 def ground_under(
     wire: Wire,
@@ -30,7 +34,8 @@ def ground_under(
 
     NaN where no ground lies on both sides, or none within `max_gap_m`.  The variance is the sum of that of
     the nearest cell's points (their mean square, since neighbours share their error; 0 where none is stated),
-    the scatter of the cells around, and what the distance to that cell leaves open.
+    what the scatter of the cells around leaves between two of them, and what the distance to that cell
+    leaves open.
     """
     cells, variance = _cells(wire, xyz, index, sigma_m, config)
     z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
@@ -40,7 +45,8 @@ def ground_under(
     distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
     z = np.interp(at, s, height, left=np.nan, right=np.nan)
     unseen = config.unseen_slope * np.maximum(distance - config.cell_m, 0.0)
-    sigma = np.sqrt(variance[nearest] + _scatter(cells, at, config) ** 2 + unseen**2)
+    scattered = BETWEEN_TWO * _scatter(cells, at, config) ** 2
+    sigma = np.sqrt(variance[nearest] + scattered + unseen**2)
     return np.where(distance <= config.max_gap_m, z, np.nan), sigma
 
 
