@@ -11,9 +11,11 @@ from plnerf.ops.backends import BackendChoice
 from plnerf.render.config import ModelConfig
 from plnerf.train.config import Settings
 
-SUITES = ("ops", "train", "render", "span")
+SUITES = ("ops", "train", "render", "span", "coverage")
 SPAN_PRESETS = ("nerfacto", "pl-nerf", "pl-nerf-wire")
 """Systems of the suite span."""
+ODD_SEEDS = tuple(range(1, 40, 2))
+"""Of scenes that figures are reported of; settings are chosen on even ones."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,12 @@ class BenchConfig:
     backend: BackendChoice = "auto"
     quick: bool = False
     """Small shapes and few repeats: to see that all works, not to quote."""
+    seeds: tuple[int, ...] = ODD_SEEDS
+    """Of the LiDAR flights that the suite coverage simulates."""
+    image_seeds: tuple[int, ...] = ()
+    """Of the random scenes that it renders, minutes each."""
+    scenes: tuple[Path, ...] = ()
+    """Folders of rendered scenes that it takes as they are."""
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.suites if name not in SUITES]
@@ -48,6 +56,16 @@ class BenchConfig:
             what = f"there is no suite {unknown[0]!r}" if unknown else f"got --suite {' '.join(self.suites)}"
             raise ConfigError(
                 f"--suite takes one or more of {', '.join(SUITES)}, each once, but {what}. Correct it."
+            )
+        if min((*self.seeds, *self.image_seeds), default=0) < 0:
+            raise ConfigError(
+                f"Seeds must be 0 or more, but --seeds is {self.seeds} and --image-seeds is "
+                f"{self.image_seeds}."
+            )
+        if len({scene.resolve().name for scene in self.scenes}) < len(self.scenes):
+            raise ConfigError(
+                "Results are named after their scenes' folders, but of --scenes two have one name: "
+                f"{', '.join(map(str, self.scenes))}. Rename one."
             )
         if not 0 < self.seconds < math.inf or not all(map(math.isfinite, self.targets_db)):
             raise ConfigError(

@@ -22,6 +22,7 @@ from rich.console import Console
 from plnerf.bench.breakdown import breakdown_table, profile_training
 from plnerf.bench.cases import op_cases
 from plnerf.bench.config import BenchConfig
+from plnerf.bench.coverage_suite import measure_coverage
 from plnerf.bench.machine import circumstances
 from plnerf.bench.ops_suite import measure_ops, ops_json, ops_tables
 from plnerf.bench.render_suite import (
@@ -130,11 +131,17 @@ def run_span(bench: BenchConfig) -> SuiteResult:
     return SuiteResult((span_table(results, bench.seconds),), {"runs": results})
 
 
+def run_coverage(bench: BenchConfig) -> SuiteResult:
+    """The suite `coverage`."""
+    return SuiteResult(*measure_coverage(bench, Terminal()))
+
+
 _RUNNERS: dict[str, Callable[[BenchConfig], SuiteResult]] = {
     "ops": run_ops,
     "train": run_train,
     "render": run_render,
     "span": run_span,
+    "coverage": run_coverage,
 }
 
 

@@ -39,12 +39,16 @@ def bench(  # noqa: PLR0913 (an argument is an option)
     device: Device = "auto",
     backend: BackendName = "auto",
     quick: bool = False,
+    seeds: tuple[int, ...] = tuple(range(1, 40, 2)),
+    image_seeds: tuple[int, ...] = (),
+    scenes: tuple[Path, ...] = (),
     settings: AsOptions,
 ) -> Measuring:
-    """Measure this machine with plnerf: ops against plain torch, training, rendering.
+    """Measure this machine with plnerf: ops against plain torch, training, rendering; if intervals hold.
 
     Args:
-        suite: What to measure: ops, train, render, span (wires found by each preset).
+        suite: What to measure: ops, train, render, span (wires found by each preset), coverage (whether
+            the intervals of surveys hold; an interrupted one goes on).
         out: New folder for bench.json, bench.md and the runs that are made.
         scene: Scene to train on, for the suite span also a folder of scenes; the bundled span when left out.
         run: Finished run to render; one is trained when left out.
@@ -56,14 +60,18 @@ def bench(  # noqa: PLR0913 (an argument is an option)
         device: Where to measure.
         backend: Implementation of the ops.
         quick: Small shapes and few repeats: to see that all works, not to quote.
+        seeds: Seeds of the LiDAR flights over spans in wind that the suite coverage simulates.
+        image_seeds: Seeds of the random scenes that it renders, minutes each.
+        scenes: Folders of rendered scenes that it takes as they are.
         settings: Settings of the runs.
     """
     from plnerf.bench.config import BenchConfig
     from plnerf.bench.suites import run_bench
 
     config = BenchConfig(
-        out, suite, scene, run, preset, {}, downscale, seconds, targets, seed, device, backend, quick
-    )
+        out, suite, scene, run, preset, {}, downscale, seconds, targets, seed, device, backend, quick,
+        seeds, image_seeds, scenes,
+    )  # fmt: skip
     return Measuring(settings, lambda systems: run_bench(replace(config, systems=systems), Terminal()))
 
 
