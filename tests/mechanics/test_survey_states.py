@@ -1,5 +1,6 @@
 """A survey holds the states that the command line asks for."""
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -45,9 +46,12 @@ def test_the_command_line_hands_on_rules_maps_and_voltage(
     pytest.importorskip("pyogrio", reason="plnerf[gis] is not installed")
     asked = []
     monkeypatch.setattr(survey_module, "survey_shown", lambda *given: asked.append(given[3]) or True)
-    maps = [tmp_path / name for name in ("roads.geojson", "rail.gpkg")]
+    maps = [tmp_path / name for name in ("roads.geojson", "rail.geojson")]
     for path in maps:
-        path.write_text("{}")
+        line = {"type": "LineString", "coordinates": [[8.0, 47.0], [8.001, 47.0]]}
+        kind = {"class": path.stem.removesuffix("s")}
+        row = {"type": "Feature", "properties": kind, "geometry": line}
+        path.write_text(json.dumps({"type": "FeatureCollection", "features": [row]}))
     words = ["--rules", "gb-50545", "--voltage-kv", "110", "--rules.areas", "residential"]
     words += ["--objects", *map(str, maps)]
     monkeypatch.setattr(sys, "argv", ["plnerf", "survey", str(tmp_path), *words])
