@@ -15,7 +15,7 @@ SUITES = ("ops", "train", "render", "span", "coverage")
 SPAN_PRESETS = ("nerfacto", "pl-nerf", "pl-nerf-wire")
 """Systems of the suite span."""
 ODD_SEEDS = tuple(range(1, 40, 2))
-"""Of scenes that figures are reported of; settings are chosen on even ones."""
+"""Seeds of the scenes whose figures are reported; settings are chosen on scenes of even seeds."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class BenchConfig:
     quick: bool = False
     """Small shapes and few repeats: to see that all works, not to quote."""
     seeds: tuple[int, ...] = ODD_SEEDS
-    """Of the LiDAR flights that the suite coverage simulates."""
+    """Seeds of the LiDAR flights that the suite `coverage` simulates."""
     image_seeds: tuple[int, ...] = ()
-    """Of the random scenes that it renders, minutes each."""
+    """Seeds of the random scenes that it renders, which takes minutes each."""
     scenes: tuple[Path, ...] = ()
     """Folders of rendered scenes that it takes as they are."""
 

@@ -45,7 +45,7 @@ class Drawn:
     source: str
     """lidar or images."""
     survey: Callable[[Path], tuple[Survey, Path]]
-    """Of a folder for what is made on the way: the survey, and the truth.json beside its input."""
+    """Given a folder for intermediate files, returns the survey and the path of its truth.json."""
 
 
 def measure_coverage(bench: BenchConfig, console: Console) -> tuple[tuple[Table, ...], dict[str, Any]]:

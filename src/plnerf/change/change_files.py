@@ -4,12 +4,10 @@ import csv
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from plnerf.change.values import Change, Standing
 from plnerf.line.ends import Quantity
+from plnerf.line.files import plain_values
 from plnerf.scene.files import complete_file, write_text
 
 FORMAT_VERSION = 1
@@ -24,7 +22,7 @@ Row = dict[str, str | float | int | None]
 def write_change(folder: Path, change: Change, a: Path, b: Path) -> None:
     """Writes change.json and change.csv into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    content = {"format_version": FORMAT_VERSION, "a": str(a), "b": str(b), **_plain(asdict(change))}
+    content = {"format_version": FORMAT_VERSION, "a": str(a), "b": str(b), **plain_values(asdict(change))}
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     write_text(folder / JSON_FILE, text + "\n")
     with (
@@ -94,16 +92,3 @@ def _cell(row: Row, name: str) -> str:
     if value is None:
         return "-"
     return f"{value:.2f}" if not half else f"{value:.2f} ± {half:.2f}"
-
-
-def _plain(value: Any) -> Any:
-    match value:
-        case dict():
-            return {str(key): _plain(one) for key, one in value.items()}
-        case list() | tuple():
-            return [_plain(one) for one in value]
-        case np.ndarray() | np.generic():
-            return _plain(value.tolist())
-        case float():
-            return value if np.isfinite(value) else None
-    return value

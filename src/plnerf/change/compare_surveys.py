@@ -25,7 +25,7 @@ from plnerf.mechanics.states import compute_loads
 from plnerf.survey.obstacles import onto_wire
 
 CHANCE = 0.05
-"""Of a false alarm, over all differences together."""
+"""Probability that two surveys of an unchanged line differ anywhere, by chance."""
 FOOT_M = 0.3
 """Standard deviation of a structure's foot across the line, which surveys do not state."""
 
@@ -68,7 +68,7 @@ def compare_surveys(a: Survey, b: Survey, conductor: Path | None = None, sigma_c
 def _expected(
     a: Survey, b: Survey, wires: Sequence[Wire], conductor: Path | None, sigma_c: float
 ) -> tuple[dict[int, Quantity], list[str]]:
-    """By how much the sags of A's wires change from its temperature to B's, by their ids."""
+    """How much each wire's sag changes from A's temperature to B's, by the wire's id in A."""
     if conductor is None or a.temperature_c is None or b.temperature_c is None:
         missing = "no conductor is given (--conductor)" if conductor is None else "a survey states none"
         return {}, [

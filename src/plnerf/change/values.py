@@ -65,7 +65,7 @@ class ClearanceChange:
     by_object_m: Quantity
     """The rest: something else is nearer now, or what was nearest is gone."""
     place: Float[np.ndarray, "3"]
-    """Of the object in B, in B's LineFrame."""
+    """Where the object is in B, in B's LineFrame."""
     moved_m: float
     """How far apart the nearest objects of both surveys are."""
     standing: Standing

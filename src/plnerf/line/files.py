@@ -56,7 +56,7 @@ def write_wires(path: Path, wires: Sequence[Wire], frame: LineFrame, settings: M
         "settings": settings,
         "wires": [_wire_row(wire) for wire in wires],
     }
-    write_text(path, json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
+    write_text(path, json.dumps(plain_values(content), indent=1, allow_nan=False) + "\n")
 
 
 def read_wires(path: Path) -> tuple[tuple[Wire, ...], LineFrame]:
@@ -112,7 +112,7 @@ def read_survey(path: Path) -> Survey:
 def survey_json(survey: Survey) -> dict[str, Any]:
     """A survey as strictly JSON: finite numbers, texts, lists and nulls."""
     labels, counts = np.unique(survey.cloud.label, return_counts=True)
-    content: dict[str, Any] = _plain({
+    content: dict[str, Any] = plain_values({
         "format_version": SURVEY_VERSION,
         "source": survey.source,
         "made": dict(survey.made),
@@ -347,15 +347,15 @@ def _gappy(value: Any, *shape: int) -> np.ndarray:
     return np.array(value, dtype=np.float64).reshape(shape)
 
 
-def _plain(value: Any) -> Any:
+def plain_values(value: Any) -> Any:
     """NumPy's values as Python's, numbers that are not finite as None, all the way down."""
     match value:
         case dict():
-            return {str(key): _plain(one) for key, one in value.items()}
+            return {str(key): plain_values(one) for key, one in value.items()}
         case list() | tuple():
-            return [_plain(one) for one in value]
+            return [plain_values(one) for one in value]
         case np.ndarray() | np.generic():
-            return _plain(value.tolist())
+            return plain_values(value.tolist())
         case float():
             return value if np.isfinite(value) else None
     return value

@@ -26,7 +26,7 @@ def conductor_temperature(conductor: Conductor, weather: Weather) -> float:
             "--temperature-c."
         )
 
-    class GivenSun(IEEE738):  # type: ignore[misc]  # the library states no types
+    class GivenSun(IEEE738):  # type: ignore[misc]  # its types are skipped: see pyproject.toml
         """With the sun's intensity as it is given, in place of that of a clear sky at a time and place."""
 
         def compute_global_radiation_intensity(self) -> float:
