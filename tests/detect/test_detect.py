@@ -26,8 +26,9 @@ from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.parabola import curve_odds
-from plnerf.detect.refit import likeliest, mask_ridges, refit, turn_of
+from plnerf.detect.refit import aside, likeliest, mask_ridges, refit
 from plnerf.detect.search import Search
+from plnerf.detect.to_wire import usual_sigma
 from plnerf.detect.views import project_point, views_of
 from plnerf.line.ends import Open
 from plnerf.line.frame import LineFrame
@@ -286,16 +287,38 @@ def test_how_far_poses_move_ridges_is_learnt_from_the_views(spread: float) -> No
     assert likeliest(information, residuals @ Z / 0.3**2, DEFAULT.refit.view_px) == spread
 
 
-def test_the_turn_is_the_spread_of_directions_at_one_place() -> None:
+def test_looking_from_aside_is_counted_in_deviations_of_the_views_of_one_place() -> None:
     """Not from place to place: along a straight track past a wire askew, each place is seen from one side."""
     rows = np.zeros((60, 6))
     rows[:, 0] = np.repeat(np.arange(15), 4)
     own = np.radians(np.repeat(np.linspace(-40, 40, 15), 4))
-    for spread_deg in (0.0, 10.0):
-        angle = own + np.radians(np.tile([-spread_deg, spread_deg], 30))
+    for spread in (0.02, 0.2):
+        angle = own + np.tile([-spread, spread], 30)
         rows[:, 3:5] = 7.0 * np.stack([np.cos(angle), np.sin(angle)], 1)
-        rows[::3, 3:5] *= -1  # a plane has two normals
-        assert np.degrees(turn_of(rows)) == pytest.approx(spread_deg, abs=1e-4)
+        found = aside(rows) * np.sin(spread) / np.sin(np.tile([-spread, spread], 30))
+        assert found == pytest.approx(found[0] * np.ones(60)) and abs(found[0]) == pytest.approx(1)
+    rows[:, 3:5] = [3.0, 4.0]  # all from one place
+    assert np.abs(aside(rows)).max() < 1e-9
+
+
+@pytest.mark.parametrize("wobble", [0.1, 0.03])
+def test_light_from_one_side_costs_certainty_as_views_look_from_one_side(
+    tmp_path: Path, wobble: float
+) -> None:
+    """By up to what it moves ridges by, over the spread of the directions."""
+    wire, x = TRUE[0], np.linspace(-HALF, HALF, 96)
+    one_pass = two_passes(8, wobble=wobble)[list(range(8))]
+    scene = drawn(tmp_path, one_pass, (wire,))
+    values = np.concatenate(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
+    fits = [
+        refit(views_of(scene.cameras), values, theta_of(wire, x), x, DEFAULT.odds.min_response, config)
+        for config in (DEFAULT.refit, replace(DEFAULT.refit, bias_px=1e-6))
+    ]
+    assert fits[0] is not None and fits[1] is not None
+    light, dark = (usual_sigma(fit.covariance) for fit in fits)
+    spread = one_pass.centre[:, 2].std().item() / 0.45
+    most = DEFAULT.refit.bias_px * PIXEL / spread
+    assert 0.4 * most < (light**2 - dark**2) ** 0.5 < most
 
 
 def test_without_wires_none_is_found(tmp_path: Path) -> None:

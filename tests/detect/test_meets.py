@@ -110,7 +110,7 @@ def test_partners_see_the_same_places_from_aside() -> None:
     x = np.linspace(-0.5, 0.5, 5)
     centres = np.concatenate([[(at, y, z) for at in x] for y, z in ((-0.5, 0.0), (0.5, 0.0), (-0.3, 0.4))])
     views = views_of(pinhole_cameras(centres, np.tile([0.0, 0.0, 0.0], (15, 1)) + centres * (1, 0, 0)))
-    found = partners(views, LOW, HIGH, CONFIG)
+    found = partners(views, (-1.0, *LOW), (1.0, *HIGH), CONFIG)
     places = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
     seen = seen_places(views, places)
     for n, row in enumerate(found):
@@ -124,5 +124,5 @@ def test_partners_see_the_same_places_from_aside() -> None:
 def test_a_view_that_sees_what_no_other_does_has_no_partner() -> None:
     centres = np.array([[0.0, -0.5, 0.2], [0.0, 0.5, 0.0], [0.0, 0.0, 0.31]])
     targets = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.1, 9.0]])
-    found = partners(views_of(pinhole_cameras(centres, targets)), LOW, HIGH, CONFIG)
+    found = partners(views_of(pinhole_cameras(centres, targets)), (-1.0, *LOW), (1.0, *HIGH), CONFIG)
     assert found[:, 0].tolist() == [1, 0, -1] and (found[:, 1:] == -1).all()

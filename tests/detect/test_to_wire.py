@@ -12,6 +12,8 @@ from tests.support.drawn import FRAMES, two_passes
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import CertaintyConfig
 from plnerf.detect.to_wire import (
+    certain_stretch,
+    is_known,
     known_ends,
     sigmas_along,
     transport_matrix,
@@ -115,15 +117,18 @@ def test_a_flat_wire_is_the_parabola_within_its_thickness() -> None:
     assert apart.max() < 1e-3 * theta[4]
 
 
-def test_views_from_one_direction_do_not_make_a_wire_certain() -> None:
-    """However many: what light does to all of them is not averaged out.  1 pixel is 3 cm wide."""
-    for turn_deg, certain in ((2.0, False), (3.5, False), (5.0, True), (30.0, True)):
-        candidate = Candidate(
-            np.zeros(6), np.eye(6) * 1e-8, 0.3, 99, 900.0, (0, 8), turn_rad=np.radians(turn_deg)
-        )
-        frame = LineFrame.of_scene(replace(FRAMES, scale=0.01))
-        wire = wire_of(candidate, (0, 8), PLAIN, X, 3e-4, frame, CONFIG)
-        assert wire.evidence.certain == certain
+def test_a_wire_is_cut_to_where_it_is_certain_over_half_of_it() -> None:
+    """Known to 1 cm in its middle, and the less the farther from there."""
+    covariance, x = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 0.0, 0.0]), np.linspace(-1, 1, 41)
+    spread = transport_matrix(-20.0, 21.0)  # from the stretch in which the ends are known so well
+    candidate = Candidate(np.zeros(6), spread @ covariance @ spread.T, 0.3, 9, 900.0, (0, 40))
+    cut = certain_stretch(candidate, (0, 40), x, 1e-4, 1.0, CONFIG)
+    assert 0 < cut[0] == 40 - cut[1] and is_known(candidate, cut, x, 1e-4, 1.0, CONFIG)
+    assert not is_known(candidate, (cut[0] - 1, cut[1] + 1), x, 1e-4, 1.0, CONFIG)
+    known = replace(candidate, covariance=covariance)
+    assert certain_stretch(known, (3, 30), x, 1e-4, 1.0, CONFIG) == (3, 30)
+    nowhere = replace(candidate, covariance=np.eye(6))
+    assert certain_stretch(nowhere, (3, 30), x, 1e-4, 1.0, CONFIG) == (3, 30)
 
 
 def test_a_wire_that_wind_swings_hangs_in_a_turned_plane() -> None:
@@ -167,8 +172,8 @@ def test_reach_covers_the_uncertainty_and_some_pixels(seed: int, footprint: floa
     sigma = worst_sigma(covariance)
     reach = max(CONFIG.reach_sigmas * sigma, CONFIG.reach_px * footprint)
     assert evidence.reach_m == pytest.approx(reach / scale)
-    known = np.hypot(usual_sigma(covariance), CONFIG.bias_px * footprint) / scale
-    assert evidence.certain == (known <= max(CONFIG.certain_px * footprint / scale, CONFIG.certain_m))
+    enough = max(CONFIG.certain_px * footprint / scale, CONFIG.certain_m)
+    assert evidence.certain == (usual_sigma(covariance) / scale <= enough)
 
 
 @given(st.integers(0, 1000), st.floats(1e-4, 0.1))

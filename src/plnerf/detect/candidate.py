@@ -34,9 +34,6 @@ class Candidate:
     """Whether the views fix its place where it was seen."""
     likeness: float = np.nan
     """Mean correlation of views beside it: 1 for a line on a surface, 0 for one in the air; NaN: unknown."""
-    turn_rad: float = np.pi / 2
-    """Standard deviation of the directions across it from which views look at one place."""
-
     repeats: bool = False
     """Whether it lies to another line as two other lines lie to each other: less evidence is enough."""
 

@@ -79,6 +79,9 @@ class RefitConfig:
     to which one flies heavy conductors swing by 7 degrees and light ones by 16, and calm air is as common."""
     planes_alike: float = 4.0
     """Observations of one view in neighbouring planes share their error: so many count as one."""
+    bias_px: float = 0.2
+    """Standard deviation of what light from one side moves a ridge by in one view and not in another: the
+    less they differ in direction, the farther off a wire may be for it."""
     view_px: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8)
     """Standard deviations, of which the likeliest is taken, of what a view's pose moves all its ridges by:
     its shift, and its turn at the ends of what it shows."""
@@ -90,8 +93,9 @@ class RefitConfig:
             self,
         )
         check(
-            min(self.sigma_px, self.prior, self.swing_rad, self.planes_alike, self.min_rows) > 0,
-            "detect.refit needs sigma_px, prior, swing_rad, planes_alike and min_rows above 0",
+            min(self.sigma_px, self.prior, self.swing_rad, self.planes_alike, self.min_rows) > 0
+            and self.bias_px > 0,
+            "detect.refit needs sigma_px, prior, swing_rad, planes_alike, min_rows and bias_px above 0",
             self,
         )
         check(
@@ -145,6 +149,10 @@ class SearchConfig:
     """unless the last fit raised its odds by this factor or more."""
     least_planes: int = 8
     """Shortest stretch that a line is fitted to alone."""
+    around: float = 0.15
+    """A wire may end so far from the structure at which another goes on, to both sides,"""
+    onward: float = 0.006
+    """and that runs past it by no more than this, both in units of half a window's length."""
     refits: int = 2
     """How often all lines are fitted again once the others are known."""
     max_lines: int = 40
@@ -165,8 +173,10 @@ class SearchConfig:
             self,
         )
         check(
-            min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0,
-            "detect.search needs mask_px, rounds, refits and doubt of 0 or more",
+            min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0
+            and min(self.around, self.onward) > 0,
+            "detect.search needs mask_px, rounds, refits and doubt of 0 or more, and around and onward above "
+            "0",
             self,
         )
 
@@ -180,7 +190,9 @@ class SelectConfig:
     min_odds_similar: float = 200.0
     """The same for one that hangs like a leader, the strongest line of its span,"""
     min_odds_repeated: float = 100.0
-    """and for one that hangs beside such a line as two others hang beside each other."""
+    """for one that hangs beside such a line as two others hang beside each other,"""
+    min_odds_continued: float = 60.0
+    """and for one that begins where another wire ends."""
     min_planes: int = 19
     """Planes that must show a wire which hangs unlike the best."""
     min_sag: float = 0.001
@@ -229,9 +241,8 @@ class CertaintyConfig:
     this,"""
     certain_m: float = 0.05
     """or no more metres than this.  Others are what views do not fix, or no wires at all."""
-    bias_px: float = 0.2
-    """What light from one side moves the ridges of all views by: the less they differ in direction, the
-    farther off a wire may be for it."""
+    least_planes: int = 8
+    """Shortest stretch to which a wire is cut so that it is certain."""
     reach_sigmas: float = 4.0
     """A wire lies within so many standard deviations of its curve,"""
     reach_px: float = 3.0
@@ -242,9 +253,10 @@ class CertaintyConfig:
     def __post_init__(self) -> None:
         check(
             0 < self.nearest_views <= 1
-            and min(self.certain_px, self.certain_m, self.reach_sigmas, self.reach_px) > 0 <= self.bias_px,
-            "detect.certainty needs certain_px, certain_m, reach_sigmas and reach_px above 0, bias_px of 0 "
-            "or more, and nearest_views above 0 and at most 1",
+            and min(self.certain_px, self.certain_m, self.reach_sigmas, self.reach_px) > 0
+            and self.least_planes >= 2,
+            "detect.certainty needs certain_px, certain_m, reach_sigmas and reach_px above 0, least_planes "
+            "of 2 or more, and nearest_views above 0 and at most 1",
             self,
         )
 

@@ -6,7 +6,7 @@ Nobody needs to know where a line runs, how many there are, and where they bend.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
@@ -15,6 +15,7 @@ from plnerf.detect.candidate import Candidate, common_ends
 from plnerf.detect.chains import chains_of
 from plnerf.detect.config import DEFAULT, DetectConfig
 from plnerf.detect.config_lines import EvidenceConfig
+from plnerf.detect.continuations import ends_of_wires
 from plnerf.detect.directions import Direction, given, stands_out, strongest, vote
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.join import joined
@@ -24,7 +25,7 @@ from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search, Sharpness
 from plnerf.detect.segments import Segments, linked, segments_of
 from plnerf.detect.surroundings import Surroundings, projected
-from plnerf.detect.to_wire import known_ends, transport_matrix, typical_footprint, wire_of
+from plnerf.detect.to_wire import certain_stretch, known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
 from plnerf.detect.windows import Window, windows_along
@@ -59,26 +60,25 @@ def detect_wires(
     maps = line_maps(scene.photos, cameras, scene.train, most_px, config.lines, report)
     segments, piece = segments_of(maps, views, config.segments)
     at = views.starts[maps.view] + maps.pixel
-    taken = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
+    none = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
     surroundings = Surroundings(scene.photos, scene.train, most_px, config.surroundings)
-    wires, searched = list[Wire](), list[Direction]()
-    sharpness: Sharpness | None = None
+    known, searched = Known([], none, none.copy()), list[Direction]()
     while len(searched) < most:
-        left = segments.of(_left(piece[piece >= 0], taken[at[piece >= 0]], len(segments.owner)))
+        left = segments.of(_left(piece[piece >= 0], known.taken[at[piece >= 0]], len(segments.owner)))
         direction = _next_direction(scene, views, left, searched, config)
         if direction is None:
             break
         searched.append(direction)
-        pieces, before, ridges = [], taken.copy(), LineRidges(scene, direction, config.evidence)
-        for window in windows_along(direction, views, config.windows):
-            found, sharpness = _in_window(
-                scene, views, window, ridges, surroundings, sharpness, (before, taken), config
-            )
-            pieces.append(found)
-        wires += joined(pieces, config.join)
+        ridges = LineRidges(scene, direction, config.evidence)
+        pieces = [
+            _in_window(scene, views, window, ridges, surroundings, known, config)
+            for window in windows_along(direction, views, config.windows)
+        ]
+        known.wires += joined(pieces, config.join)
+        known.others = known.taken.copy()
         report(images + (images + 2 * most) * len(searched) // most)
     report(steps)
-    return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
+    return tuple(replace(wire, id=number) for number, wire in enumerate(known.wires, 1))
 
 
 def compile_kernels() -> None:
@@ -145,36 +145,48 @@ class LineRidges:
         return np.concatenate(list(self.kept.values()))
 
 
+@dataclass
+class Known:
+    """What the search has shown so far."""
+
+    wires: list[Wire]
+    """Of the directions before."""
+    others: UInt8[np.ndarray, " p"]
+    """1 for pixels, of all views, that lines of the directions before took: they show nothing here."""
+    taken: UInt8[np.ndarray, " p"]
+    """1 for pixels that any lines took."""
+    sharpness: Sharpness | None = None
+    """How well ridges agree with wires."""
+
+
 def _in_window(
     scene: Scene,
     views: Views,
     window: Window,
     ridges: "LineRidges",
     surroundings: Surroundings,
-    sharpness: Sharpness | None,
-    pixels: tuple[UInt8[np.ndarray, " p"], UInt8[np.ndarray, " p"]],
+    known: Known,
     config: DetectConfig,
-) -> tuple[list[Wire], Sharpness | None]:
-    """The wires in a window, and how well ridges agree with wires, as far as it is known now.
-
-    pixels: of all views, those that lines of other directions took, which show nothing here; and those that
-    lines took, which get what this window's lines take.
-    """
-    others, taken = pixels
+) -> list[Wire]:
+    """The wires in a window; what it takes, and how well ridges agree with wires, is known then."""
     mine, responses = window.seen_by(views), ridges.of(window.views)
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
-    responses[np.concatenate([others[start : start + count] for start, count in counts]) > 0] = 0
-    search = Search(mine, responses, middles_of_planes(window.planes), config, sharpness)
-    found, rest = find_lines(search, window, surroundings)
-    _mark([*found, *rest], search, replace(window, views=np.arange(len(views.R))).seen_by(views), taken)
-    frame, x, length = LineFrame.of_scene(scene.frames), search.x, search.length
-    wires = []
+    responses[np.concatenate([known.others[start : start + count] for start, count in counts]) > 0] = 0
+    search = Search(mine, responses, middles_of_planes(window.planes), config, known.sharpness)
+    frame = LineFrame.of_scene(scene.frames)
+    before = ends_of_wires(known.wires, window, frame, config.search.around)
+    found, rest = find_lines(search, window, surroundings, before)
+    _mark([*found, *rest], search, replace(window, views=np.arange(len(views.R))).seen_by(views), known.taken)
+    x, length = search.x, search.length
+    wires, unit_m = [], window.unit_m(frame)
     for line in found:
         footprint = typical_footprint(mine, line.theta, x, config.certainty)
         ends = common_ends(line, found, length, config.select)
         ends = known_ends(line, ends, x, footprint, config.certainty)
+        ends = certain_stretch(line, ends, x, footprint, unit_m, config.certainty)
         wires.append(wire_of(line, ends, window, x, footprint, frame, config.certainty))
-    return wires, search.sharpness
+    known.sharpness = search.sharpness
+    return wires
 
 
 def middles_of_planes(count: int) -> Float[np.ndarray, " i"]:

@@ -40,7 +40,7 @@ def curves_where_chains_meet(
     low, high: y and z between which they must lie where both views show them.
     """
     pairs = [np.zeros((0, 2), np.int64)]
-    for n, others in enumerate(partners(views, low, high, config)):
+    for n, others in enumerate(partners(views, (x[0], *low), (x[-1], *high), config)):
         mine = np.arange(chains.first[n], chains.first[n + 1])
         for other in others[others >= 0]:
             theirs = np.arange(chains.first[other], chains.first[other + 1])
@@ -53,15 +53,16 @@ def curves_where_chains_meet(
 
 
 def partners(
-    views: Views, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], config: ChainConfig
+    views: Views, low: tuple[float, ...], high: tuple[float, ...], config: ChainConfig
 ) -> Int[np.ndarray, "n k"]:
-    """For each view those that see most places in common with it, at a good angle; -1 for none.
+    """For each view those that see most places in common with it, at a good angle; -1 for none: (n, k).
+
+    low, high: x, y and z between which the places lie.
 
     One after another, each for what those before it do not show: surfaces of two views meet at a small angle
     in a line that runs between them, and no one partner serves all places.
     """
-    box = zip((-1.0, *low), (1.0, *high), PLACES, strict=True)
-    axes = [np.linspace(*side) for side in box]
+    axes = [np.linspace(*side) for side in zip(low, high, PLACES, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen = seen_places(views, places)
     across = places[None, :, 1:] - views.centre[:, None, 1:]
@@ -111,7 +112,7 @@ def meets(chains, views, pairs, ends, box, limits, shape):
             for axis in range(3):
                 points[count, axis] = views.centre[n, axis] + depth * ray[axis]
             x, y, z = points[count]
-            count += abs(x) <= 1 and box[0] <= y <= box[1] and box[2] <= z <= box[3]
+            count += ends[0] <= x <= ends[1] and box[0] <= y <= box[1] and box[2] <= z <= box[3]
         if count >= 3 and abs(points[count - 1, 0] - points[0, 0]) >= least_length:
             curve_through(points[:count], ends, shape, out[m])
     return out

@@ -8,12 +8,15 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from plnerf.detect.candidate import Candidate, hangs
+from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config import DetectConfig
+from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.parabola import curve_odds, curve_points
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
+from plnerf.detect.windows import Window
 from plnerf.ops.kernel_cache import njit
 
 
@@ -45,6 +48,7 @@ class Search:
         self.masks = np.zeros(len(responses), np.uint8)
         """Lines whose ridge a pixel is."""
         self._mask_px: dict[Candidate, int] = {}
+        self._chains: Chains | None = None
         self.all_odds = self.odds = odds_of(responses, views, config.odds)
         if sharpness is not None:
             self.all_odds = self.odds = self.odds._replace(sharp_px=sharpness.odds_px)
@@ -53,6 +57,14 @@ class Search:
     def length(self) -> float:
         """From the first plane to the last."""
         return float(self.x[-1] - self.x[0])
+
+    def met(self, window: Window) -> Float[np.ndarray, "c 6"]:
+        """Curves in which chains of two views meet, of all ridges, whether a line has them or not."""
+        if self._chains is None:
+            config = self.config
+            self._chains = chains_of(self.responses, self.views, config.odds.min_response, config.chains)
+        box = (window.low, window.high)
+        return curves_where_chains_meet(self._chains, self.views, self.x, *box, self.config.chains)
 
     def rated(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "3 c"]:
         """Odds of each curve's best stretch on a few planes, and where it begins and ends, 0 to 1."""

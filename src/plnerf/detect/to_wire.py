@@ -39,10 +39,7 @@ def wire_of(
     T = transport_matrix(*((end - x[0]) / (x[-1] - x[0]) for end in (low, high)))
     covariance = T @ candidate.covariance @ T.T
     sigma = worst_sigma(covariance)
-    # Light from one side moves the ridges of all views alike, which no number of them averages out.
-    bias = config.bias_px * footprint / max(np.sin(candidate.turn_rad), 1e-9)
-    known = np.hypot(usual_sigma(covariance), bias)
-    unit = float(frame.from_scene(np.array([window.half]))[0])
+    unit = window.unit_m(frame)
     theta = unit * (T @ candidate.theta)
     theta[2:4] += frame.from_scene(window.origin)[2]
     sag, aside = theta[4:]
@@ -65,7 +62,7 @@ def wire_of(
             count=candidate.images,
             coverage=(seen[1] - seen[0]) / (high - low),
             longest_gap_m=unit * max(seen[0] - low, high - seen[1]),
-            certain=bool(unit * known <= max(unit * config.certain_px * footprint, config.certain_m)),
+            certain=is_known(candidate, ends, x, footprint, unit, config),
             reach_m=unit * max(config.reach_sigmas * sigma, config.reach_px * footprint),
             seen_m=((unit * (seen[0] - low), unit * (seen[1] - low)),),
         ),
@@ -91,14 +88,54 @@ def known_ends(
     return int(low.max(initial=ends[0])), int(high.min(initial=ends[1]))
 
 
+def certain_stretch(
+    candidate: Candidate,
+    ends: tuple[int, int],
+    x: Float[np.ndarray, " i"],
+    footprint: float,
+    unit: float,
+    config: CertaintyConfig,
+) -> tuple[int, int]:
+    """The ends moved to where a wire is certain that is not certain over all of it, if that is long enough.
+
+    unit: of the window, in metres; the rest as of `known_ends`.
+    """
+    sigma = sigmas_along(candidate.covariance, (x - x[0]) / (x[-1] - x[0]))
+    first, last = ends
+    while last - first >= config.least_planes:
+        if is_known(candidate, (first, last), x, footprint, unit, config):
+            return first, last
+        first, last = (first + 1, last) if sigma[first] > sigma[last] else (first, last - 1)
+    return ends
+
+
+def is_known(
+    candidate: Candidate,
+    ends: tuple[int, int],
+    x: Float[np.ndarray, " i"],
+    footprint: float,
+    unit: float,
+    config: CertaintyConfig,
+) -> bool:
+    """Whether the place of a wire is certain over half of it or more."""
+    sigma = usual_sigma(between(candidate.covariance, ends, x))
+    return unit * sigma <= max(unit * config.certain_px * footprint, config.certain_m)
+
+
 def is_certain(
     candidate: Candidate, views: Views, x: Float[np.ndarray, " i"], config: CertaintyConfig
 ) -> bool:
     """Whether the views fix the place of a line over half of where they show it, or more."""
-    s = [float((x[plane] - x[0]) / (x[-1] - x[0])) for plane in candidate.seen]
-    T = transport_matrix(s[0], s[1])
     footprint = typical_footprint(views, candidate.theta, x, config)
-    return usual_sigma(T @ candidate.covariance @ T.T) <= config.certain_px * footprint
+    return usual_sigma(between(candidate.covariance, candidate.seen, x)) <= config.certain_px * footprint
+
+
+def between(
+    covariance: Float[np.ndarray, "6 6"], ends: tuple[int, int], x: Float[np.ndarray, " i"]
+) -> Float[np.ndarray, "6 6"]:
+    """The covariance of the part of a line between two planes."""
+    T = transport_matrix(*((x[end] - x[0]) / (x[-1] - x[0]) for end in ends))
+    return T @ covariance @ T.T
 
 
 def transport_matrix(low: float, high: float) -> Float[np.ndarray, "6 6"]:

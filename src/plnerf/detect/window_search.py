@@ -11,11 +11,10 @@ from functools import partial
 from itertools import permutations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, needed, select_wires, without_gaps
-from plnerf.detect.chains import chains_of
-from plnerf.detect.meets import curves_where_chains_meet
+from plnerf.detect.continuations import ends_of_lines, goes_on, in_parallel
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
@@ -27,17 +26,18 @@ Judge = Callable[[Candidate], Candidate]
 
 
 def find_lines(
-    search: Search, window: Window, surroundings: Surroundings
+    search: Search, window: Window, surroundings: Surroundings, ends: Float[np.ndarray, "m 2 3"]
 ) -> tuple[list[Candidate], list[Candidate]]:
     """The wires, the best first, and lines that are none: edges of roads, say.
 
     Lines of any shape come first; then those that hang as the leaders do, until none is new.  Where the views
-    fix no line that hangs, there are no others to look for.  Wires are followed beyond the window at last.
+    fix no line that hangs, there are no others to look for.  Wires are followed beyond the window at last,
+    and those are found that go on where they end.
+
+    ends: of wires of other directions (`continuations.py`).
     """
     config = search.config
-    chains = chains_of(search.responses, search.views, config.odds.min_response, config.chains)
-    met = curves_where_chains_meet(chains, search.views, search.x, window.low, window.high, config.chains)
-    met = search.distinct(met)
+    met = search.distinct(search.met(window))
 
     def judged(line: Candidate) -> Candidate:
         likeness = surroundings.likeness(line, search.views, window.views, search.x, config.certainty)
@@ -61,7 +61,9 @@ def find_lines(
     wires = select_wires(lines, search.length, config.select)
     others = [line for line in lines if line not in wires]
     lines = search.lengthen(*window.follow, [*wires, *others])
-    return followed(search, lines[: len(wires)]), lines[len(wires) :]
+    wires, others = followed(search, lines[: len(wires)]), lines[len(wires) :]
+    ends = np.concatenate([ends, ends_of_lines(wires, search.x, config.search.around)])
+    return [*wires, *_going_on(search, window, ends, judged)], others
 
 
 def _like_the_leaders(
@@ -81,6 +83,28 @@ def _like_the_leaders(
             found = _found_near(search, pending, least, most, judged, wanted)
             new += [replace(line, repeats=True) for line in found]
     return new
+
+
+def _going_on(
+    search: Search, window: Window, ends: Float[np.ndarray, "m 2 3"], judged: Judge
+) -> list[Candidate]:
+    """Further lines in the air that begin where wires end, two or more that run alike."""
+    config, x = search.config, search.x
+    if not len(ends):
+        return []
+
+    def onward(curves: Float[np.ndarray, "c 6"]) -> Bool[np.ndarray, " c"]:
+        seen = x[0] + search.rated(curves)[1:].T * search.length
+        return goes_on(curves, seen, ends, x, config.search)
+
+    def wanted(line: Candidate) -> bool:
+        return bool(goes_on(line.theta[None], x[np.array([line.seen])], ends, x, config.search)[0])
+
+    met = search.met(window)
+    least, most = config.select.min_odds_continued, config.search.max_lines
+    found = _found_near(search, met[onward(met)], least, most, judged, wanted)
+    in_air = [line for line in found if not line.likeness > config.select.lies]
+    return in_parallel(in_air, x, config.select)
 
 
 def repeated(lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from plnerf.detect.config_lines import WindowConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.views import Views
+from plnerf.line.frame import LineFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,10 @@ class Window:
     def of_scene(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
         """The inverse of `to_scene`."""
         return (points - self.origin) @ self.R.T / self.half
+
+    def unit_m(self, frame: LineFrame) -> float:
+        """Half its length in metres."""
+        return float(frame.from_scene(np.array([self.half]))[0])
 
     def seen_by(self, views: Views) -> Views:
         """The window's views in its frame, their pixels one after another."""
