@@ -147,7 +147,7 @@ class ChainConfig:
     """So many partners of a view are to show a place."""
     least_angle: float = 0.07
     """Sine of the angle between a line of sight and the surface that it meets, at least."""
-    spare: float = 0.1
+    spare: float = 0.5
     """A chain may be longer than it is seen, to either side, by this fraction."""
     least_length: float = 0.07
     """Shortest stretch along the window in which two chains meet."""
