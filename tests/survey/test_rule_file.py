@@ -46,9 +46,16 @@ def test_numbers_of_the_examples() -> None:
     assert required("nesc-232", 12.5)["road", "vertical"] == [pytest.approx(5.639, abs=1e-3)]
     uk = required("en-50341-uk", 132.0)
     assert uk["ground", "vertical"] == [6.2, 6.7] and uk["road", "vertical"] == [7.2]
-    assert required("en-50341-uk", 220.0)["ground", "vertical"] == [6.7]  # "none" of the second row
+    by_regulation = [required("en-50341-uk", kv)["ground", "vertical"][1] for kv in (110.0, 220.0, 400.0)]
+    assert by_regulation == [6.7, 7.0, 7.3]  # above 66, 132 and 275 kV
     assert required("gb-50545", 500.0)["ground", "vertical"] == [14.0, 11.0]
     assert required("fac-003-5", 345.0) == {("vegetation", "radial"): [pytest.approx(4.3 * 0.3048, abs=1e-3)]}
+
+
+def test_a_term_of_one_number_counts_at_any_voltage(tmp_path: Path) -> None:
+    """Where a matrix has no classes, too."""
+    path = put(tmp_path, HEAD + ROW + "plus = ['x']\n[term.x]\ndistance = 1.5\nread_in = 'a'\n")
+    assert required(str(path), 115.0) == {("ground", "vertical"): [8.5]}
 
 
 def test_how_a_distance_came_about_is_said() -> None:
@@ -67,7 +74,9 @@ def test_how_a_distance_came_about_is_said() -> None:
         (HEAD, "needs row, tables \\[\\[row\\]\\]: it is missing"),
         (ROW, "needs name, a text: it is missing"),
         (HEAD + ROW.replace("ground", "sky"), "Row 1 of .* needs object, one of ground, road.*: got 'sky'"),
-        (HEAD + ROW.replace("vertical", "down"), "needs direction, one of vertical, horizontal, radial"),
+        (HEAD + ROW.replace("vertical", "down"), "needs direction, one of vertical, radial: got 'down'"),
+        (HEAD + ROW.replace("ground", "line").replace("vertical", "horizontal"), "needs direction, one of v"),
+        (HEAD + ROW.replace("ground", "road").replace("vertical", "radial"), "one of vertical, horizontal"),
         (HEAD + ROW + "states = ['hot']\n", "is for the states hot, but knows only still, wind, ice"),
         (HEAD + ROW.replace("7.0", "[7.0, 8.0]"), "has 2 distances for 0 classes"),
         (HEAD + ROW.replace("7.0", "-7.0"), "distances that are not greater than 0"),

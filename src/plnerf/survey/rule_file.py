@@ -19,6 +19,14 @@ from plnerf.scene.toml_files import Fields, read_toml
 FOLDER = "rules"
 """In the package's data."""
 METRES = {"ft": 0.3048, "m": 1.0}
+MEASURED: dict[RuleObject, tuple[Direction, ...]] = {
+    "ground": ("vertical", "radial"),
+    "road": ("vertical", "horizontal"),
+    "rail": ("vertical", "horizontal"),
+    "water": ("vertical", "horizontal"),
+    "line": ("vertical", "radial"),
+}
+"""Directions in which there is a distance to what is no body of points; to all else in every direction."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +34,8 @@ class Term:
     """A part of a distance that depends on the voltage."""
 
     name: str
-    by_class_m: tuple[float | None, ...] | None
-    """In the order of the matrix's classes; None: it is by the voltage itself."""
+    distance_m: tuple[float | None, ...] | None
+    """In the order of the matrix's classes, or one number for all; None: it is by the voltage itself."""
     m_per_kv: float
     above_kv: float
     highest_share: float
@@ -37,8 +45,8 @@ class Term:
 
     def metres(self, kv: float, number: int | None) -> float | None:
         """At a nominal voltage, which is the class of a number; None: it has none."""
-        if self.by_class_m is not None:
-            return None if number is None else self.by_class_m[number]
+        if self.distance_m is not None:
+            return _of_class(self.distance_m, number)
         to_ground = kv * self.highest_share / math.sqrt(3)
         return self.m_per_kv * max(to_ground - self.above_kv, 0.0)
 
@@ -82,7 +90,7 @@ class Matrix:
         """A row at a voltage; None where nothing is required there.  Raises ConfigError for a voltage that is
         no class of the matrix."""
         number = self.number_of(kv)
-        own = row.distance_m[0 if len(row.distance_m) == 1 else number or 0]
+        own = _of_class(row.distance_m, number)
         parts = [term.metres(kv, number) for term in row.terms]
         if own is None or None in parts:
             return None
@@ -113,6 +121,11 @@ class Matrix:
                 "interpolated. Give --voltage-kv one of them, or a matrix of your own."
             )
         return self.classes_kv.index(kv)
+
+
+def _of_class(distance_m: tuple[float | None, ...], number: int | None) -> float | None:
+    """Of one number for each class or one for all; None where nothing is required."""
+    return distance_m[0] if len(distance_m) == 1 or number is None else distance_m[number]
 
 
 def load_matrix(path: Path) -> Matrix:
@@ -149,10 +162,11 @@ def _row(
     strange = [name for name in names if name not in terms]
     if strange:
         raise ConfigError(f"{where} adds {', '.join(strange)}, but the file has no [term.{strange[0]}].")
+    of = cast(RuleObject, fields.one_of("object", OBJECTS))
     found = Row(
         number=number,
-        object=cast(RuleObject, fields.one_of("object", OBJECTS)),
-        direction=cast(Direction, fields.one_of("direction", DIRECTIONS)),
+        object=of,
+        direction=cast(Direction, fields.one_of("direction", MEASURED.get(of, DIRECTIONS))),
         states=_states(fields.texts("states") or STATE_KINDS, where),
         distance_m=_distances(fields, "distance", classes, metres, where),
         terms=tuple(terms[name] for name in names),
@@ -181,7 +195,7 @@ def _term(key: str, values: Any, classes: int, metres: float, path: Path) -> Ter
     by_class = _distances(fields, "distance", classes, metres, where) if fields.has("distance") else None
     found = Term(
         name=fields.text("name", key),
-        by_class_m=by_class if by_class is None or len(by_class) > 1 else by_class * max(classes, 1),
+        distance_m=by_class,
         m_per_kv=0.0 if by_class else fields.number("per_kv", above=0.0) * metres,
         above_kv=0.0 if by_class else fields.number("above_kv", least=0.0),
         highest_share=fields.number("highest_share", 1.0, least=1.0, most=1.5),
