@@ -19,6 +19,7 @@ from plnerf.line.line import Line, Span, Structure
 from plnerf.line.rules import Judged, RuleReport
 from plnerf.line.states import Load, State, States, WireState
 from plnerf.line.survey import Survey
+from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.rule_scene import kinds_of
@@ -99,11 +100,36 @@ def test_distances_are_those_of_the_scene(
     lower = "[[row]]\nobject='vegetation'\ndirection='vertical'\ndistance=9.0\nread_in='x'\n" + (
         "[[row]]\nobject='building'\ndirection='vertical'\ndistance=9.0\nread_in='x'\n"
     )
-    report = judged(tmp_path, row(what, direction, 4.0) + lower)
+    report = judged(tmp_path, row(what, direction, 1.0) + lower)
     (one,) = (one for one in report.judged if one.rule == 1)
     assert one.wire == 1 and abs(one.distance.value - distance) < 0.03
-    assert one.distance.sigma > 0.01
-    assert one.verdict == ("clear" if distance > 4.5 else one.verdict)
+    assert one.distance.sigma > 0.01 and one.verdict == "clear"
+
+
+def with_tree(xyz: list[float], sigma_m: float | None = None) -> Survey:
+    """With one more tree of nine points, a decimetre apart; sigma_m: of all points, if stated."""
+    cloud = survey().cloud
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 3), np.linspace(-0.1, 0.1, 3))
+    tree = np.column_stack([x.ravel(), y.ravel(), np.zeros(9)]) + xyz
+    label = np.concatenate([cloud.label, np.full(9, HIGH_VEGETATION, np.uint8)])
+    points = np.concatenate([cloud.xyz, tree])
+    sigma = None if sigma_m is None else np.full(len(points), sigma_m)
+    return replace(survey(), cloud=Cloud(points, label, np.zeros(len(points), np.int64), sigma_m=sigma))
+
+
+@pytest.mark.parametrize("sigma_m", [None, 0.2])
+@pytest.mark.parametrize("tree", [[60.0, 2.0, 9.0], [203.0, 0.0, 12.0]])
+def test_distances_in_space_and_their_intervals_are_those_of_the_clearances(
+    tmp_path: Path, tree: list[float], sigma_m: float | None
+) -> None:
+    """Of points that state deviations and that do not, and of a tree beyond the end of the line."""
+    found = with_tree(tree, sigma_m)
+    one = only(judged(tmp_path, row("vegetation", "radial", 3.0), found))
+    clearances, _ = measure_clearances(found, ClearanceConfig())
+    least = clearances.wires[0].least("vegetation")
+    assert least is not None and np.array_equal(one.on_object, least.on_obstacle)
+    assert one.distance.value == least.distance_m
+    assert one.distance.sigma == pytest.approx(least.sigma_m)
 
 
 def test_a_house_far_below_is_no_matter_of_its_distance_in_plan(tmp_path: Path) -> None:
@@ -138,6 +164,15 @@ def test_states_are_judged_by_the_rows_that_are_for_them(tmp_path: Path) -> None
     assert [one.why for one in report.not_judged] == [
         "no state of ice was computed: it was judged as surveyed only (--conductor, --states)"
     ]
+
+
+def test_a_crossing_is_judged_in_the_states_that_one_of_its_wires_has(tmp_path: Path) -> None:
+    rules = row("line", "vertical", 2.0)
+    report = judged(tmp_path, rules, hot())
+    lower = {one.state: one.distance.value for one in report.judged}
+    assert lower["75 °C"] == pytest.approx(lower["as surveyed"] - 0.75, abs=0.02)  # at a quarter of the span
+    nothing = replace(hot(), states=States((State(HOT, ()),), Quantity(20.0, 1.0), "given", ()))
+    assert [one.state for one in judged(tmp_path, rules, nothing).judged] == ["as surveyed"]
 
 
 def test_a_wire_blown_out_comes_nearer_to_what_stands_beside_it(tmp_path: Path) -> None:

@@ -19,6 +19,14 @@ SIGMAS = 2.0
 """A distance differs from the required one if they are so many standard deviations apart."""
 
 
+def verdict_of(distance_m: float, sigma_m: float, required_m: float) -> Verdict:
+    """How a distance, with its standard deviation, compares with a required one."""
+    spare = distance_m - required_m
+    if spare > SIGMAS * sigma_m:
+        return "clear"
+    return "closer than required" if spare < -SIGMAS * sigma_m else "within its uncertainty"
+
+
 @dataclass(frozen=True)
 class Requirement:
     """A distance to be kept, and who says so."""
@@ -32,10 +40,7 @@ class Requirement:
 
     def verdict(self, distance_m: float, sigma_m: float) -> Verdict:
         """On a distance and its standard deviation."""
-        spare = distance_m - self.distance_m
-        if abs(spare) <= SIGMAS * sigma_m:
-            return "within its uncertainty"
-        return "closer than required" if spare < 0 else "clear"
+        return verdict_of(distance_m, sigma_m, self.distance_m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.line.clearances import Requirement, Verdict
+from plnerf.line.clearances import Verdict
 from plnerf.line.ends import Quantity
 
 RuleObject = Literal["ground", "road", "rail", "water", "building", "vegetation", "line", "other"]
@@ -104,8 +104,3 @@ class RuleReport:
             if key not in found or one.distance.value < found[key].distance.value:
                 found[key] = one
         return tuple(found.values())
-
-
-def verdict_of(required_m: float, distance: Quantity) -> Verdict:
-    """As clearances without a matrix are judged."""
-    return Requirement(required_m, (), "", "").verdict(distance.value, distance.sigma)

@@ -4,8 +4,8 @@ Letters: k stations along a wire; s along the wire's base from its first end; Li
 
 The variance of a distance is that of the wire along the line to the obstacle, from the covariance of its
 curve, plus that of the obstacle's point: as the cloud states it, else by how far apart its points are
-(`sampling.py`).  A shift along the wire does not change
-the distance to first order, since the line to the obstacle is square to the wire.
+(`sampling.py`).  A shift along the wire does not change the distance to first order, since the line to the
+obstacle is square to the wire.
 """
 
 import numpy as np
@@ -25,16 +25,25 @@ from plnerf.line.clearances import (
     WireClearance,
 )
 from plnerf.line.cloud import GROUND, NO_WIRE, Cloud
-from plnerf.line.ends import Attached
 from plnerf.line.line import Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ClearanceConfig, ObstacleConfig
 from plnerf.survey.crossings import find_crossings, variance_towards
 from plnerf.survey.ground_section import ground_under
-from plnerf.survey.obstacles import CLASSES, NO_THING, Nearest, beside, nearest_along, obstacles, stations
+from plnerf.survey.obstacles import (
+    CLASSES,
+    NO_THING,
+    Nearest,
+    beside,
+    beyond_ends_m,
+    nearest_along,
+    obstacles,
+    shared_structures,
+    stations,
+)
 from plnerf.survey.possible import about_possible, find_possible, possible_points
-from plnerf.survey.sampling import sampling_sigma_m
+from plnerf.survey.sampling import end_sigma_m
 from plnerf.survey.thresholds import AboveTableError, requirement
 
 STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
@@ -68,7 +77,7 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
     except AboveTableError as error:
         above = [harms(REQUIRED, f"Nothing is judged. {error}")]
     found = obstacles(survey, config.obstacles)
-    shared = _shared(survey)
+    shared = shared_structures(survey)
     by_span = tuple(survey.wires_by_span())
     wires = tuple(_measure(span, wire, survey.cloud, found, shared, config) for span, wire in by_span)
     doubted = possible_points(survey, config)
@@ -83,27 +92,13 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
     return clearances, (*above, *_findings(survey, found, doubted, clearances, config.obstacles))
 
 
-def _shared(survey: Survey) -> set[int]:
-    """Ids of the structures at which a line goes on in another span."""
-    ids = [id_ for line in survey.lines for span in line.spans for id_ in span.structures if id_ is not None]
-    return {id_ for id_ in ids if ids.count(id_) > 1}
-
-
 def _near(
     wire: Wire, cloud: Cloud, found: _Indices, shared: set[int], config: ClearanceConfig
 ) -> dict[Group, Nearest]:
-    """Of each group what is nearest beside the wire's stations.
-
-    shared: structures outside of whose bends things may be beside no wire, but beyond the ends of two.
-    """
+    """Of each group what is nearest beside the wire's stations."""
     at, reach_m = stations(wire, config.station_m), config.obstacles.reach_m
-    first, last = (
-        reach_m if cloud.sigma_m is None or (isinstance(end, Attached) and end.structure in shared) else 0.0
-        for end in wire.ends
-    )
-    return {
-        group: nearest_along(wire, at, cloud.xyz, found[group], reach_m, (first, last)) for group in GROUPS
-    }
+    beyond_m = beyond_ends_m(wire, cloud, shared, reach_m)
+    return {group: nearest_along(wire, at, cloud.xyz, found[group], reach_m, beyond_m) for group in GROUPS}
 
 
 def _measure(
@@ -151,11 +146,7 @@ def _places(
         on_wire, obstacle = wire.points(s)[0], cloud.xyz[i]
         towards = (on_wire - obstacle) / max(float(near.distance_m[station]), 1e-9)
         of_wire = float(np.sqrt(variance_towards(wire, float(s[0]), towards)))
-        of_point = (
-            sampling_sigma_m(cloud.xyz, beside, int(i), config.sampling, crown=group == "vegetation")
-            if cloud.sigma_m is None
-            else float(cloud.sigma_m[i])
-        )
+        of_point = end_sigma_m(cloud, beside, int(i), config.sampling, crown=group == "vegetation")
         place = Place(
             wire.id, span.id, wire.kind, group, int(cloud.label[i]), "distance",
             distance_m=float(near.distance_m[station]),

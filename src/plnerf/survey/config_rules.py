@@ -26,15 +26,10 @@ class RulesConfig:
     under_m: float = 1.0
     """Vertical clearances to plants, buildings and other things: to what is within so much of straight below
     or above the wire."""
-    reach_m: float = 50.0
-    """Nothing farther from a wire than this is looked for, horizontally."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.under_m <= self.reach_m:
-            raise ConfigError(
-                "Clearances by rule need under_m > 0 and reach_m of under_m or more, but got "
-                f"under_m={self.under_m}, reach_m={self.reach_m}."
-            )
+        if not self.under_m > 0:
+            raise ConfigError(f"Clearances by rule need under_m > 0, but got under_m={self.under_m}.")
         if self.objects and self.matrix is None:
             raise ConfigError(
                 f"The map {self.objects[0]} is for clearances by rule, but no rules are given. Give --rules."

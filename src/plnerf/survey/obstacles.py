@@ -5,7 +5,7 @@ its first end, y to the left of the base, z up; LineFrame, metres.  Any swing of
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,6 +159,24 @@ def stations(wire: Wire, step_m: float) -> Float[np.ndarray, " k"]:
     """s of places along the wire, evenly spaced from end to end and at most `step_m` apart."""
     length = wire.base.length_m
     return np.linspace(0.0, length, max(1, math.ceil(length / step_m - 1e-9)) + 1)
+
+
+def shared_structures(survey: Survey) -> set[int]:
+    """Ids of the structures at which a line goes on in another span."""
+    ids = [id_ for line in survey.lines for span in line.spans for id_ in span.structures if id_ is not None]
+    return {id_ for id_ in ids if ids.count(id_) > 1}
+
+
+def beyond_ends_m(wire: Wire, cloud: Cloud, shared: Collection[int], reach_m: float) -> tuple[float, float]:
+    """How far beyond its first and its last end obstacles are a wire's.
+
+    shared: structures outside of whose bends things may be beside no wire, but beyond the ends of two.
+    """
+    first, last = (
+        reach_m if cloud.sigma_m is None or (isinstance(end, Attached) and end.structure in shared) else 0.0
+        for end in wire.ends
+    )
+    return first, last
 
 
 def beside(

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Int
 
-from plnerf.line.clearances import Group
 from plnerf.line.ends import Quantity
 from plnerf.line.line import Line
 from plnerf.line.rules import Rule, RuleObject, StateKind
@@ -17,8 +16,15 @@ from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.crossings import find_crossings
 from plnerf.survey.map_objects import MapObject
-from plnerf.survey.obstacles import obstacles
-from plnerf.survey.rule_measures import Measured, above_surface, beside_area, to_points, within
+from plnerf.survey.obstacles import beyond_ends_m, obstacles, shared_structures
+from plnerf.survey.rule_measures import (
+    Measured,
+    ObjectPoints,
+    above_surface,
+    beside_area,
+    inside_any,
+    to_points,
+)
 
 ON_MAPS: tuple[RuleObject, ...] = ("road", "rail", "water")
 Least = dict[tuple[int, int], tuple[Wire, Measured]]
@@ -32,24 +38,26 @@ class RuleState:
     name: str
     kinds: tuple[StateKind, ...]
     lines: tuple[Line, ...]
-    """With those wires alone of which the state is known."""
+    """With wires of which the state is not known as they were surveyed."""
+    known: frozenset[int]
+    """Ids of the wires of which it is."""
 
 
 def rule_states(survey: Survey) -> list[RuleState]:
     """The survey itself, and its other states."""
-    found = [RuleState(SURVEYED, (), survey.lines)]
+    found = [RuleState(SURVEYED, (), survey.lines, frozenset(wire.id for wire in survey.wires))]
     for state in survey.states.states if survey.states is not None else ():
         curves = {one.wire: one for one in state.wires}
         lines = tuple(
             replace(line, spans=tuple(
                 replace(span, wires=tuple(
-                    curves[wire.id].of(wire) for wire in span.wires if wire.id in curves
+                    curves[wire.id].of(wire) if wire.id in curves else wire for wire in span.wires
                 ))
                 for span in line.spans
             ))
             for line in survey.lines
         )  # fmt: skip
-        found.append(RuleState(state.load.name, kinds_of(state.load), lines))
+        found.append(RuleState(state.load.name, kinds_of(state.load), lines, frozenset(curves)))
     return found
 
 
@@ -69,26 +77,26 @@ class RuleScene:
         lower_m: Mapping[RuleObject, float],
     ) -> None:  # fmt: skip
         """lower_m: by so much lower an object is clear of a wire, whatever its distance in plan."""
-        self._survey, self._clearance, self._config = survey, clearance, config
-        self._lower_m = lower_m
-        groups = obstacles(survey, clearance.obstacles)
+        self._survey, self._clearance, self._under_m = survey, clearance, config.under_m
+        self._lower_m, self._shared = lower_m, shared_structures(survey)
         self._maps: dict[str, list[MapObject]] = {}
         for one in maps:
             self._maps.setdefault(one.kind, []).append(one)
+        groups = obstacles(survey, clearance.obstacles)
         houses = self._maps.get("building", [])
-        self._ground = groups["ground"]
-        self._points: dict[RuleObject, Int[np.ndarray, " _"]] = {}
-        named: tuple[tuple[RuleObject, Group], ...] = (
-            ("building", "structures"), ("vegetation", "vegetation"), ("other", "other")
-        )  # fmt: skip
-        on_houses = [groups["structures"]]
-        for name, group in named:
-            index = groups[group]
-            stands = within(survey.cloud.xyz, index, houses)
-            if name != "building":
-                on_houses.append(index[stands])
-            self._points[name] = index if name == "building" else index[~stands]
-        self._points["building"] = np.unique(np.concatenate(on_houses))
+        plants, other = groups["vegetation"], groups["other"]
+        plant_on_house, other_on_house = (
+            inside_any(survey.cloud.xyz[some, :2], houses) for some in (plants, other)
+        )
+        index: dict[RuleObject, Int[np.ndarray, " _"]] = {
+            "ground": groups["ground"],
+            "building": np.concatenate([groups["structures"], plants[plant_on_house], other[other_on_house]]),
+            "vegetation": plants[~plant_on_house],
+            "other": other[~other_on_house],
+        }
+        self._points = {
+            name: ObjectPoints(survey.cloud, some, crown=name == "vegetation") for name, some in index.items()
+        }
 
     def least(self, rule: Rule, state: RuleState) -> Least:
         """The least clearance of every span's phase conductors."""
@@ -98,57 +106,45 @@ class RuleScene:
         for line in state.lines:
             for span in line.spans:
                 for wire in span.wires:
-                    if wire.kind == "phase":
-                        one = self._measure(rule, wire)
-                        _keep(found, (line.id, span.id), wire, one)
+                    if wire.kind == "phase" and wire.id in state.known:
+                        _keep(found, (line.id, span.id), wire, self._measure(rule, wire))
         return found
 
     def _measure(self, rule: Rule, wire: Wire) -> Measured | None:
-        cloud, clearance, config = self._survey.cloud, self._clearance, self._config
-        if rule.object in ON_MAPS or (rule.object == "building" and rule.direction == "horizontal"):
-            objects = self._maps.get(rule.object, [])
-            if rule.direction == "vertical":
-                return above_surface(wire, cloud, self._ground, objects, clearance) if objects else None
-            beside = beside_area(wire, objects, config.reach_m, clearance.station_m) if objects else None
-            if rule.object in ON_MAPS:
-                return beside
-            points = self._to_points(rule, wire)
-            both = [one for one in (beside, points) if one is not None]
-            return min(both, key=lambda one: one.distance.value, default=None)
-        if rule.object == "ground" and rule.direction == "vertical":
-            return above_surface(wire, cloud, self._ground, None, clearance)
-        return self._to_points(rule, wire)
+        objects = self._maps.get(rule.object, [])
+        if rule.object in {"ground", *ON_MAPS} and rule.direction == "vertical":
+            over = None if rule.object == "ground" else objects
+            return above_surface(wire, self._points["ground"], over, self._clearance)
+        found = []
+        if rule.direction == "horizontal" and objects:
+            found.append(beside_area(wire, objects, self._clearance))
+        if rule.object not in ON_MAPS:
+            found.append(self._to_points(rule, wire))
+        some = [one for one in found if one is not None]
+        return min(some, key=lambda one: one.distance.value, default=None)
 
     def _to_points(self, rule: Rule, wire: Wire) -> Measured | None:
-        index = self._ground if rule.object == "ground" else self._points[rule.object]
-        lower_m = self._lower_m.get(rule.object, rule.required_m)
+        cloud, reach_m = self._survey.cloud, self._clearance.obstacles.reach_m
         return to_points(
-            wire, self._survey.cloud, index, rule.direction, lower_m, self._config, self._clearance.station_m
-        )
+            wire, self._points[rule.object], rule.direction, self._clearance, under_m=self._under_m,
+            lower_m=self._lower_m.get(rule.object, rule.required_m),
+            beyond_m=beyond_ends_m(wire, cloud, self._shared, reach_m),
+        )  # fmt: skip
 
     def _of_lines(self, rule: Rule, state: RuleState) -> Least:
-        """Between the wires of lines that cross, if one of the two is a phase conductor."""
-        lines = state.lines
-        if state.name != SURVEYED:  # what has no state of its own hangs as surveyed
-            lines = tuple(
-                replace(line, spans=tuple(
-                    replace(span, wires=(*span.wires, *(
-                        wire for wire in old.wires if all(wire.id != one.id for one in span.wires)
-                    )))
-                    for span, old in zip(line.spans, before.spans, strict=True)
-                ))
-                for line, before in zip(lines, self._survey.lines, strict=True)
-            )  # fmt: skip
+        """Between the wires of lines that cross, if one of the two is a phase conductor; in a state, if that
+        of one of the two is known."""
         of = {
-            wire.id: (line.id, span.id, wire) for line in lines for span in line.spans for wire in span.wires
+            wire.id: (line.id, span.id, wire)
+            for line in state.lines
+            for span in line.spans
+            for wire in span.wires
         }
         found: Least = {}
-        for one in find_crossings(replace(self._survey, lines=lines)):
+        for one in find_crossings(replace(self._survey, lines=state.lines)):
             line, span, wire = of[one.upper]
-            if "phase" not in {wire.kind, of[one.lower][2].kind}:
-                continue
-            value = {"radial": one.distance_m, "vertical": one.vertical_m}.get(rule.direction)
-            if value is not None:
+            if "phase" in {wire.kind, of[one.lower][2].kind} and state.known & {one.upper, one.lower}:
+                value = one.vertical_m if rule.direction == "vertical" else one.distance_m
                 measured = Measured(Quantity(value, one.sigma_m), one.on_upper, one.on_lower)
                 _keep(found, (line, span), wire, measured)
         return found

@@ -14,10 +14,11 @@ from collections.abc import Sequence
 
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.findings import Finding, harms, note
-from plnerf.line.rules import Judged, NotJudged, Rule, RuleReport, verdict_of
+from plnerf.line.clearances import verdict_of
+from plnerf.line.rules import Judged, NotJudged, Rule, RuleObject, RuleReport
 from plnerf.line.states import SURVEYED
 from plnerf.line.survey import Survey
-from plnerf.survey.altitude import altitude_of
+from plnerf.survey.altitude import Altitude, altitude_of
 from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.map_objects import MapObject, read_objects
@@ -42,7 +43,10 @@ def judge_rules(
     maps, unplaced = _maps(survey, config)
     rules, not_judged = _applicable(matrix, kv, survey, config)
     states = rule_states(survey)
-    lower_m = {one.object: one.required_m for one in rules if one.direction == "vertical"}
+    lower_m: dict[RuleObject, float] = {}
+    for one in rules:
+        if one.direction == "vertical":
+            lower_m[one.object] = max(one.required_m, lower_m.get(one.object, 0.0))
     scene = RuleScene(survey, maps, clearance, config, lower_m)
     judged: list[Judged] = []
     for rule in rules:
@@ -54,7 +58,6 @@ def judge_rules(
         why = _why_not(rule, states, maps, judged=bool(found))
         if why:
             not_judged.append(NotJudged(rule.number, why))
-    judged.sort(key=lambda one: one.rule)
     report = RuleReport(
         matrix.name, matrix.source, matrix.date, kv, matrix.caveats, tuple(rules), tuple(judged),
         tuple(sorted(not_judged, key=lambda one: one.rule)), _counts(maps),
@@ -88,19 +91,19 @@ def _applicable(
         rule = matrix.rule(row, kv)
         if rule is None:
             continue
-        rules.append(rule)
-        why = _out_of_place(row, config, altitude.high_m, altitude.words)
+        why = _out_of_place(row, config, altitude)
         if why:
-            rules.pop()
             left.append(NotJudged(row.number, f"{row.object}, {row.direction}: {why}"))
+        else:
+            rules.append(rule)
     return rules, left
 
 
-def _out_of_place(row: Row, config: RulesConfig, highest_m: float, words: str) -> str:
+def _out_of_place(row: Row, config: RulesConfig, altitude: Altitude) -> str:
     if row.area and row.area not in config.areas:
         return f"it is for {row.area} areas (--rules.areas {row.area!r})"
-    if row.up_to_m is not None and highest_m > row.up_to_m:
-        return f"it holds up to {row.up_to_m:.0f} m above the sea, but the line is at {words}"
+    if row.up_to_m is not None and altitude.high_m > row.up_to_m:
+        return f"it holds up to {row.up_to_m:.0f} m above the sea, but the line is at {altitude.words}"
     return ""
 
 
@@ -108,7 +111,7 @@ def _judge(rule: Rule, state: RuleState, least: Least) -> list[Judged]:
     found = [
         Judged(
             rule.number, state.name, line, span, wire.id, one.distance, one.on_wire, one.on_object,
-            verdict_of(rule.required_m, one.distance),
+            verdict_of(one.distance.value, one.distance.sigma, rule.required_m),
         )
         for (line, span), (wire, one) in least.items()
     ]  # fmt: skip

@@ -10,10 +10,21 @@ import math
 import numpy as np
 from jaxtyping import Float, Int
 
+from plnerf.line.cloud import Cloud
 from plnerf.survey.config_ground import SamplingConfig
 
 BALLS = (2.0, math.pi, 4 * math.pi / 3)
 """Size of the ball of radius 1 in one, two and three dimensions."""
+
+
+def end_sigma_m(
+    cloud: Cloud, index: Int[np.ndarray, " m"], of: int, config: SamplingConfig, *, crown: bool
+) -> float:
+    """Standard deviation of where an obstacle ends, at one of its points: as the cloud states it, else of
+    `sampling_sigma_m`."""
+    if cloud.sigma_m is not None:
+        return float(cloud.sigma_m[of])
+    return sampling_sigma_m(cloud.xyz, index, of, config, crown=crown)
 
 
 def sampling_sigma_m(
