@@ -9,23 +9,11 @@ from tests.support import surveys
 from tests.support.read_html import Read
 
 from plnerf.line.clearances import Possible
-from plnerf.line.coverage import Coverage
 from plnerf.line.survey import Crop, Survey
 from plnerf.report.nearest import by_need
 from plnerf.report.page import html_page
 from plnerf.report.plan import plan
 from plnerf.report.profile import profiles
-
-
-def half_seen() -> Survey:
-    """A span of which the ground was not seen from 10 m on, and neither ground nor air from 20 to 30 m."""
-    survey = surveys.short(0.1)
-    edges = np.arange(0.0, 41.0, 10.0)
-    one = Coverage(
-        1, 1, edges[:-1], edges[1:], np.array([0.9, 0.4, 0.1, 0.8]), np.array([0.9, 0.8, 0.3, 0.7]),
-        np.array([9.0, 7.0, 1.0, 5.0]), 0.5,
-    )  # fmt: skip
-    return replace(survey, coverage=(one,))
 
 
 def text(survey: Survey) -> str:
@@ -34,7 +22,7 @@ def text(survey: Survey) -> str:
 
 def test_a_report_says_which_stretches_were_not_seen() -> None:
     """In numbers, beside the figures that hold only for what was seen, in the profile and on the plan."""
-    survey = half_seen()
+    survey = surveys.half_seen()
     shown = text(survey)
     assert "10 to 30 m" in shown and "of its span 10 to 30 m not seen" in shown
     assert "ground not seen and air not seen" in shown and "55 %" in shown and "68 %" in shown
@@ -46,7 +34,7 @@ def test_a_report_says_which_stretches_were_not_seen() -> None:
 
 
 def test_nothing_is_marked_where_all_was_seen() -> None:
-    survey = half_seen()
+    survey = surveys.half_seen()
     (one,) = survey.coverage
     survey = replace(survey, coverage=(replace(one, ground=one.ground * 0 + 1, air=one.air * np.nan),))
     (drawing,) = profiles(survey, by_need(survey))

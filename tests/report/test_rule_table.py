@@ -1,5 +1,7 @@
 """A report shows the verdict of every rule in every state, what was not judged and where numbers are from."""
 
+from dataclasses import replace
+
 from tests.support import surveys
 from tests.support.rules import with_rules
 
@@ -24,6 +26,17 @@ def test_the_worst_of_every_rule_and_state_comes_first() -> None:
     assert [row[6:9] for row in rules.rows][:2] == [
         ["a page <i>", "unverified", "farmland"], ["the standard", "with the standard", "–"]
     ]  # fmt: skip
+
+
+def test_a_verdict_stands_beside_what_was_not_seen_of_its_span() -> None:
+    worst, *_ = rule_tables(replace(SURVEY, coverage=surveys.half_seen().coverage))
+    assert worst.columns[-1] == "not seen at stations" and worst.rows[0][-1] == "10 to 30\u00a0m"
+    assert "not seen" not in rule_tables(SURVEY)[0].caption
+
+
+def test_of_several_lines_a_span_has_its_lines_number() -> None:
+    worst, *_ = rule_tables(with_rules(surveys.two_lines()))
+    assert worst.columns[3] == "line / span" and worst.rows[0][3] == "1 / 1"
 
 
 def test_the_summary_counts_verdicts() -> None:

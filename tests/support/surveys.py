@@ -21,6 +21,7 @@ from plnerf.line.cloud import (
     VEGETATION,
     Cloud,
 )
+from plnerf.line.coverage import Coverage
 from plnerf.line.ends import Attached, Evidence, Open
 from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
@@ -144,6 +145,17 @@ def two_lines(density: float = 0.1) -> Survey:
     )  # fmt: skip
     survey = replace(survey, lines=(line, second), pictures=())
     return replace(survey, clearances=_clearances(survey))
+
+
+def half_seen() -> Survey:
+    """A span of which the ground was not seen from 10 m on, and neither ground nor air from 20 to 30 m."""
+    survey = short(0.1)
+    edges = np.arange(0.0, 41.0, 10.0)
+    one = Coverage(
+        1, 1, edges[:-1], edges[1:], np.array([0.9, 0.4, 0.1, 0.8]), np.array([0.9, 0.8, 0.3, 0.7]),
+        np.array([9.0, 7.0, 1.0, 5.0]), 0.5,
+    )  # fmt: skip
+    return replace(survey, coverage=(one,))
 
 
 def moved(wire: Wire, by: np.ndarray, **changed: object) -> Wire:

@@ -9,7 +9,7 @@ from plnerf.line.survey import Survey
 from plnerf.report.figures import NOTHING, Units, share
 from plnerf.report.side import TOP, Scale
 from plnerf.report.tables import Table
-from plnerf.report.words import number_of
+from plnerf.report.words import number_of, span_head
 
 GREY = "#374151"
 AIR_OPACITY, GROUND_OPACITY = 0.12, 0.85
@@ -41,7 +41,7 @@ def coverage_tables(survey: Survey) -> list[Table]:
             one.from_m, one.to_m, one.ground, one.air, one.images, one.no_ground, one.no_air, strict=True
         )
     ]  # fmt: skip
-    head = "span" if len(survey.lines) == 1 else "line / span"
+    head = span_head(survey)
     least = share(survey.coverage[0].least)
     about = (
         "Ground: share of the area below and beside the wires with points on the ground or on what stands "

@@ -11,7 +11,7 @@ from plnerf.line.wire import Wire
 from plnerf.report.figures import CERTAIN, NOTHING, Units, degrees, listed, runs_of, wires_named
 from plnerf.report.shown import shown
 from plnerf.report.tables import XYZ, Table
-from plnerf.report.words import number_of
+from plnerf.report.words import number_of, numbers_of_spans, span_head
 
 
 def span_table(survey: Survey) -> Table | None:
@@ -23,7 +23,7 @@ def span_table(survey: Survey) -> Table | None:
     if not rows:
         return None
     columns = [
-        "line / span" if len(survey.lines) > 1 else "span", "structures",
+        span_head(survey), "structures",
         *units.heads("from station", "length"), "direction", "wires", *units.heads_95("sag"),
         f"swing,\u00a0° ±\u00a0{CERTAIN}", "open ends",
     ]  # fmt: skip
@@ -113,12 +113,7 @@ def crossing_table(survey: Survey) -> Table | None:
     if not least:
         return None
     units = Units(survey.frame.unit)
-    number = {
-        wire.id: number_of(survey, line, span)
-        for line in survey.lines
-        for span in line.spans
-        for wire in span.wires
-    }
+    number = numbers_of_spans(survey)
     rows = [
         [
             number[one.upper], str(one.upper), number[one.lower], str(one.lower),

@@ -14,7 +14,7 @@ from plnerf.report.line_tables import least_crossings, span_headings, value_rang
 from plnerf.report.nearest import Nearest, by_need, worst
 from plnerf.report.shown import height_shift, shown
 from plnerf.report.tables import XYZ, Cell, Table, Verdict, verdict_of
-from plnerf.report.words import kinds_of, number_of, temperature, where
+from plnerf.report.words import kinds_of, numbers_of_spans, span_head, temperature, where
 
 MOST_ROWS = 60
 """Of the table of clearances; of more, the least of each span come first and the whole table is folded."""
@@ -32,12 +32,8 @@ class Card:
 
 def wire_tables(survey: Survey) -> list[Table]:
     """What was measured, and how well it is known; none without wires."""
-    rows = [
-        (wire, number_of(survey, line, span))
-        for line in survey.lines
-        for span in line.spans
-        for wire in span.wires
-    ]
+    numbers = numbers_of_spans(survey)
+    rows = [(wire, numbers[wire.id]) for wire in survey.wires]
     if not rows:
         return []
     units, up = Units(survey.frame.unit), height_shift(survey.frame)
@@ -48,7 +44,7 @@ def wire_tables(survey: Survey) -> list[Table]:
         groups[first] = text
         first += count
     measured = Table(
-        ["wire", _span_head(survey), "kind", *units.heads_95("sag", "span length", "wire length", "p"),
+        ["wire", span_head(survey), "kind", *units.heads_95("sag", "span length", "wire length", "p"),
          *units.heads("lowest at"),
          *units.heads_95("its height", "height of first end", "height of last end"),
          *[f"swing,\u00a0° ±\u00a0{CERTAIN}"] * some_swing,
@@ -75,10 +71,6 @@ def wire_tables(survey: Survey) -> list[Table]:
         frozenset({5, 6, 7, 8}), groups,
     )  # fmt: skip
     return [measured, known]
-
-
-def _span_head(survey: Survey) -> str:
-    return "span" if len(survey.lines) == 1 else "line / span"
 
 
 def _measured(wire: Wire, span: str, units: Units, up: float) -> list[str]:
@@ -132,12 +124,7 @@ def clearance_tables(survey: Survey, rows: list[Nearest]) -> list[Table]:
 
 def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     units = Units(survey.frame.unit)
-    span = {
-        wire.id: number_of(survey, line, one)
-        for line in survey.lines
-        for one in line.spans
-        for wire in one.wires
-    }
+    span = numbers_of_spans(survey)
     judged, silent = any(one.standing != "open" for one in rows), any_not_seen(survey)
     order = (
         "First those that fall short of what is required, or come nearest to it."
@@ -158,7 +145,7 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     whole = len(rows) == len(by_need(survey))
     which = "from each wire" if whole else "from the wires of each span, and all that is not kept,"
     return Table(
-        [*["verdict"] * judged, "to", "wire", _span_head(survey), *units.heads_95("distance"),
+        [*["verdict"] * judged, "to", "wire", span_head(survey), *units.heads_95("distance"),
          *units.heads("required", "margin") * judged, *units.heads("at"), f"on the wire {XYZ}",
          f"on the obstacle {XYZ}", *["not seen at stations"] * silent],
         cells,

@@ -2,10 +2,12 @@
 
 from plnerf.line.rules import Judged, RuleReport
 from plnerf.line.survey import Survey
+from plnerf.report.coverage_view import any_not_seen, not_seen
 from plnerf.report.figures import NOTHING, Units, counted
 from plnerf.report.nearest import STANDINGS
 from plnerf.report.shown import shown
 from plnerf.report.tables import XYZ, Cell, Table, Verdict
+from plnerf.report.words import numbers_of_spans, span_head
 
 
 def rule_tables(survey: Survey) -> list[Table]:
@@ -55,24 +57,26 @@ def rule_summary(survey: Survey) -> str:
 
 
 def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], folded: str) -> Table:
-    units = Units(survey.frame.unit)
+    units, span, silent = Units(survey.frame.unit), numbers_of_spans(survey), any_not_seen(survey)
     rows: list[list[Cell]] = []
     for one in judged:
         rule, margin = report.rule(one.rule), report.margin(one)
-        span = str(one.span) if len(survey.lines) == 1 else f"{one.line} / {one.span}"
         rows.append([
-            Verdict(one.verdict, STANDINGS[one.verdict]), rule.name, one.state, span, str(one.wire),
+            Verdict(one.verdict, STANDINGS[one.verdict]), rule.name, one.state, span[one.wire], str(one.wire),
             units.interval(one.distance), units.length(rule.required_m),
             units.interval(margin), units.place(shown(survey.frame, one.on_wire)),
             units.place(shown(survey.frame, one.on_object)),
+            *[not_seen(survey, one.wire) or NOTHING] * silent,
         ])  # fmt: skip
     which = "The least margin of every rule in every state" if not folded else "Every span"
     return Table(
-        ["verdict", "rule", "state", "span", "wire", *units.heads_95("distance"), *units.heads("required"),
-         *units.heads_95("margin"), f"on the wire {XYZ}", f"on the object {XYZ}"],
+        ["verdict", "rule", "state", span_head(survey), "wire", *units.heads_95("distance"),
+         *units.heads("required"), *units.heads_95("margin"), f"on the wire {XYZ}", f"on the object {XYZ}",
+         *["not seen at stations"] * silent],
         rows,
-        f"{which}; phase conductors only. Margin: the distance less what is required; a verdict within two "
-        "standard deviations of it is neither.",
+        f"{which}; phase conductors only. Margin: the distance less what is required. Within two of its "
+        "standard deviations of 0 the verdict is \"within its uncertainty\"."
+        + " Where stretches were not seen, a verdict is about what was seen." * silent,
         frozenset({0, 1, 2}), folded=folded,
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from plnerf.report.colours import KINDS
 from plnerf.report.figures import CERTAIN, MINUS, NOTHING, Units, share
 from plnerf.report.side import Scale
 from plnerf.report.tables import Table
+from plnerf.report.words import numbers_of_spans, span_head
 
 STATE_DASHES = ("2 3", "8 3 2 3", "12 4", "1 5", "5 2 1 2 1 2")
 """Of the states' curves, in the order of the states; with more they begin anew."""
@@ -22,16 +23,16 @@ def state_tables(survey: Survey) -> list[Table]:
     """A table for each state, a row for each wire; none where no state was computed."""
     if survey.states is None:
         return []
+    return [_table(survey, one) for one in survey.states.states if one.wires]
+
+
+def _table(survey: Survey, state: State) -> Table:
+    units, span = Units(survey.frame.unit), numbers_of_spans(survey)
     wires = {wire.id: wire for wire in survey.wires}
-    return [_table(survey, one, wires) for one in survey.states.states if one.wires]
-
-
-def _table(survey: Survey, state: State, wires: dict[int, Wire]) -> Table:
-    units = Units(survey.frame.unit)
     blown = bool(state.load.wind_pa)
     rows = [
         [
-            str(one.wire), str(survey.span_of(one.wire).id), wires[one.wire].kind,
+            str(one.wire), span[one.wire], wires[one.wire].kind,
             units.interval(wires[one.wire].sag), units.interval(one.sag),
             units.interval(one.sag_change), _kn(one.horizontal_n), _kn(one.greatest_n),
             NOTHING if one.strength_share is None else share(one.strength_share),
@@ -40,7 +41,7 @@ def _table(survey: Survey, state: State, wires: dict[int, Wire]) -> Table:
         for one in state.wires
     ]  # fmt: skip
     return Table(
-        ["wire", "span", "kind", *units.heads_95("sag as surveyed", "sag then", "change"),
+        ["wire", span_head(survey), "kind", *units.heads_95("sag as surveyed", "sag then", "change"),
          f"horizontal tension,\u00a0kN ±\u00a0{CERTAIN}", f"greatest tension,\u00a0kN ±\u00a0{CERTAIN}",
          "of its strength", *units.heads("blown out") * blown, *units.heads("ruling span")],
         rows,

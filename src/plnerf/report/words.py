@@ -39,6 +39,21 @@ def number_of(survey: Survey, line: Line, span: Span) -> str:
     return str(span.id) if len(survey.lines) == 1 else f"{line.id} / {span.id}"
 
 
+def numbers_of_spans(survey: Survey) -> dict[int, str]:
+    """The number of every wire's span, by the wire's id."""
+    return {
+        wire.id: number_of(survey, line, span)
+        for line in survey.lines
+        for span in line.spans
+        for wire in span.wires
+    }
+
+
+def span_head(survey: Survey) -> str:
+    """Head of a column of spans' numbers."""
+    return "span" if len(survey.lines) == 1 else "line / span"
+
+
 def title_of(survey: Survey, line: Line, spans: list[int]) -> str:
     """The heading of some spans, by their numbers."""
     numbers = listed([part.replace("–", " to ") for part in runs_of(spans).split(", ")])
