@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,10 +64,9 @@ RTE = Conductor("default_cable_array", "mechaphlowers' tests", 0.974 * 9.81, 22.
 """Of the conductor of mechaphlowers' own examples, whose kilogram weighs 9.81 N."""
 
 
-def by_engine(
-    spans: list[float], heights: list[float], p: float, string_m: float, **state: float
-) -> np.ndarray:
-    """p of each span by mechaphlowers' engine, from p at 15 degrees; strings of a length at suspensions."""
+@cache
+def engine(spans: tuple[float, ...], heights: tuple[float, ...], p: float, string_m: float) -> Any:
+    """mechaphlowers' engine of a section with p at 15 degrees, and strings of a length at suspensions."""
     import pandas as pd
     from mechaphlowers import CableArray, SectionArray, SectionStudy
 
@@ -75,7 +75,8 @@ def by_engine(
     section = SectionArray(
         pd.DataFrame({
             "name": [str(k) for k in range(n)], "suspension": inner,
-            "conductor_attachment_altitude": heights, "crossarm_length": [0.0] * n, "line_angle": [0.0] * n,
+            "conductor_attachment_altitude": list(heights), "crossarm_length": [0.0] * n,
+            "line_angle": [0.0] * n,
             "insulator_length": [string_m if one else 0.01 for one in inner],
             "span_length": [*spans, np.nan], "insulator_mass": [1.0 if one else 0.0 for one in inner],
         }),
@@ -95,6 +96,14 @@ def by_engine(
     )  # fmt: skip
     study = SectionStudy(cable, section)
     study.solve_adjustment()
+    return study
+
+
+def by_engine(
+    spans: tuple[float, ...], heights: tuple[float, ...], p: float, string_m: float, **state: float
+) -> np.ndarray:
+    """p of each span in a state."""
+    study = engine(spans, heights, p, string_m)
     study.solve_change_state(**state)
     parameter = study.balance_engine.span_model.parameter[:-1]
     assert isinstance(parameter, np.ndarray)
@@ -132,7 +141,7 @@ def test_the_example_of_one_span_agrees_with_mechaphlowers_engine(
     """480 m with 10 m of rise, p = 2000 m at 15 degrees (its fixture `default_section_array_one_span`)."""
     line = hung(2000.0)
     (found,) = computed(line, tmp_path, toml, conductor=written(tmp_path / "c.toml", RTE), at=15.0)
-    p = by_engine([480.0], [30.0, 40.0], 2000.0, 0.01, **state)
+    p = by_engine((480.0,), (30.0, 40.0), 2000.0, 0.01, **state)
     wire = found.wires[0].of(line.spans[0].wires[0])
     expected = wire.theta.copy()
     expected[4] = 480.0**2 / (8 * p[0])
@@ -143,7 +152,7 @@ def test_the_example_of_one_span_agrees_with_mechaphlowers_engine(
 
 def test_a_section_over_suspensions_agrees_with_mechaphlowers_engine(tmp_path: Path) -> None:
     """500, 300 and 400 m: strings that are long and light hand on the tension, as a ruling span supposes."""
-    spans, heights = [500.0, 300.0, 400.0], [50.0, 50.0, 50.0, 50.0]
+    spans, heights = (500.0, 300.0, 400.0), (50.0, 50.0, 50.0, 50.0)
     at = np.concatenate([[0.0], np.cumsum(spans)])
     line = line_of(*zip(at.tolist(), heights, strict=True), sags=[a**2 / 16000 for a in spans])
     level = [replace(one, wires=(_with_p(one.wires[0], 2000.0),)) for one in line.spans]
@@ -258,26 +267,30 @@ def test_a_state_as_surveyed_changes_nothing_and_is_as_certain(tmp_path: Path) -
 
 def test_intervals_hold_over_surveys_with_errors(tmp_path: Path) -> None:
     """400 surveys of one span whose curve, ends, temperature and conductor are off as is stated of them."""
-    from plnerf.mechanics.change import SectionModel
+    from plnerf.mechanics.change_of_state import SectionModel
 
     rng = np.random.default_rng(7)
     of = load_conductor(ALST)
     true = line_of((0.0, 20.0), (300.0, 25.0), sags=[8.0]).spans[0].wires[0]
     spread = np.diag([0.02, 0.03, 0.03, 0.02, 0.05, 0.0]) ** 2
     ends_m, degrees = 0.08, 3.0
-    load, off, zero = Load("hot", 75.0), [], np.zeros((1, 2))
-    model = SectionModel((true.base,), load, of.diameter_mm, (True,))
+    model = SectionModel((true.base,), Load("hot", 75.0), of.diameter_mm, (True,))
     m = np.array([20.0, of.weight_n_m, of.ea_n, of.expansion_per_k])
-    truth = model.outputs(true.theta[None], zero, m, model.solve(true.theta[None], zero, m))[0, 6]
+
+    def hot_sag(theta: np.ndarray, ends: np.ndarray, m: np.ndarray) -> float:
+        spans = model.spans(theta[None], ends)
+        return float(model.outputs(spans, m, model.solve(spans, m))[0, 6])
+
+    off, truth = [], hot_sag(true.theta, np.zeros((1, 2)), m)
     relative = np.array([of.weight_sigma, of.modulus_sigma, of.expansion_sigma])
     line = line_of((0.0, 20.0), (300.0, 25.0), sags=[8.0])
     stated = _surveyed(line, spread, ends_m)
     (state,) = _states(stated, degrees).states[1:2]
     for _ in range(400):
-        theta = rng.multivariate_normal(true.theta, spread)[None]
+        theta = rng.multivariate_normal(true.theta, spread)
         ends = rng.normal(0, ends_m, (1, 2))
         guessed = m * np.array([1.0, *(1 + rng.normal(0, relative))]) + [rng.normal(0, degrees), 0, 0, 0]
-        off.append(model.outputs(theta, ends, guessed, model.solve(theta, ends, guessed))[0, 6] - truth)
+        off.append(hot_sag(theta, ends, guessed) - truth)
     assert state.load.temperature_c == 75.0
     assert np.std(off) == pytest.approx(state.wires[0].sag.sigma, rel=0.15)
     assert np.mean(np.abs(off) < state.wires[0].sag.half_95) > 0.92
@@ -350,9 +363,9 @@ def test_wires_without_a_state_are_named_with_the_reason() -> None:
 
 def test_a_state_that_no_tension_answers_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where tensions may not change by more than 0.1 %: those of a span with next to no sag do not."""
-    from plnerf.mechanics import change
+    from plnerf.mechanics import change_of_state
 
-    monkeypatch.setattr(change, "MOST_RATIO", 1.001)
+    monkeypatch.setattr(change_of_state, "MOST_RATIO", 1.001)
     line = line_of((0, 20.0), (150, 20.0), (400, 20.0), sags=[1.5, 4.17], kind="strain")
     first, second = line.spans
     taut = replace(line, spans=(replace(first, wires=(_with_p(first.wires[0], 1e9),)), second))

@@ -2,20 +2,27 @@
 
 import csv
 import json
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
+from typing import get_args
 
-from plnerf.change.values import Change, Standing
+from plnerf.change.values import (
+    Change,
+    ClearanceChange,
+    SagChange,
+    Standing,
+    StructureChange,
+    WireAlone,
+)
 from plnerf.line.ends import Quantity
 from plnerf.line.files import plain_values
 from plnerf.scene.files import complete_file, write_text
 
 FORMAT_VERSION = 1
 JSON_FILE, CSV_FILE = "change.json", "change.csv"
-COLUMNS = (
-    "what", "a", "b", "before_m", "before_95_m", "after_m", "after_95_m", "difference_m", "difference_95_m",
-    "expected_m", "expected_95_m", "standing",
-)  # fmt: skip
+FIGURES = ("before", "after", "difference", "expected", "by_object")
+"""Of a row; `values.py` says what they are."""
 Row = dict[str, str | float | int | None]
 
 
@@ -29,60 +36,56 @@ def write_change(folder: Path, change: Change, a: Path, b: Path) -> None:
         complete_file(folder / CSV_FILE) as beside,
         beside.open("w", encoding="utf-8", newline="") as file,
     ):
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        lengths = [f"{name}{end}" for name in FIGURES for end in ("_m", "_95_m")]
+        writer = csv.DictWriter(file, ["what", "a", "b", *lengths, "standing"], lineterminator="\n")
         writer.writeheader()
         writer.writerows(change_rows(change))
 
 
 def change_rows(change: Change) -> list[Row]:
-    """A row for each structure, wire's sag and clearance.  expected_m: of the difference, what temperature
-    explains of a sag, and what the wire's own movement explains of a clearance."""
-    rows = [
-        _row("structure", one.a, one.b, None, None, one.moved_m, None, one.standing)
-        for one in change.structures
-    ]
-    rows += [
-        _row("sag", one.a, one.b, one.sag_a_m, one.sag_b_m, one.difference_m, one.expected_m, one.standing)
-        for one in change.sags
-    ]
+    """A row for each structure, wire's sag and clearance, and for each wire that one survey alone has."""
+    rows = [_row("structure", one, difference=one.moved_m) for one in change.structures]
     rows += [
         _row(
-            f"clearance to {one.to}", one.a, one.b, one.distance_a_m, one.distance_b_m, one.difference_m,
-            Quantity(one.by_wire_m, 0.0), one.standing,
+            "sag", one, before=one.sag_a_m, after=one.sag_b_m, difference=one.difference_m,
+            expected=one.expected_m,
+        )
+        for one in change.sags
+    ]  # fmt: skip
+    rows += [
+        _row(
+            f"clearance to {one.to}", one, before=one.distance_a_m, after=one.distance_b_m,
+            difference=one.difference_m, expected=one.expected_m, by_object=one.by_object_m,
         )
         for one in change.clearances
     ]  # fmt: skip
-    alone: tuple[tuple[int | None, int | None], ...] = (
-        *((wire, None) for wire in change.only_a), *((None, wire) for wire in change.only_b)
-    )  # fmt: skip
-    return rows + [_row("wire", one, other, None, None, None, None, "different") for one, other in alone]
+    return rows + [_row("wire", one) for one in change.wires]
 
 
 def _row(
-    what: str, a: int | None, b: int | None, before: Quantity | None, after: Quantity | None,
-    difference: Quantity | None, expected: Quantity | None, standing: Standing,
-) -> Row:  # fmt: skip
-    row: Row = {"what": what, "a": a, "b": b, "standing": standing}
-    named = (("before", before), ("after", after), ("difference", difference), ("expected", expected))
-    for name, one in named:
-        row[f"{name}_m"] = None if one is None else round(one.value, 4)
-        row[f"{name}_95_m"] = None if one is None else round(one.half_95, 4)
+    what: str, one: StructureChange | SagChange | ClearanceChange | WireAlone, **figures: Quantity | None
+) -> Row:
+    row: Row = {"what": what, "a": one.a, "b": one.b, "standing": one.standing}
+    for name in FIGURES:
+        figure = figures.get(name)
+        row[f"{name}_m"] = None if figure is None else round(figure.value, 4)
+        row[f"{name}_95_m"] = None if figure is None else round(figure.half_95, 4)
     return row
 
 
 def change_text(change: Change) -> str:
     """A table of what was compared, and a summary."""
-    lines = [
-        f"{'':28} {'A':>5} {'B':>5} {'before, m':>16} {'after, m':>16} {'difference, m':>16} "
-        f"{'expected, m':>16}  standing (± 95 %)"
-    ]
+    heads = " ".join(f"{name.replace('_', ' ') + ', m':>16}" for name in FIGURES)
+    lines = [f"{'':26} {'A':>4} {'B':>4} {heads}  standing (± 95 %)"]
     for row in change_rows(change):
-        cells = " ".join(f"{_cell(row, name):>16}" for name in ("before", "after", "difference", "expected"))
+        cells = " ".join(f"{_cell(row, name):>16}" for name in FIGURES)
         a, b = ("-" if row[key] is None else str(row[key]) for key in ("a", "b"))
-        lines.append(f"{row['what']:28} {a:>5} {b:>5} {cells}  {row['standing']}")
+        lines.append(f"{row['what']:26} {a:>4} {b:>4} {cells}  {row['standing']}")
+    counts = Counter(one.standing for one in change.rows)
     lines.append(
-        f"{change.different} of {change.comparisons} differences are explained by neither uncertainty nor "
-        f"temperature (beyond {change.sigmas:.1f} standard deviations)."
+        f"{len(lines) - 1} rows: {', '.join(f'{counts[one]} {one}' for one in get_args(Standing))}. "
+        f"A difference counts beyond {change.sigmas:.1f} standard deviations: the chance of any false alarm "
+        f"among {change.comparisons} comparisons is 5 %."
     )
     return "\n".join([*lines, *change.notes])
 

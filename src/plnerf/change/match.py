@@ -12,9 +12,7 @@ from plnerf.line.wire import Wire
 STRUCTURE_M = 5.0
 """Feet that are farther apart than this are not of one structure."""
 WIRE_M = 2.5
-"""Nor are ends of wires, on average and with sags apart."""
-PLACES = 25
-"""Along a wire, where the two are compared."""
+"""Nor are the ends of wires' chords, on average."""
 
 
 def same_structures(
@@ -29,29 +27,29 @@ def same_structures(
 
 
 def same_wires(
-    a: Sequence[Wire], b: Sequence[Wire], curves_a: Sequence[Float[np.ndarray, "p 3"]]
+    chords_a: Sequence[Float[np.ndarray, "2 3"]], b: Sequence[Wire]
 ) -> list[tuple[int, int]]:
-    """Pairs of positions in the two.  curves_a: points along A's, from end to end, in B's frame."""
-    if not a or not b:
+    """Pairs of positions in the two.  chords_a: both ends of A's wires, in B's frame."""
+    if not chords_a or not b:
         return []
-    apart = np.array([[_apart(curve, wire) for wire in b] for curve in curves_a])
+    apart = np.array([[_apart(chord, wire) for wire in b] for chord in chords_a])
     return _pairs(apart, WIRE_M)
 
 
-def _apart(curve: Float[np.ndarray, "p 3"], wire: Wire) -> float:
-    """How far a curve's chord lies from a wire's, over the stretch that both have; infinite where they share
-    less than half of the shorter."""
-    local = wire.base.local(curve[[0, -1]])
+def _apart(ends: Float[np.ndarray, "2 3"], wire: Wire) -> float:
+    """How far a chord lies from a wire's, over the stretch that both have; infinite where they share half
+    of the shorter or less."""
+    local = wire.base.local(ends)
     low, high = sorted(local[:, 0].tolist())
     length = wire.base.length_m
     shared = min(high, length) - max(low, 0.0)
-    if shared < 0.5 * min(high - low, length):
+    if shared <= 0.5 * min(high - low, length):
         return float("inf")
     s = np.array([max(low, 0.0), min(high, length)])
     share = (s - local[0, 0]) / (local[1, 0] - local[0, 0])
     chord = local[:1, 1:] + share[:, None] * (local[1:, 1:] - local[:1, 1:])
-    ends = wire.at(np.array([0.0, length]))
-    own = ends[:1] + (s / length)[:, None] * (ends[1:] - ends[:1])
+    first, last = wire.at(np.array([0.0, length]))
+    own = first + (s / length)[:, None] * (last - first)
     return float(np.linalg.norm(chord - own, axis=1).mean())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from pyproj import CRS, Transformer
 
-from plnerf.capture.heights import horizontal
+from plnerf.capture.heights import heights_of, horizontal
 from plnerf.capture.local_frame import GEOGRAPHIC, LocalFrame
 from plnerf.errors import SurveyError
 from plnerf.line.frame import LineFrame
@@ -16,9 +16,10 @@ Onto = Callable[[Points], Points]
 
 
 def onto(a: LineFrame, b: LineFrame) -> Onto:
-    """From A's LineFrame to B's.  Heights stay what they are: both must be above the same.
+    """From A's LineFrame to B's.  Heights stay what they are.
 
-    Raises SurveyError where one of the two has no scale, or the place of one alone on the earth is known.
+    Raises SurveyError where one of the two has no scale, the place of one alone on the earth is known, or
+    their heights are known to be above different things.
     """
     if "unscaled" in {a.unit, b.unit}:
         raise SurveyError(
@@ -29,6 +30,12 @@ def onto(a: LineFrame, b: LineFrame) -> Onto:
         raise SurveyError(
             f"The coordinate reference system of one survey is {a.crs or b.crs}, that of the other is not "
             "known: they cannot be laid over each other. Survey both in one."
+        )
+    above = [heights_of(frame.crs) for frame in (a, b)]
+    if above[0] != above[1] and all(one.kind != "unknown" for one in above):
+        raise SurveyError(
+            f"The heights of one survey are {above[0].words}, those of the other {above[1].words}: they "
+            "cannot be compared. Survey both with heights above the same."
         )
     if a.crs is None or (a.crs == b.crs and _same_origin(a, b)):
         return lambda points: b.from_world(a.to_world(points))

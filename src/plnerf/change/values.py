@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.line.clearances import Group
 from plnerf.line.ends import Quantity
 
 Standing = Literal["within the uncertainties", "explained by temperature", "different", "not known"]
@@ -55,20 +56,33 @@ class ClearanceChange:
 
     a: int
     b: int
-    to: str
-    distance_a_m: Quantity
-    distance_b_m: Quantity
-    difference_m: Quantity
-    by_wire_m: float
-    """Of the difference, what the wire's own movement makes: from B's wire to A's object, less the distance
-    in A."""
-    by_object_m: Quantity
-    """The rest: something else is nearer now, or what was nearest is gone."""
+    to: Group
+    distance_a_m: Quantity | None
+    """None: A has nothing of the group near the wire."""
+    distance_b_m: Quantity | None
+    difference_m: Quantity | None
+    expected_m: Quantity | None
+    """Of the difference, what the temperatures of both surveys explain: from A's wire at B's temperature to
+    A's obstacle; None: they or the conductor are not known."""
+    rest_m: Quantity | None
+    """The difference less that."""
+    by_object_m: Quantity | None
+    """Of the difference, what the wire does not make: from B's wire, the distance to B's obstacle less that
+    to A's.  Less than 0: something is nearer (grown, new); greater: what was nearest is gone."""
     place: Float[np.ndarray, "3"]
-    """Where the object is in B, in B's LineFrame."""
-    moved_m: float
-    """How far apart the nearest objects of both surveys are."""
+    """Where the obstacle is in B, else in A; in B's LineFrame."""
+    moved_m: float | None
+    """How far apart the nearest obstacles of both surveys are."""
     standing: Standing
+
+
+@dataclass(frozen=True)
+class WireAlone:
+    """A wire that one survey alone has."""
+
+    a: int | None
+    b: int | None
+    standing: Standing = "different"
 
 
 @dataclass(frozen=True)
@@ -78,10 +92,8 @@ class Change:
     structures: tuple[StructureChange, ...]
     sags: tuple[SagChange, ...]
     clearances: tuple[ClearanceChange, ...]
-    only_a: tuple[int, ...]
-    """Ids of wires that B does not have."""
-    only_b: tuple[int, ...]
-    """Ids of wires that A does not have."""
+    wires: tuple[WireAlone, ...]
+    """Of one survey alone."""
     comparisons: int
     """How many differences were tested."""
     sigmas: float
@@ -90,10 +102,11 @@ class Change:
     notes: tuple[str, ...]
 
     @property
+    def rows(self) -> tuple[StructureChange | SagChange | ClearanceChange | WireAlone, ...]:
+        """All that was compared."""
+        return (*self.structures, *self.sags, *self.clearances, *self.wires)
+
+    @property
     def different(self) -> int:
-        """How many differences neither uncertainty nor temperature explains, wires and structures that one
-        survey alone has among them."""
-        standings = [one.standing for one in self.structures]
-        standings += [one.standing for one in self.sags]
-        standings += [one.standing for one in self.clearances]
-        return standings.count("different") + len(self.only_a) + len(self.only_b)
+        """How many rows neither uncertainty nor temperature explains."""
+        return sum(one.standing == "different" for one in self.rows)

@@ -16,6 +16,8 @@ LEAST_BEND_M = 1e-6
 """b of a wire without sag, whose p would be infinite."""
 TURNS = 8
 """Steps towards where a curve passes the ends of a turned base; each gains a digit or more."""
+PARALLEL = 1e-12
+"""Sine of the angle within which bases count as parallel: a kilometre ends within a nanometre."""
 
 
 def curve_at(theta: Float[np.ndarray, "6"], L: float, s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
@@ -57,7 +59,7 @@ def transport(theta: Float[np.ndarray, "6"], old: Base, new: Base) -> Float[np.n
     along, aside = np.array([old.u, old.n]) @ new.u, np.array([old.u, old.n]) @ new.n
     t = np.array([0.0, new.length_m])
     s = (t - shift @ new.u) / along[0]
-    for _ in range(TURNS if along[1] else 0):
+    for _ in range(TURNS if abs(along[1]) > PARALLEL else 0):
         s = (t - shift @ new.u - along[1] * curve_at(theta, L, s)[:, 0]) / along[0]
     y, z = curve_at(theta, L, s).T
     y = shift @ new.n + s * aside[0] + y * aside[1]

@@ -10,7 +10,7 @@ are taken as independent, which is on the safe side: what one gains the other lo
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.mechanics.change import OUTPUTS, SectionModel
+from plnerf.mechanics.change_of_state import OUTPUTS, SectionModel, Spans
 
 STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-3, 1e-3])
 """Of central differences in theta and ends, metres and radians."""
@@ -30,32 +30,33 @@ def covariances(
     n = len(theta)
     own = np.zeros((n, OUTPUTS, 8))  # outputs by the span's own theta and ends
     ratio_by = np.zeros((n, 8))  # F by the same; then dr/dx
-    zero = np.zeros((n, 2))
 
-    def both(x: np.ndarray, of: np.ndarray, r: float) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs and residuals of all spans, each of which depends on its own row of x."""
-        return model.outputs(x[:, :6], x[:, 6:], of, r), model.residual(x[:, :6], x[:, 6:], of, r)
+    def slopes(
+        high: tuple[Spans, np.ndarray, float], low: tuple[Spans, np.ndarray, float], step: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Of outputs and residuals of all spans, each of which depends on its own part of x."""
+        return (
+            (model.outputs(*high) - model.outputs(*low)) / (2 * step),
+            (model.residual(*high) - model.residual(*low)) / (2 * step),
+        )
 
-    at = np.concatenate([theta, zero], 1)
+    def moved(k: int, by: float) -> Spans:
+        x = np.concatenate([theta, np.zeros((n, 2))], 1)
+        x[:, k] += by
+        return model.spans(x[:, :6], x[:, 6:])
+
     for k, step in enumerate(STEPS):
-        high, low = at.copy(), at.copy()
-        high[:, k] += step
-        low[:, k] -= step
-        (more, f_more), (less, f_less) = both(high, m, ratio), both(low, m, ratio)
-        own[:, :, k] = (more - less) / (2 * step)
-        ratio_by[:, k] = (f_more - f_less) / (2 * step)
+        own[:, :, k], ratio_by[:, k] = slopes((moved(k, step), m, ratio), (moved(k, -step), m, ratio), step)
+    surveyed = moved(0, 0.0)
     by_m, f_m = np.zeros((n, OUTPUTS, 4)), np.zeros(4)
     for k in range(4):
         step = 0.01 if k == 0 else RELATIVE_STEP * m[k]
-        high, low = m.copy(), m.copy()
-        high[k] += step
-        low[k] -= step
-        (more, f_more), (less, f_less) = both(at, high, ratio), both(at, low, ratio)
-        by_m[:, :, k] = (more - less) / (2 * step)
-        f_m[k] = (f_more - f_less).sum() / (2 * step)
+        off = step * (np.arange(4) == k)
+        by_m[:, :, k], by_span = slopes((surveyed, m + off, ratio), (surveyed, m - off, ratio), step)
+        f_m[k] = by_span.sum()
     step = RELATIVE_STEP * ratio
-    (more, f_more), (less, f_less) = both(at, m, ratio + step), both(at, m, ratio - step)
-    by_r, f_r = (more - less) / (2 * step), (f_more - f_less).sum() / (2 * step)
+    by_r, by_span = slopes((surveyed, m, ratio + step), (surveyed, m, ratio - step), step)
+    f_r = by_span.sum()
     ratio_by, m_ratio = -ratio_by / f_r, -f_m / f_r
 
     through_r = np.einsum("na,nab,nb->n", ratio_by, of_spans, ratio_by)

@@ -5,8 +5,9 @@ temperature, a survey has no states, and a finding says what is missing.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
@@ -37,29 +38,21 @@ class _Given:
 
 
 def compute_states(
-    lines: Sequence[Line], temperature_c: float | None, config: MechanicsConfig
-) -> tuple[States | None, tuple[Finding, ...]]:
-    """The states of a line's wires, and what a reader must know of them.
-
-    temperature_c: of the conductors at the survey, if it is given.  None, and a finding that says what is
-    missing, without a conductor, a temperature or the extra; a finding names wires that no tension answers
-    a state of.  Raises ConfigError for conductors and states that cannot be.
-    """
-    return compute_loads(lines, temperature_c, config, None)
-
-
-def compute_loads(
     lines: Sequence[Line],
     temperature_c: float | None,
     config: MechanicsConfig,
-    loads: Sequence[Load] | None,
+    loads: Sequence[Load] | None = None,
 ) -> tuple[States | None, tuple[Finding, ...]]:
-    """`compute_states` under given loads, in place of those of the settings."""
+    """The states of a line's wires, and what a reader must know of them.
+
+    temperature_c: of the conductors at the survey, if it is given; loads: in place of those of the settings.
+    None, and a finding that says what is missing, without a conductor, a temperature or the extra; a finding
+    names wires that no tension answers a state of.  Raises ConfigError for conductors and states that cannot
+    be.
+    """
     given = _given(temperature_c, config)
     if isinstance(given, Finding):
         return None, (given,)
-    if loads is not None:
-        given = replace(given, table=replace(given.table, loads=tuple(loads)))
     found = [
         (one, given.conductors[one.wires[0].kind])
         for line in lines
@@ -67,7 +60,7 @@ def compute_loads(
         if one.wires[0].kind in given.conductors
     ]
     states, unanswered = [], []
-    for load in given.table.loads:
+    for load in given.table.loads if loads is None else loads:
         wires: list[WireState] = []
         for one, of in found:
             try:
@@ -82,13 +75,9 @@ def compute_loads(
 
 
 def _given(temperature_c: float | None, config: MechanicsConfig) -> _Given | Finding:
-    paths: dict[Kind, object] = {"phase": config.conductor, "shield": config.shield_conductor}
-    conductors = {
-        kind: load_conductor(path)
-        for kind, path in (("phase", config.conductor), ("shield", config.shield_conductor))
-        if path is not None
-    }
-    if not any(paths.values()):
+    paths: dict[Kind, Path | None] = {"phase": config.conductor, "shield": config.shield_conductor}
+    conductors = {kind: load_conductor(path) for kind, path in paths.items() if path is not None}
+    if not conductors:
         return note(
             KIND, "Sag and clearances at other temperatures, in wind and under ice are not computed: no "
             "conductor is given.", "Give --conductor and --temperature-c.",
@@ -116,12 +105,12 @@ def _given(temperature_c: float | None, config: MechanicsConfig) -> _Given | Fin
             KIND, "Other states are not computed: the conductors' temperature at the survey is not known.",
             "Give --temperature-c, or [weather] in the file of the states.",
         )  # fmt: skip
-    return _Given(dict(conductors), known, words, table)  # type: ignore[arg-type]  # two of the kinds
+    return _Given(conductors, known, words, table)
 
 
 def _wire_states(one: Section, of: Conductor, load: Load, given: _Given) -> list[WireState]:
     """Of a section's wires, in their order."""
-    from plnerf.mechanics.change import SectionModel
+    from plnerf.mechanics.change_of_state import SectionModel
     from plnerf.mechanics.linearised import covariances
 
     model = SectionModel(tuple(wire.base for wire in one.wires), load, of.diameter_mm, one.forward)
@@ -130,9 +119,9 @@ def _wire_states(one: Section, of: Conductor, load: Load, given: _Given) -> list
     of_m = np.diag([
         given.temperature_c.sigma, of.weight_sigma * m[1], of.modulus_sigma * m[2], of.expansion_sigma * m[3]
     ]) ** 2  # fmt: skip
-    ends = np.zeros((len(theta), 2))
-    ratio = model.solve(theta, ends, m)
-    outputs = model.outputs(theta, ends, m, ratio)
+    spans = model.spans(theta, np.zeros((len(theta), 2)))
+    ratio = model.solve(spans, m)
+    outputs = model.outputs(spans, m, ratio)
     spread = covariances(model, theta, m, ratio, np.array([_covariance(wire) for wire in one.wires]), of_m)
     sigma = np.sqrt(np.maximum(np.einsum("kii->ki", spread), 0.0))
     strength = of.rated_strength_kn
