@@ -152,6 +152,16 @@ def test_thirty_degrees_are_found_within_their_interval_and_explained() -> None:
     assert all(one.standing in {"different", "within the uncertainties"} for one in cold.clearances)
 
 
+def test_wind_at_a_survey_is_not_taken_for_its_temperature() -> None:
+    """Both were flown in the same wind: at one temperature, nothing is expected of either."""
+    pytest.importorskip("mechaphlowers", reason="plnerf[mechanics] is not installed")
+    swing = np.array([0, 0, 0, 0, 0, 0.3])
+    blown = measured(with_wires(first(), lambda wire: replace(wire, theta=wire.theta + swing)))
+    found = compare_surveys(blown, blown, ALST)
+    expected = [one.expected_m for one in (*found.sags, *found.clearances) if one.expected_m is not None]
+    assert len(expected) > 8 and max(abs(one.value) for one in expected) < 1e-9
+
+
 def measured(survey: Survey) -> Survey:
     """With points known to a centimetre: without, the spacing of these few would hide what wires do."""
     known = replace(survey.cloud, sigma_m=np.full(len(survey.cloud.xyz), 0.01))

@@ -1,4 +1,7 @@
-"""What the conductors' temperatures explain of a difference: A's wires as they hang at B's temperature."""
+"""What the conductors' temperatures explain of a difference: A's wires as they hang at B's temperature.
+
+In still air, and compared with A's temperature in still air: no survey knows the wind of the other.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,22 +20,25 @@ from plnerf.survey.obstacles import onto_wire
 
 @dataclass(frozen=True, eq=False)
 class Warmed:
-    """A wire of A at B's temperature."""
+    """A wire of A at the temperatures of both surveys."""
 
     sag: Quantity
     """By how much its sag changes; holds what is unknown of both temperatures and of the conductor."""
-    then: Wire
+    at_a: Wire
+    at_b: Wire
     warmer: Wire
     """At a temperature somewhat above B's."""
     warmer_sag_m: float
-    """By how much its sag is greater there than `then`."""
+    """By how much its sag is greater there than at B's."""
 
     def distance(self, place: Place) -> Quantity:
         """By how much its distance to an obstacle in A changes."""
         at = place.on_obstacle[None]
-        then, warmer = (float(onto_wire(one, at)[0][0]) for one in (self.then, self.warmer))
-        by_sag = (warmer - then) / self.warmer_sag_m
-        return Quantity(then - place.distance_m, abs(by_sag) * self.sag.sigma)
+        at_a, at_b, warmer = (
+            float(onto_wire(one, at)[0][0]) for one in (self.at_a, self.at_b, self.warmer)
+        )
+        by_sag = (warmer - at_b) / self.warmer_sag_m
+        return Quantity(at_b - at_a, abs(by_sag) * self.sag.sigma)
 
 
 def warmed_wires(
@@ -45,18 +51,18 @@ def warmed_wires(
         missing = "the conductor (--conductor)" if config.conductor is None else _without(of_a, of_b)
         return {}, [f"What temperature makes of sags and clearances is not known without {missing}."]
     step_c = max(of_b.sigma, 1.0)
-    loads = (Load("as B", of_b.value), Load("warmer", of_b.value + step_c))
+    degrees = (of_a.value, of_b.value, of_b.value + step_c)
+    loads = [Load(f"{number}", one) for number, one in enumerate(degrees)]
     states, findings = compute_states(
         a.lines, of_a.value, replace(config, temperature_sigma_c=of_a.sigma), loads
     )
     if states is None:
         return {}, [one.text for one in findings]
-    then, warmer = states.states
-    found = {
-        wire.id: _warmed(wire, one, more, of_b.sigma / step_c)
-        for wire in wires
-        if (one := then.of(wire.id)) is not None and (more := warmer.of(wire.id)) is not None
-    }
+    found = {}
+    for wire in wires:
+        hung = [one for state in states.states if (one := state.of(wire.id)) is not None]
+        if len(hung) == len(loads):
+            found[wire.id] = _warmed(wire, hung, of_b.sigma / step_c)
     return found, [
         f"The conductors were at {of_a.value:g} ± {of_a.half_95:.1f} °C in A and at {of_b.value:g} ± "
         f"{of_b.half_95:.1f} °C in B (95 %)."
@@ -68,10 +74,13 @@ def _without(of_a: Quantity | None, of_b: Quantity | None) -> str:
     return f"the conductors' temperature at {' and '.join(names)} (--temperature-c of its survey)"
 
 
-def _warmed(wire: Wire, one: WireState, more: WireState, steps: float) -> Warmed:
-    by_step = more.sag.value - one.sag.value
-    sigma = float(np.hypot(one.sag_change.sigma, steps * by_step))
-    return Warmed(Quantity(one.sag_change.value, sigma), one.of(wire), more.of(wire), by_step)
+def _warmed(wire: Wire, hung: Sequence[WireState], steps: float) -> Warmed:
+    """hung: at A's temperature, at B's, and so much warmer that B's deviation is a number of such steps."""
+    at_a, at_b, warmer = hung
+    by_step = warmer.sag.value - at_b.sag.value
+    sigma = float(np.hypot(at_b.sag_change.sigma, steps * by_step))
+    sag = Quantity(at_b.sag.value - at_a.sag.value, sigma)
+    return Warmed(sag, at_a.of(wire), at_b.of(wire), warmer.of(wire), by_step)
 
 
 def temperature_of(survey: Survey, config: MechanicsConfig) -> Quantity | None:
