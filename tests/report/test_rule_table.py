@@ -15,14 +15,14 @@ SURVEY = with_rules(surveys.short(0.05))
 def test_the_worst_of_every_rule_and_state_comes_first() -> None:
     worst, every, missing, rules = rule_tables(SURVEY)
     assert [row[1:3] for row in worst.rows] == [
-        ["1: ground, vertical", "as surveyed"], ["1: ground, vertical", "75 °C"],
+        ["1: ground, vertical", "75 °C"], ["1: ground, vertical", "as surveyed"],
         ["2: building, horizontal", "as surveyed"],
     ]  # fmt: skip
-    verdict = worst.rows[1][0]
+    verdict = worst.rows[0][0]
     assert isinstance(verdict, Verdict) and (verdict.words, verdict.sign) == ("closer than required", "✕")
-    assert worst.rows[1][5:8] == ["6.25\u202f±\u202f0.20", "6.50", "−0.25\u202f±\u202f0.20"]
+    assert worst.rows[0][5:8] == ["6.25\u202f±\u202f0.20", "6.50", "−0.25\u202f±\u202f0.20"]
     assert len(every.rows) == 4 and every.folded == "All 4 verdicts, by span"
-    assert missing.rows == [["3", "no rail of a map is given (--objects)"]]
+    assert missing.rows == [["3: rail, vertical", "no rail of a map is given (--objects)"]]
     assert [row[6:9] for row in rules.rows][:2] == [
         ["a page <i>", "unverified", "farmland"], ["the standard", "with the standard", "–"]
     ]  # fmt: skip
@@ -30,7 +30,7 @@ def test_the_worst_of_every_rule_and_state_comes_first() -> None:
 
 def test_a_verdict_stands_beside_what_was_not_seen_of_its_span() -> None:
     worst, *_ = rule_tables(replace(SURVEY, coverage=surveys.half_seen().coverage))
-    assert worst.columns[-1] == "not seen at stations" and worst.rows[0][-1] == "10 to 30\u00a0m"
+    assert worst.columns[8] == "not seen at stations" and worst.rows[0][8] == "10 to 30\u00a0m"
     assert "not seen" not in rule_tables(SURVEY)[0].caption
 
 
@@ -40,8 +40,8 @@ def test_of_several_lines_a_span_has_its_lines_number() -> None:
 
 
 def test_the_summary_counts_verdicts() -> None:
-    text = "a matrix, 220 kV: of 3 verdicts on a rule in a state, 1 not kept, 2 kept."
-    assert rule_summary(SURVEY) == text
+    text = "a matrix at 220 kV: 3 verdicts, one of each rule in each state: 1 closer than required and 2"
+    assert rule_summary(SURVEY) == f"{text} clear."
     page = html_page(SURVEY)
     assert text in page and "<h3>By rule</h3>" in page and "a page &lt;i&gt;" in page
 

@@ -22,7 +22,7 @@ def test_every_wire_has_a_row_in_every_state() -> None:
     state = SURVEY.states.states[0].wires[0]  # type: ignore[union-attr]
     assert hot.rows[0][4] == f"{state.sag.value:.2f}\u202f±\u202f{1.959964 * 0.04:.2f}"
     assert hot.rows[0][6] == "12.3\u202f±\u202f0.5" and hot.rows[0][8] == "16\u00a0%"
-    assert hot.caption.startswith("75 °C: 75 °C.") and "Blown out" not in hot.caption
+    assert hot.caption.startswith("75 °C. Sag") and "Blown out" not in hot.caption
     assert storm.caption.startswith("storm <b>, to the left: 5 °C, 10 mm of ice of 600 kg/m³, wind of 400 Pa")
     column = storm.columns.index("blown out,\u00a0m")
     assert 0.3 < float(str(storm.rows[0][column])) < 1.0  # sin(0.5) of a sag of 1.2 m
@@ -32,9 +32,10 @@ def test_the_profile_has_a_dashed_curve_of_every_state_and_holds_it() -> None:
     (drawing,) = profiles(SURVEY, [])
     count = sum(len(one.wires) for one in SURVEY.states.states)  # type: ignore[union-attr]
     curves = re.findall(r'<polyline class="state" points="([^"]*)"[^>]*>', drawing.svg)
-    assert len(curves) == count and "Thin dashed curves: the same wires in other states, state 1 (75 °C)" in (
-        drawing.about
-    )
+    assert len(curves) == count and "Thin dashed curves: the same wires in other states" in drawing.about
+    legend = re.findall(r'stroke-dasharray="([^"]*)"/><text [^>]*>([^<]*)</text>', drawing.svg)
+    assert legend == [("2 3", "75 °C"), ("8 3 2 3", "storm &lt;b&gt;, to the left")]
+    assert "<title>wire 1, storm &lt;b&gt;, to the left</title>" in drawing.svg
     surveyed = re.findall(r'<polyline points="([^"]*)"', drawing.svg)
     lowest = max(float(point.split(",")[1]) for point in surveyed[0].split())
     assert max(float(point.split(",")[1]) for point in curves[0].split()) > lowest + 1  # hangs lower

@@ -69,6 +69,8 @@ class NotJudged:
 
     rule: int
     """Its number."""
+    name: str
+    """Its number, object and direction."""
     why: str
 
 

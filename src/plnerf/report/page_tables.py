@@ -136,9 +136,9 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
             *[verdict_of(one)] * judged, one.to.replace(" ", "\u00a0"), str(one.place.wire),
             span[one.place.wire], units.interval(one.distance),
             *[units.length(one.required_m), units.length(one.margin_m)] * judged,
-            units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_wire)),
+            units.length(one.place.s_m, 1), *[not_seen(survey, one.place.wire) or NOTHING] * silent,
+            units.place(shown(survey.frame, one.place.on_wire)),
             units.place(shown(survey.frame, one.place.on_obstacle)),
-            *[not_seen(survey, one.place.wire) or NOTHING] * silent,
         ]
         for one in rows
     ]  # fmt: skip
@@ -146,8 +146,8 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     which = "from each wire" if whole else "from the wires of each span, and all that is not kept,"
     return Table(
         [*["verdict"] * judged, "to", "wire", span_head(survey), *units.heads_95("distance"),
-         *units.heads("required", "margin") * judged, *units.heads("at"), f"on the wire {XYZ}",
-         f"on the obstacle {XYZ}", *["not seen at stations"] * silent],
+         *units.heads("required", "margin") * judged, *units.heads("at"),
+         *["not seen at stations"] * silent, f"on the wire {XYZ}", f"on the obstacle {XYZ}"],
         cells,
         f"Least distance in space {which} to each group of things, where along the span (horizontally from "
         f"the wire's first end) and between which points. {order}"

@@ -108,14 +108,19 @@ def profile(survey: Survey, line: Line, sheet: Chain, rows: list[Nearest]) -> Dr
         parts += band(scale, survey.frame, sheet, masts, units)
     title = title_of(survey, line, [one.span.id for one in sheet])
     label = f"{title} from the side, with {counted(len(wires), 'wire')}"
-    width, height = LEFT + scale.width + right, TOP + scale.height + BOTTOM + several * BAND
+    height = TOP + scale.height + BOTTOM + several * BAND
+    legend, legend_height = state_legend(survey, scale.width, height)
+    parts += legend
+    width, height = LEFT + scale.width + right, height + legend_height
     svg = (
         f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{label}" font-size="12" '
         f'style="max-width:{width:.0f}px;min-width:{min(width, LEAST_WIDTH):.0f}px">{"".join(parts)}</svg>'
     )
     marks = tuple((letter, _about_mark(one, units)) for letter, one in zip(letters, marked, strict=True))
     text = about(scale, wires, crossed=bool(crosses), silent=bool(no_air or no_ground))
-    return Drawing(title, svg, text + state_legend(survey), marks)
+    if legend:
+        text += " Thin dashed curves: the same wires in other states, which are named at the bottom."
+    return Drawing(title, svg, text, marks)
 
 
 def _heights_of_crossings(survey: Survey, of_wire: dict[int, Stretch]) -> Float[np.ndarray, " k"]:

@@ -1,9 +1,13 @@
 """Tables of clearances by rule: the verdicts, what could not be judged, and where the numbers are from."""
 
+from collections import Counter
+from typing import get_args
+
+from plnerf.line.clearances import Verdict as VerdictWords
 from plnerf.line.rules import Judged, RuleReport
 from plnerf.line.survey import Survey
 from plnerf.report.coverage_view import any_not_seen, not_seen
-from plnerf.report.figures import NOTHING, Units, counted
+from plnerf.report.figures import NOTHING, Units, counted, listed
 from plnerf.report.nearest import STANDINGS
 from plnerf.report.shown import shown
 from plnerf.report.tables import XYZ, Cell, Table, Verdict
@@ -16,7 +20,7 @@ def rule_tables(survey: Survey) -> list[Table]:
     report = survey.rules
     if report is None:
         return []
-    worst = report.worst()
+    worst = tuple(sorted(report.worst(), key=lambda one: report.margin(one).value))
     tables = []
     if worst:
         tables.append(_verdicts(survey, report, worst, ""))
@@ -26,33 +30,26 @@ def rule_tables(survey: Survey) -> list[Table]:
     if report.not_judged:
         tables.append(
             Table(
-                ["rule", "why"], [[str(one.rule), one.why] for one in report.not_judged],
-                "What was not judged, or not in the states that it is for.", frozenset({1}),
+                ["rule", "why"], [[one.name, one.why] for one in report.not_judged],
+                "What was not judged, or not in the states that it is for.", frozenset({0, 1}),
             )
         )  # fmt: skip
     return [*tables, _rules(report)]
 
 
 def rule_summary(survey: Survey) -> str:
-    """How many rules are kept in how many states, in one sentence; empty without a matrix."""
+    """How many verdicts of each kind there are, in one sentence; empty without a matrix."""
     report = survey.rules
     if report is None:
         return ""
     worst = report.worst()
     if not worst:
         return f"{report.name}: nothing could be judged."
-    words = [one.verdict for one in worst]
-    parts = [
-        f"{words.count(verdict)} {text}"
-        for verdict, text in (
-            ("closer than required", "not kept"), ("within its uncertainty", "within its uncertainty"),
-            ("clear", "kept"),
-        )
-        if verdict in words
-    ]  # fmt: skip
+    counts = Counter(one.verdict for one in worst)
+    parts = [f"{counts[verdict]} {verdict}" for verdict in get_args(VerdictWords) if counts[verdict]]
     return (
-        f"{report.name}, {report.voltage_kv:g} kV: of {counted(len(worst), 'verdict')} on a rule in a state, "
-        f"{', '.join(parts)}."
+        f"{report.name} at {report.voltage_kv:g} kV: {counted(len(worst), 'verdict')}, one of each rule "
+        f"in each state: {listed(parts)}."
     )
 
 
@@ -64,15 +61,14 @@ def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], fo
         rows.append([
             Verdict(one.verdict, STANDINGS[one.verdict]), rule.name, one.state, span[one.wire], str(one.wire),
             units.interval(one.distance), units.length(rule.required_m),
-            units.interval(margin), units.place(shown(survey.frame, one.on_wire)),
-            units.place(shown(survey.frame, one.on_object)),
-            *[not_seen(survey, one.wire) or NOTHING] * silent,
+            units.interval(margin), *[not_seen(survey, one.wire) or NOTHING] * silent,
+            units.place(shown(survey.frame, one.on_wire)), units.place(shown(survey.frame, one.on_object)),
         ])  # fmt: skip
-    which = "The least margin of every rule in every state" if not folded else "Every span"
+    which = "Every span" if folded else "The least margin of every rule in every state, the least first"
     return Table(
         ["verdict", "rule", "state", span_head(survey), "wire", *units.heads_95("distance"),
-         *units.heads("required"), *units.heads_95("margin"), f"on the wire {XYZ}", f"on the object {XYZ}",
-         *["not seen at stations"] * silent],
+         *units.heads("required"), *units.heads_95("margin"), *["not seen at stations"] * silent,
+         f"on the wire {XYZ}", f"on the object {XYZ}"],
         rows,
         f"{which}; phase conductors only. Margin: the distance less what is required. Within two of its "
         "standard deviations of 0 the verdict is \"within its uncertainty\"."

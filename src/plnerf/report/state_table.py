@@ -1,22 +1,27 @@
 """The table of other states, and their curves in the profile."""
 
 from collections.abc import Sequence
+from html import escape
 
 import numpy as np
 
 from plnerf.line.ends import Quantity
-from plnerf.line.states import State, WireState
+from plnerf.line.states import Load, State, WireState
 from plnerf.line.stations import Stretch
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import KINDS
 from plnerf.report.figures import CERTAIN, MINUS, NOTHING, Units, share
-from plnerf.report.side import Scale
+from plnerf.report.side import LEFT, Scale
 from plnerf.report.tables import Table
 from plnerf.report.words import numbers_of_spans, span_head
 
 STATE_DASHES = ("2 3", "8 3 2 3", "12 4", "1 5", "5 2 1 2 1 2")
 """Of the states' curves, in the order of the states; with more they begin anew."""
+
+
+SAMPLE_PX, ROW_PX, LETTER_PX = 34, 18, 7.0
+"""Of the legend: length of a sample, height of a row, width of a letter."""
 
 
 def state_tables(survey: Survey) -> list[Table]:
@@ -41,14 +46,20 @@ def _table(survey: Survey, state: State) -> Table:
         for one in state.wires
     ]  # fmt: skip
     return Table(
-        ["wire", span_head(survey), "kind", *units.heads_95("sag as surveyed", "sag then", "change"),
+        ["wire", span_head(survey), "kind", *units.heads_95("sag as surveyed", "sag in this state", "change"),
          f"horizontal tension,\u00a0kN ±\u00a0{CERTAIN}", f"greatest tension,\u00a0kN ±\u00a0{CERTAIN}",
-         "of its strength", *units.heads("blown out") * blown, *units.heads("ruling span")],
+         "of rated strength", *units.heads("blown out") * blown, *units.heads("ruling span")],
         rows,
-        f"{state.load.name}: {state.load.words}. Sag: the greatest vertical drop below the chord."
+        f"{_named(state.load)}. Sag: the greatest vertical drop below the chord. Ruling span: that of the "
+        "wire's spans from one strain structure to the next, as far as they were surveyed."
         + " Blown out: how far the wire is aside of its chord, seen from above." * blown,
         frozenset({2}),
     )  # fmt: skip
+
+
+def _named(load: Load) -> str:
+    """A state's name, and what acts where that says more."""
+    return load.name if load.name == load.words else f"{load.name}: {load.words}"
 
 
 def _kn(one: Quantity) -> str:
@@ -73,14 +84,9 @@ def state_curves(scale: Scale, survey: Survey, of_wire: dict[int, Stretch]) -> l
             parts.append(
                 f'<polyline class="state" points="{path}" fill="none" stroke="{KINDS[wire.kind][1]}" '
                 f'stroke-width="1" stroke-dasharray="{dashes}">'
-                f"<title>wire {wire.id}, {state_number(number)}</title></polyline>"
+                f"<title>wire {wire.id}, {escape(state.load.name)}</title></polyline>"
             )
     return parts
-
-
-def state_number(number: int) -> str:
-    """What a drawing calls a state, whose name is the user's own text."""
-    return f"state {number + 1}"
 
 
 def state_heights(survey: Survey, of_wire: dict[int, Stretch]) -> list[np.ndarray]:
@@ -94,12 +100,24 @@ def state_heights(survey: Survey, of_wire: dict[int, Stretch]) -> list[np.ndarra
     ]
 
 
-def state_legend(survey: Survey) -> str:
-    """What the dashed curves are, as a sentence; empty without any."""
-    named = [
-        f"{state_number(k)} ({one.load.name})" for k, one in enumerate(_states(survey)) if one.wires
-    ]
-    return f" Thin dashed curves: the same wires in other states, {', '.join(named)}." if named else ""
+def state_legend(survey: Survey, width: float, top: float) -> tuple[list[str], float]:
+    """Each state's dashes and its name, in rows of a width from y = top down, and the rows' height."""
+    parts: list[str] = []
+    x, y = float(LEFT), top + 0.7 * ROW_PX
+    for number, state in enumerate(_states(survey)):
+        if not state.wires:
+            continue
+        name, dashes = state.load.name, STATE_DASHES[number % len(STATE_DASHES)]
+        end = x + SAMPLE_PX + 8 + LETTER_PX * len(name)
+        if x > LEFT and end > LEFT + width:
+            x, y, end = float(LEFT), y + ROW_PX, LEFT + end - x
+        parts.append(
+            f'<line x1="{x:.1f}" x2="{x + SAMPLE_PX:.1f}" y1="{y:.1f}" y2="{y:.1f}" class="axis" '
+            f'stroke-dasharray="{dashes}"/>'
+            f'<text x="{x + SAMPLE_PX + 6:.1f}" y="{y:.1f}" dy="4">{escape(name)}</text>'
+        )
+        x = end + 16
+    return parts, y + 0.5 * ROW_PX - top if parts else 0.0
 
 
 def _states(survey: Survey) -> Sequence[State]:
