@@ -385,6 +385,18 @@ def test_structures_named_strain_end_a_section(tmp_path: Path) -> None:
     assert [round(one.ruling_span_m) for one in found.states[0].wires] == [150, 250]
 
 
+def test_what_is_taken_of_structures_and_shield_wires_is_said() -> None:
+    """A structure of unknown kind counts as a suspension, a shield wire as warm as the phases."""
+    line = line_of((0, 20.0), (150, 20.0), (400, 20.0), sags=[1.5, 4.17], kind="unknown")
+    found, findings = compute_states([line], 20.0, MechanicsConfig(ALST, Path("steel-3-8-ehs")))
+    assert found is not None and len({round(one.ruling_span_m) for one in found.states[0].wires}) == 1
+    texts = " ".join(one.text for one in findings)
+    assert "The kind of structure 2 is not known" in texts and "as warm as the phases" in texts
+    known = line_of((0, 20.0), (150, 20.0), (400, 20.0), sags=[1.5, 4.17])
+    _, findings = compute_states([known], 20.0, MechanicsConfig(ALST))
+    assert not any("is not known" in one.text or "as warm" in one.text for one in findings)
+
+
 def test_wind_comes_from_the_lines_left_whichever_way_a_wire_runs(tmp_path: Path) -> None:
     line = line_of((0, 20.0), (200, 20.0), (400, 20.0), sags=[4.0, 4.0])
     second = line.spans[1].wires[0]

@@ -25,6 +25,8 @@ class Section:
     """Whether each runs as its line does."""
     open_at: tuple[str, ...]
     """Where it may go on beyond what was surveyed, in words; empty: it is known whole."""
+    assumed: tuple[int, ...]
+    """Structures of unknown kind in between, over which it is taken to run on."""
 
     @property
     def ruling_span_m(self) -> float:
@@ -65,6 +67,9 @@ def sections(line: Line, strain: Collection[int] = ()) -> list[Section]:
                 f"structure {id_} ({'of unknown kind' if kinds.get(id_) == 'unknown' else kinds.get(id_)})"
                 for id_ in (one[0][1].held[0], one[-1][1].held[1])
                 if id_ is not None and id_ not in ending
+            ),
+            tuple(
+                id_ for _, stretch in one[1:] if (id_ := stretch.held[0]) and kinds.get(id_) == "unknown"
             ),
         )
         for one in found

@@ -25,6 +25,7 @@ from plnerf.mechanics.sections import Section, sections
 KIND = "other states"
 """Kind of the findings."""
 EXTRA = 'pip install "plnerf[mechanics]"'
+NAME_IT = "If a structure holds their tension, name it in strain = [...] of the file of the states."
 
 
 @dataclass(frozen=True)
@@ -165,6 +166,14 @@ def _findings(
             "creep from now on, and aluminium that goes slack at high temperature are left out.",
         )
     ]
+    if "shield" in given.conductors:
+        findings.append(
+            note(
+                KIND,
+                "Shield wires are taken to be as warm as the phases, at the survey and in every state. They "
+                "carry no current, and mostly are cooler.",
+            )
+        )
     findings += [note(KIND, f"{of.name}: {text}") for of in given.conductors.values() for text in of.caveats]
     have = {wire.id for one in found for wire in one.wires}
     findings += _without(lines, have, given.conductors)
@@ -175,7 +184,17 @@ def _findings(
                 KIND,
                 f"The wires may go on in the same tension section beyond {_listed(open_at)}: the ruling span "
                 "is that of what was surveyed.",
-                "If a structure holds their tension, name it in strain = [...] of the file of the states.",
+                NAME_IT,
+            )
+        )
+    assumed = [str(id_) for id_ in sorted({id_ for one in found for id_ in one.assumed})]
+    if assumed:
+        findings.append(
+            harms(
+                KIND,
+                f"The kind of structure{'s' * (len(assumed) > 1)} {_listed(assumed)} is not known: the wires "
+                "are taken to run on there as over a suspension, which evens out their tensions.",
+                NAME_IT,
             )
         )
     return tuple(findings)
