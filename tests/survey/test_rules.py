@@ -254,6 +254,14 @@ def test_what_stands_on_a_building_of_the_map_is_the_building(tmp_path: Path) ->
     assert report.not_judged[0].why.startswith("no vegetation is near")
 
 
+def test_only_what_lies_near_the_line_counts(tmp_path: Path) -> None:
+    """A map may be of a country: of this line, its objects lie 5 km away."""
+    path = write_map(tmp_path / "map.gpkg", 25832)
+    away = replace(survey(), frame=replace(FRAME, origin_world=np.array([EAST + 5000.0, NORTH, 0.0])))
+    report = judged(tmp_path, row("road", "vertical", 7.0), away, objects=(path,))
+    assert report.objects == () and report.not_judged[0].why.startswith("no road is near or below")
+
+
 def test_a_width_of_the_map_counts(tmp_path: Path) -> None:
     path = write_map(tmp_path / "map.gpkg", 25832, width_m=[20.0, 8.0, 0.0])
     report = judged(tmp_path, row("rail", "horizontal", 5.0), objects=(path,))
@@ -300,5 +308,5 @@ def test_findings_say_what_was_not_compared(tmp_path: Path) -> None:
     config = RulesConfig(Path("gb-50545"), 220.0)
     report, findings = judge_rules(survey(), ClearanceConfig(), config)
     assert report is not None and report.rules[0].required_m == 6.5  # not residential
-    assert any("8 of its 8 rules have numbers that were not compared" in one.text for one in findings)
+    assert any("8 of the 8 rules of GB 50545-2010 (example) have" in one.text for one in findings)
     assert judge_rules(survey(), ClearanceConfig(), RulesConfig()) == (None, ())

@@ -19,6 +19,7 @@ from plnerf.capture.heights import horizontal
 from plnerf.capture.local_frame import GEOGRAPHIC, LocalFrame
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.line.frame import LineFrame
+from plnerf.line.survey import Survey
 
 MapClass = Literal["road", "rail", "water", "building"]
 CLASSES: tuple[MapClass, ...] = get_args(MapClass)
@@ -66,6 +67,17 @@ def read_objects(paths: Sequence[Path], field: str, frame: LineFrame) -> list[Ma
             "known. Give the photos' positions or the cloud's CRS, or leave the map out."
         )
     return [one for path in paths for one in _of_file(path, field, frame)]
+
+
+def near_line(objects: Sequence[MapObject], survey: Survey, reach_m: float) -> list[MapObject]:
+    """Those within reach of the box, in plan, that holds the survey's wires: a map may be of a country."""
+    if not objects or not survey.wires:
+        return []
+    import shapely
+
+    wires = np.concatenate([wire.polyline(1.0)[:, :2] for wire in survey.wires])
+    box = shapely.box(*(wires.min(0) - reach_m), *(wires.max(0) + reach_m))
+    return [one for one in objects if shapely.intersects(box, one.shape)]
 
 
 @dataclass(frozen=True, eq=False)

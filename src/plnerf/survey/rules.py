@@ -21,7 +21,7 @@ from plnerf.line.survey import Survey
 from plnerf.survey.altitude import Altitude, altitude_of
 from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.config_rules import RulesConfig
-from plnerf.survey.map_objects import MapObject, read_objects
+from plnerf.survey.map_objects import MapObject, near_line, read_objects
 from plnerf.survey.rule_file import Matrix, Row, load_matrix
 from plnerf.survey.rule_scene import ON_MAPS, Least, RuleScene, RuleState, rule_states
 
@@ -40,7 +40,7 @@ def judge_rules(
     if config.matrix is None:
         return None, ()
     matrix, kv = load_matrix(config.matrix), config.kv
-    maps, unplaced = _maps(survey, config)
+    maps, given, unplaced = _maps(survey, clearance.obstacles.reach_m, config)
     rules, not_judged = _applicable(matrix, kv, survey, config)
     states = rule_states(survey)
     lower_m: dict[RuleObject, float] = {}
@@ -55,7 +55,7 @@ def judge_rules(
             if state.name == SURVEYED or set(state.kinds) & set(rule.states):
                 found += _judge(rule, state, scene.least(rule, state))
         judged += found
-        why = _why_not(rule, states, maps, judged=bool(found))
+        why = _why_not(rule, states, given, judged=bool(found))
         if why:
             not_judged.append(NotJudged(rule.number, rule.name, why))
     report = RuleReport(
@@ -65,12 +65,16 @@ def judge_rules(
     return report, (*unplaced, *_findings(report))
 
 
-def _maps(survey: Survey, config: RulesConfig) -> tuple[list[MapObject], list[Finding]]:
-    """The maps' objects; none, and a finding, where they cannot be laid over the survey."""
+def _maps(
+    survey: Survey, reach_m: float, config: RulesConfig
+) -> tuple[list[MapObject], set[str], list[Finding]]:
+    """The maps' objects near the line, and of what classes there are any at all; none, and a finding, where
+    they cannot be laid over the survey."""
     try:
-        return read_objects(config.objects, config.object_field, survey.frame), []
+        every = read_objects(config.objects, config.object_field, survey.frame)
     except SurveyError as error:
-        return [], [harms(KIND, str(error))]
+        return [], set(), [harms(KIND, str(error))]
+    return near_line(every, survey, reach_m), {one.kind for one in every}, []
 
 
 def _applicable(
@@ -118,9 +122,9 @@ def _judge(rule: Rule, state: RuleState, least: Least) -> list[Judged]:
     return sorted(found, key=lambda one: one.distance.value)
 
 
-def _why_not(rule: Rule, states: Sequence[RuleState], maps: Sequence[MapObject], *, judged: bool) -> str:
+def _why_not(rule: Rule, states: Sequence[RuleState], given: set[str], *, judged: bool) -> str:
     """Why a rule says nothing, or not in the states that it is for; empty where it does."""
-    if rule.object in ON_MAPS and all(one.kind != rule.object for one in maps):
+    if rule.object in ON_MAPS and rule.object not in given:
         return f"no {rule.object} of a map is given (--objects)"
     if not judged:
         where = "crosses" if rule.object == "line" else "is near or below the phase conductors"
@@ -143,14 +147,14 @@ def _findings(report: RuleReport) -> tuple[Finding, ...]:
     findings = [
         note(KIND, f"{report.name} ({report.source}, {report.date}) at {report.voltage_kv:g} kV, for phase "
              "conductors."),
-        *(note(KIND, caveat) for caveat in report.caveats),
+        *(note(KIND, f"{report.name}: {caveat}") for caveat in report.caveats),
     ]  # fmt: skip
     if unverified:
         findings.append(
             harms(
                 KIND,
-                f"{unverified} of its {len(report.rules)} rules have numbers that were not compared with the "
-                "standard itself.",
+                f"{unverified} of the {len(report.rules)} rules of {report.name} have numbers that were not "
+                "compared with the standard itself.",
                 "Compare them before you rely on a verdict.",
             )
         )
