@@ -240,7 +240,7 @@ def test_what_one_survey_alone_has_near_a_wire_is_different() -> None:
         distances = (changed.distance_a_m, changed.distance_b_m)
         assert tuple(None if each is None else each.value for each in distances) == both
         np.testing.assert_allclose(changed.place, crane.on_obstacle)
-    assert "clearance to other" in change_text(found)
+    assert "clearance to other things" in change_text(found)
 
 
 def test_a_new_object_is_told_from_a_wire_that_hangs_lower() -> None:

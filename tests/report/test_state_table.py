@@ -41,6 +41,16 @@ def test_the_profile_has_a_dashed_curve_of_every_state_and_holds_it() -> None:
     assert max(float(point.split(",")[1]) for point in curves[0].split()) > lowest + 1  # hangs lower
 
 
+def test_winds_from_both_sides_share_their_dashes() -> None:
+    assert SURVEY.states is not None
+    hot, left = SURVEY.states.states
+    right = replace(left, load=replace(left.load, name="to the right", wind_pa=-left.load.wind_pa))
+    survey = replace(SURVEY, states=replace(SURVEY.states, states=(left, right, hot)))
+    (drawing,) = profiles(survey, [])
+    legend = re.findall(r'stroke-dasharray="([^"]*)"/><text [^>]*>([^<]*)</text>', drawing.svg)
+    assert legend == [("2 3", "storm &lt;b&gt;, to the left / to the right"), ("8 3 2 3", "75 °C")]
+
+
 def test_the_page_escapes_names_and_states_the_temperature() -> None:
     page = html_page(SURVEY)
     assert "storm &lt;b&gt;, to the left" in page and "storm <b>" not in page

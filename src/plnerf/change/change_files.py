@@ -15,6 +15,7 @@ from plnerf.change.values import (
     StructureChange,
     WireAlone,
 )
+from plnerf.line.clearances import IN_WORDS
 from plnerf.line.ends import Quantity
 from plnerf.line.files import plain_values
 from plnerf.scene.files import complete_file, write_text
@@ -54,7 +55,7 @@ def change_rows(change: Change) -> list[Row]:
     ]  # fmt: skip
     rows += [
         _row(
-            f"clearance to {one.to}", one, before=one.distance_a_m, after=one.distance_b_m,
+            f"clearance to {IN_WORDS[one.to]}", one, before=one.distance_a_m, after=one.distance_b_m,
             difference=one.difference_m, expected=one.expected_m, by_object=one.by_object_m,
         )
         for one in change.clearances

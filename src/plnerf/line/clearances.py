@@ -14,6 +14,13 @@ from plnerf.line.wire import Kind
 Group = Literal["ground", "vegetation", "structures", "other"]
 """What a wire may come near to."""
 GROUPS: tuple[Group, ...] = get_args(Group)
+IN_WORDS: dict[Group, str] = {
+    "ground": "ground",
+    "vegetation": "vegetation",
+    "structures": "buildings",
+    "other": "other things",
+}
+"""For people, to whom the structures of a line are its towers and poles."""
 Verdict = Literal["closer than required", "within its uncertainty", "clear"]
 SIGMAS = 2.0
 """A distance differs from the required one if they are so many standard deviations apart."""

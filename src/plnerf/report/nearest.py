@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from plnerf.errors import SurveyError
-from plnerf.line.clearances import Place, Verdict
+from plnerf.line.clearances import IN_WORDS, Place, Verdict
 from plnerf.line.ends import Quantity
 from plnerf.line.survey import Survey
 
@@ -31,7 +31,7 @@ class Nearest:
     @property
     def to(self) -> str:
         """What the distance is to, in words."""
-        return "ground, straight down" if self.place.measure == "vertical" else self.place.to
+        return "ground, straight down" if self.place.measure == "vertical" else IN_WORDS[self.place.to]
 
     @property
     def distance(self) -> Quantity:

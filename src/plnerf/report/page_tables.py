@@ -126,11 +126,11 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     units = Units(survey.frame.unit)
     span = numbers_of_spans(survey)
     judged, silent = any(one.standing != "open" for one in rows), any_not_seen(survey)
-    order = (
-        "First those that fall short of what is required, or come nearest to it."
-        if judged
-        else "Nothing is required: give a voltage or a distance to have them judged."
-    )
+    order = "Nothing is required: give a voltage or a distance to have them judged."
+    if judged:
+        order = "First those that fall short of what is required, or come nearest to it."
+    elif survey.rules is not None:
+        order = "They are judged by rule, below."
     cells: list[list[Cell]] = [
         [
             *[verdict_of(one)] * judged, one.to.replace(" ", "\u00a0"), str(one.place.wire),

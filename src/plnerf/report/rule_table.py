@@ -59,8 +59,8 @@ def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], fo
     for one in judged:
         rule, margin = report.rule(one.rule), report.margin(one)
         rows.append([
-            Verdict(one.verdict, STANDINGS[one.verdict]), rule.name, one.state, span[one.wire], str(one.wire),
-            units.interval(one.distance), units.length(rule.required_m),
+            Verdict(one.verdict, STANDINGS[one.verdict]), rule.name.replace(" ", "\u00a0"), one.state,
+            span[one.wire], str(one.wire), units.interval(one.distance), units.length(rule.required_m),
             units.interval(margin), *[not_seen(survey, one.wire) or NOTHING] * silent,
             units.place(shown(survey.frame, one.on_wire)), units.place(shown(survey.frame, one.on_object)),
         ])  # fmt: skip

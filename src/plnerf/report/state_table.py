@@ -1,6 +1,7 @@
 """The table of other states, and their curves in the profile."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -17,7 +18,8 @@ from plnerf.report.tables import Table
 from plnerf.report.words import numbers_of_spans, span_head
 
 STATE_DASHES = ("2 3", "8 3 2 3", "12 4", "1 5", "5 2 1 2 1 2")
-"""Of the states' curves, in the order of the states; with more they begin anew."""
+"""Of the states' curves, in the order of the states; with more they begin anew.  Winds from both sides, in
+which wires hang alike from the side, share one."""
 
 
 SAMPLE_PX, ROW_PX, LETTER_PX = 34, 18, 7.0
@@ -75,8 +77,7 @@ def state_curves(scale: Scale, survey: Survey, of_wire: dict[int, Stretch]) -> l
     """The wires of a drawing in each state, thin and dashed; named by their hover text."""
     parts = []
     wires = {wire.id: wire for wire in survey.wires}
-    for number, state in enumerate(_states(survey)):
-        dashes = STATE_DASHES[number % len(STATE_DASHES)]
+    for state, dashes in _dashed(survey):
         for one in (one for one in state.wires if one.wire in of_wire):
             wire = wires[one.wire]
             points = one.of(wire).points(np.linspace(0.0, wire.base.length_m, 61))
@@ -102,12 +103,14 @@ def state_heights(survey: Survey, of_wire: dict[int, Stretch]) -> list[np.ndarra
 
 def state_legend(survey: Survey, width: float, top: float) -> tuple[list[str], float]:
     """Each state's dashes and its name, in rows of a width from y = top down, and the rows' height."""
+    named: dict[str, list[str]] = {}
+    for state, dashes in _dashed(survey):
+        if state.wires:
+            named.setdefault(dashes, []).append(state.load.name)
     parts: list[str] = []
     x, y = float(LEFT), top + 0.7 * ROW_PX
-    for number, state in enumerate(_states(survey)):
-        if not state.wires:
-            continue
-        name, dashes = state.load.name, STATE_DASHES[number % len(STATE_DASHES)]
+    for dashes, names in named.items():
+        name = " / ".join(names)
         end = x + SAMPLE_PX + 8 + LETTER_PX * len(name)
         if x > LEFT and end > LEFT + width:
             x, y, end = float(LEFT), y + ROW_PX, LEFT + end - x
@@ -118,6 +121,17 @@ def state_legend(survey: Survey, width: float, top: float) -> tuple[list[str], f
         )
         x = end + 16
     return parts, y + 0.5 * ROW_PX - top if parts else 0.0
+
+
+def _dashed(survey: Survey) -> list[tuple[State, str]]:
+    """The states with their dashes."""
+    seen: list[Load] = []
+    found = []
+    for state in _states(survey):
+        alike = replace(state.load, name="", wind_pa=abs(state.load.wind_pa))
+        seen += [alike] * (alike not in seen)
+        found.append((state, STATE_DASHES[seen.index(alike) % len(STATE_DASHES)]))
+    return found
 
 
 def _states(survey: Survey) -> Sequence[State]:

@@ -16,6 +16,7 @@ from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.clearances import (
     GROUPS,
+    IN_WORDS,
     Clearances,
     Crossing,
     Group,
@@ -49,13 +50,6 @@ from plnerf.survey.thresholds import AboveTableError, requirement
 STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
 REQUIRED = "required clearance"
 """Kinds of findings.  The first says at what load and temperature sag and clearances hold."""
-OBSTACLES: dict[Group, str] = {
-    "ground": "ground",
-    "vegetation": "vegetation",
-    "structures": "buildings",
-    "other": "other things",
-}
-"""In words; the structures of the line itself are none."""
 _Indices = dict[Group, Int[np.ndarray, " _"]]
 
 
@@ -207,7 +201,7 @@ def _findings(
             )
         )
     findings += [*about_possible(clearances.possible), *_left_out(survey.cloud, found, doubted, config)]
-    absent = [OBSTACLES[group] for group in GROUPS if not len(found[group])]
+    absent = [IN_WORDS[group] for group in GROUPS if not len(found[group])]
     if absent:
         findings.append(
             note(
