@@ -295,10 +295,9 @@ def reconstruct(
         OUT/scene/    plnerf capture     (left out where the input is a scene with poses)
         OUT/run/      plnerf train, eval, render, survey
 
-    A stage is done again where its inputs changed: poses, photos, settings, the newest checkpoint; and where
-    a file that it wrote is gone.  A run of
-    other settings is kept, as run-1, run-2, ...  skipped: called with a line about every stage that is up to
-    date, and about a run that is put aside.
+    A stage is done again where its inputs changed (poses, photos, settings, the newest checkpoint), and where
+    a file that it wrote is gone.  A run of other settings is kept, as run-1, run-2, ...  skipped: called with
+    a line about every stage that is up to date, and about a run that is put aside.
     """
     with only_writer(out):
         return _reconstruct(source, out, training or Training(), capture, stages or Stages(), skipped)
@@ -352,7 +351,7 @@ def _reconstruct(
 def _lost(run: Path, names: str) -> list[str]:
     """The files of a result that are no longer there.
 
-    What they hold is not asked: whoever surveys again with other settings wants that survey.
+    What they hold is not compared: whoever surveys again with other settings wants that survey.
     """
     return [name for name in names.splitlines() if not (run / name).is_file()]
 
