@@ -379,9 +379,10 @@ def test_a_state_that_no_tension_answers_is_a_finding(monkeypatch: pytest.Monkey
 def test_structures_named_strain_end_a_section(tmp_path: Path) -> None:
     line = line_of((0, 20.0), (150, 20.0), (400, 20.0), sags=[1.5, 4.17])
     path = tmp_path / "s.toml"
-    path.write_text("strain = [2]\n[[state]]\nname = 'hot'\ntemperature_c = 75\n")
-    found, _ = compute_states([line], 20.0, MechanicsConfig(ALST, states=path))
+    path.write_text("strain = [2, 9]\n[[state]]\nname = 'hot'\ntemperature_c = 75\n")
+    found, findings = compute_states([line], 20.0, MechanicsConfig(ALST, states=path))
     assert found is not None
+    assert any("strain = [9] of the file of the states names structures" in one.text for one in findings)
     assert [round(one.ruling_span_m) for one in found.states[0].wires] == [150, 250]
 
 

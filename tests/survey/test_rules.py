@@ -294,7 +294,7 @@ def test_rows_for_an_area_count_where_it_is_named(tmp_path: Path) -> None:
     assert not report.judged and "--rules.areas 'residential'" in report.not_judged[0].why
     assert only(judged(tmp_path, rules, areas=("residential",))).verdict == "closer than required"
     with pytest.raises(ConfigError, match=r"no rules for the area 'town', but for residential"):
-        judged(tmp_path, rules, areas=("town",))
+        RulesConfig(tmp_path / "rules.toml", 110.0, areas=("town",))  # before anything is surveyed
 
 
 def test_rows_hold_up_to_their_altitude(tmp_path: Path) -> None:

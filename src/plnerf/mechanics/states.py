@@ -177,6 +177,16 @@ def _findings(
     findings += [note(KIND, f"{of.name}: {text}") for of in given.conductors.values() for text in of.caveats]
     have = {wire.id for one in found for wire in one.wires}
     findings += _without(lines, have, given.conductors)
+    strange = sorted(set(given.table.strain) - {one.id for line in lines for one in line.structures})
+    if strange:
+        findings.append(
+            harms(
+                KIND,
+                f"strain = {strange} of the file of the states names structures that the survey does not "
+                "have.",
+                "Take their numbers from its report.",
+            )
+        )
     open_at = sorted({where for one in found for where in one.open_at})
     if open_at:
         findings.append(

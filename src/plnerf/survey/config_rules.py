@@ -39,7 +39,9 @@ class RulesConfig:
         from plnerf.survey.map_objects import check_maps
         from plnerf.survey.rule_file import load_matrix  # bring NumPy
 
-        load_matrix(self.matrix).number_of(self.kv)
+        matrix = load_matrix(self.matrix)
+        matrix.number_of(self.kv)
+        matrix.check_areas(self.areas)
         check_maps(self.objects, self.object_field)
 
     @property

@@ -103,6 +103,15 @@ class Matrix:
             "; ".join(read), row.verified and all(term.verified for term in row.terms), row.note,
         )  # fmt: skip
 
+    def check_areas(self, areas: Sequence[str]) -> None:
+        """Raises ConfigError for one that no row is for."""
+        known = sorted({row.area for row in self.rows} - {""})
+        strange = [area for area in areas if area not in known]
+        if strange:
+            raise ConfigError(
+                f"{self.path} has no rules for the area {strange[0]!r}, but for {', '.join(known) or 'none'}."
+            )
+
     def number_of(self, kv: float) -> int | None:
         """The number of a class; None where the matrix has none.  Raises ConfigError for a voltage that it
         is not for."""

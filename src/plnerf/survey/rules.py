@@ -12,7 +12,7 @@ judged too, whatever states a row is for.
 
 from collections.abc import Sequence
 
-from plnerf.errors import ConfigError, SurveyError
+from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.clearances import verdict_of
 from plnerf.line.rules import Judged, NotJudged, Rule, RuleObject, RuleReport
@@ -34,8 +34,7 @@ def judge_rules(
 ) -> tuple[RuleReport | None, tuple[Finding, ...]]:
     """The verdicts of a matrix on a survey; None where none is given.
 
-    Raises ConfigError for a voltage that is not the matrix's, areas that it does not know, and maps that
-    cannot be read.
+    Raises ConfigError for a voltage that is not the matrix's and maps that cannot be read.
     """
     if config.matrix is None:
         return None, ()
@@ -81,13 +80,6 @@ def _applicable(
     matrix: Matrix, kv: float, survey: Survey, config: RulesConfig
 ) -> tuple[list[Rule], list[NotJudged]]:
     """The rows that hold for this line, and why others do not."""
-    areas = sorted({row.area for row in matrix.rows} - {""})
-    strange = [area for area in config.areas if area not in areas]
-    if strange:
-        raise ConfigError(
-            f"{matrix.path} has no rules for the area {strange[0]!r}, but for {', '.join(areas) or 'none'}."
-        )
-    matrix.number_of(kv)
     rules: list[Rule] = []
     left: list[NotJudged] = []
     altitude = altitude_of(survey)
