@@ -361,6 +361,17 @@ def test_wires_without_a_state_are_named_with_the_reason() -> None:
     assert "beyond structure 2 (suspension)" in texts
 
 
+def test_where_no_wire_has_a_state_the_findings_are_the_reasons() -> None:
+    line = line_of((0.0, 20.0), (200.0, 20.0), sags=[4.0])
+    wire = line.spans[0].wires[0]
+    cut = replace(wire, ends=(wire.ends[0], Open("not filmed")))
+    line = replace(line, spans=(replace(line.spans[0], wires=(cut,)),))
+    found, findings = compute_states([line], 20.0, MechanicsConfig(ALST))
+    assert found is not None and not any(one.wires for one in found.states)
+    texts = [one.text for one in findings]
+    assert texts == ["Of wire 1 no other state is known: its last end is open (not filmed)."]
+
+
 def test_a_state_that_no_tension_answers_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where tensions may not change by more than 0.1 %: those of a span with next to no sag do not."""
     from plnerf.mechanics import change_of_state

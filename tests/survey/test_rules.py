@@ -172,7 +172,9 @@ def test_a_crossing_is_judged_in_the_states_that_one_of_its_wires_has(tmp_path: 
     lower = {one.state: one.distance.value for one in report.judged}
     assert lower["75 °C"] == pytest.approx(lower["as surveyed"] - 0.75, abs=0.02)  # at a quarter of the span
     nothing = replace(hot(), states=States((State(HOT, ()),), Quantity(20.0, 1.0), "given", ()))
-    assert [one.state for one in judged(tmp_path, rules, nothing).judged] == ["as surveyed"]
+    report = judged(tmp_path, rules, nothing)
+    assert [one.state for one in report.judged] == ["as surveyed"]
+    assert report.not_judged[0].why.startswith("no state of still or wind or ice was computed: it was judged")
 
 
 def test_a_wire_blown_out_comes_nearer_to_what_stands_beside_it(tmp_path: Path) -> None:

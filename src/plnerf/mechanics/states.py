@@ -154,7 +154,10 @@ def _covariance(wire: Wire) -> np.ndarray:
 def _findings(
     lines: Sequence[Line], found: Sequence[Section], given: _Given
 ) -> tuple[Finding, ...]:
-    """What a reader must know of the states."""
+    """What a reader must know of the states; where there are none, why."""
+    have = {wire.id for one in found for wire in one.wires}
+    if not have:
+        return tuple(_without(lines, have, given.conductors))
     named = "; ".join(f"{kind}: {of.name}" for kind, of in given.conductors.items())
     findings = [
         note(
@@ -175,7 +178,6 @@ def _findings(
             )
         )
     findings += [note(KIND, f"{of.name}: {text}") for of in given.conductors.values() for text in of.caveats]
-    have = {wire.id for one in found for wire in one.wires}
     findings += _without(lines, have, given.conductors)
     strange = sorted(set(given.table.strain) - {one.id for line in lines for one in line.structures})
     if strange:

@@ -172,10 +172,10 @@ def _doubts(wire: Wire, units: Units) -> list[str]:
 
 def no_states(survey: Survey) -> str:
     """Why there are no other states, and what would give them."""
-    said = [one.text for one in survey.findings if one.kind == OTHER_STATES]
     if survey.frame.unit == "unscaled":
         return "Without a scale no other state is known."
-    return said[0] if said and survey.states is None else "No other state was computed."
+    said = [one.text for one in survey.findings if one.kind == OTHER_STATES]
+    return " ".join(said) or "No other state was computed."
 
 
 def judged(rows: list[Nearest]) -> str:

@@ -44,10 +44,12 @@ class RuleState:
 
 
 def rule_states(survey: Survey) -> list[RuleState]:
-    """The survey itself, and its other states."""
+    """The survey itself, and its other states that are known of any wire."""
     found = [RuleState(SURVEYED, (), survey.lines, frozenset(wire.id for wire in survey.wires))]
     for state in survey.states.states if survey.states is not None else ():
         curves = {one.wire: one for one in state.wires}
+        if not curves:
+            continue
         lines = tuple(
             replace(line, spans=tuple(
                 replace(span, wires=tuple(
