@@ -22,7 +22,8 @@ def test_the_table_holds_verdicts_margins_and_places(tmp_path: Path) -> None:
         ("1", "as surveyed", "clear"), ("1", "75 °C", "closer than required"),
         ("1", "75 °C", "within its uncertainty"), ("2", "as surveyed", "clear"), ("3", "", ""),
     ]  # fmt: skip
-    assert rows[-1]["why"] == "no rail of a map is given (--objects)" and rows[0]["why"] == ""
+    last = [rows[-1][name] for name in ("object", "direction", "why")]
+    assert last == ["rail", "vertical", "no rail of a map is given (--objects)"] and rows[0]["why"] == ""
     one = rows[1]
     assert (one["required_m"], one["margin_m"], one["verified"]) == ("6.5", "-0.25", "false")
     place = crs_transform(survey).to_map(np.array([[1.0, 2.0, 9.0]]))[0]

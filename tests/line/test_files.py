@@ -89,7 +89,7 @@ def rules() -> RuleReport:
         "a matrix", "a standard", "2026", 220.0, ("An example.",),
         (Rule(1, "ground", "vertical", *kept), Rule(3, "road", "radial", ("wind",), 7.0, "7 m", "b", True)),
         (Judged(1, "hot", 1, 1, 2, Quantity(7.125, 0.25), *RANDOM.normal(0, 50, (2, 3)), "clear"),),
-        (NotJudged(3, "3: road, vertical", "no road of a map is given"),), (("road", 2), ("rail", 1)),
+        (NotJudged(3, "road", "vertical", "no road of a map is given"),), (("road", 2), ("rail", 1)),
     )  # fmt: skip
 
 

@@ -27,6 +27,6 @@ def with_rules(survey: Survey) -> Survey:
         one(1, "as surveyed", 7.0, 1, "clear"), one(1, "75 °C", 6.25, 1, "closer than required"),
         one(1, "75 °C", 6.45, 2, "within its uncertainty"), one(2, "as surveyed", 5.0, 3, "clear"),
     )  # fmt: skip
-    missing = (NotJudged(3, "3: rail, vertical", "no rail of a map is given (--objects)"),)
+    missing = (NotJudged(3, "rail", "vertical", "no rail of a map is given (--objects)"),)
     report = RuleReport("a matrix", "a standard", "2026", 220.0, (), RULES, judged, missing, (("road", 2),))
     return replace(survey, rules=report)

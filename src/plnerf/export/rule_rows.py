@@ -31,8 +31,12 @@ def rule_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             "margin_m": margin.value, "verdict": one.verdict, "read_in": rule.read_in,
             "verified": str(rule.verified).lower(), "why": None, **places, "reference": transform.reference,
         })  # fmt: skip
-    empty: Row = dict.fromkeys(rows[0] if rows else ("rule", "why"))
-    rows += [empty | {"rule": one.rule, "why": one.why} for one in report.not_judged]
+    left: list[Row] = [
+        {"rule": one.rule, "object": one.object, "direction": one.direction, "why": one.why}
+        for one in report.not_judged
+    ]
+    empty: Row = dict.fromkeys((rows or left or [{}])[0])
+    rows += [empty | one for one in left]
     return [
         {name: round(value, DECIMALS) if isinstance(value, float) else value for name, value in row.items()}
         for row in rows

@@ -44,7 +44,7 @@ class Rule:
     @property
     def name(self) -> str:
         """Its number, object and direction."""
-        return f"{self.number}: {self.object}, {self.direction}"
+        return _name(self.number, self.object, self.direction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +69,14 @@ class NotJudged:
 
     rule: int
     """Its number."""
-    name: str
-    """Its number, object and direction."""
+    object: RuleObject
+    direction: Direction
     why: str
+
+    @property
+    def name(self) -> str:
+        """Its number, object and direction."""
+        return _name(self.rule, self.object, self.direction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,3 +111,7 @@ class RuleReport:
             if key not in found or one.distance.value < found[key].distance.value:
                 found[key] = one
         return tuple(found.values())
+
+
+def _name(number: int, of: RuleObject, direction: Direction) -> str:
+    return f"{number}: {of}, {direction}"

@@ -56,7 +56,7 @@ def judge_rules(
         judged += found
         why = _why_not(rule, states, given, judged=bool(found))
         if why:
-            not_judged.append(NotJudged(rule.number, rule.name, why))
+            not_judged.append(NotJudged(rule.number, rule.object, rule.direction, why))
     report = RuleReport(
         matrix.name, matrix.source, matrix.date, kv, matrix.caveats, tuple(rules), tuple(judged),
         tuple(sorted(not_judged, key=lambda one: one.rule)), _counts(maps),
@@ -89,7 +89,7 @@ def _applicable(
             continue
         why = _out_of_place(row, config, altitude)
         if why:
-            left.append(NotJudged(row.number, rule.name, why))
+            left.append(NotJudged(row.number, row.object, row.direction, why))
         else:
             rules.append(rule)
     return rules, left
