@@ -54,9 +54,9 @@ def compare_surveys(a: Survey, b: Survey, config: MechanicsConfig | None = None)
     tested += [one.moved_m for one in moved]
     count = sum(one is not None for one in tested)
     sigmas = float(norm.ppf(1 - CHANCE / (2 * max(count, 1))))
-    if silent := [str(one.b) for one in sags if one.difference_m is None]:
-        text = f"No sag is compared of B's wires {', '.join(silent)}: an end of theirs, or of A's, is open."
-        notes.append(text)
+    if silent := sorted(one.b for one in sags if one.difference_m is None):
+        named = ", ".join(map(str, silent))
+        notes.append(f"No sag is compared of B's wires {named}: an end of theirs, or of A's, is open.")
     known = {one.id for one, _ in pairs}, {one.id for _, one in pairs}
     return Change(
         structures=(

@@ -41,8 +41,8 @@ def wire_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             for wire in span.wires:
                 at = wire.points(np.array([0.0, wire.base.length_m, wire.lowest[0]]))
                 named = dict(zip(("a", "b", "lowest_in_span"), at, strict=True))
-                coordinates = _coordinates(transform, named)
-                rows.append(wire_properties(survey, line, span, wire, transform) | coordinates)
+                properties = wire_properties(survey, line, span, wire, transform)
+                rows.append(properties | coordinates(transform, named))
     return rows
 
 
@@ -94,7 +94,7 @@ def wire_properties(survey: Survey, line: Line, span: Span, wire: Wire, transfor
         "evidence_count": seen.count,
         "notes": " ".join(wire.notes) or None,
     }
-    return {_unit(name, survey): _plain(value) for name, value in row.items()}
+    return {_unit(name, survey): value for name, value in plain_row(row).items()}
 
 
 def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
@@ -130,15 +130,15 @@ def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             "required_by": required.name if required else None,
             "verdict": verdict,
         }
-        ends = _coordinates(transform, {"on_wire": place.on_wire, "on_obstacle": place.on_obstacle})
-        rows.append({name: _plain(value) for name, value in row.items()} | ends)
+        ends = coordinates(transform, {"on_wire": place.on_wire, "on_obstacle": place.on_obstacle})
+        rows.append(plain_row(row) | ends)
     return rows
 
 
 def structure_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
     """A row for each structure: `structure_properties`, and coordinates of its foot and its top."""
     return [
-        structure_properties(survey, line, one) | _coordinates(transform, {"foot": one.foot, "top": one.top})
+        structure_properties(survey, line, one) | coordinates(transform, {"foot": one.foot, "top": one.top})
         for line in survey.lines
         for one in line.structures
     ]
@@ -157,7 +157,7 @@ def structure_properties(survey: Survey, line: Line, one: Structure) -> Row:
         "along_95_m": Quantity(0.0, one.sigma_m).half_95,
         "evidence": one.evidence,
     }
-    return {_unit(name, survey): _plain(value) for name, value in row.items()}
+    return {_unit(name, survey): value for name, value in plain_row(row).items()}
 
 
 def crossing_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
@@ -179,8 +179,8 @@ def crossing_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             "s_above_m": one.s_upper_m,
             "s_below_m": one.s_lower_m,
         }
-        ends = _coordinates(transform, {"on_above": one.on_upper, "on_below": one.on_lower})
-        rows.append({name: _plain(value) for name, value in row.items()} | ends)
+        ends = coordinates(transform, {"on_above": one.on_upper, "on_below": one.on_lower})
+        rows.append(plain_row(row) | ends)
     return rows
 
 
@@ -227,7 +227,7 @@ def _state(survey: Survey) -> str:
     return (survey.clearances or Clearances(())).state
 
 
-def _coordinates(transform: CrsTransform, points: dict[str, Float[np.ndarray, "3"]]) -> Row:
+def coordinates(transform: CrsTransform, points: dict[str, Float[np.ndarray, "3"]]) -> Row:
     """Columns of the points' map coordinates."""
     at = transform.to_map(np.array(list(points.values()), dtype=np.float64))
     named: Row = {
@@ -244,8 +244,12 @@ def _unit(name: str, survey: Survey) -> str:
     return name.removesuffix("_m") + "_unscaled"
 
 
-def _plain(value: Any) -> str | float | int | None:
+def plain_row(row: Row) -> Row:
     """NumPy's numbers as Python's, rounded to a tenth of a millimetre; what is not finite is not known."""
+    return {name: _plain(value) for name, value in row.items()}
+
+
+def _plain(value: Any) -> str | float | int | None:
     if not isinstance(value, float):
         return value.item() if isinstance(value, np.integer) else value
     return round(float(value), DECIMALS) if math.isfinite(value) else None

@@ -2,7 +2,7 @@
 
 import math
 
-from plnerf.export.rows import DECIMALS, Row
+from plnerf.export.rows import Row, plain_row
 from plnerf.line.ends import Quantity
 from plnerf.line.survey import Survey
 
@@ -30,7 +30,7 @@ def state_rows(survey: Survey) -> list[Row]:
         for one in state.wires:
             line, span, wire = of[one.wire]
             load = state.load
-            row: dict[str, str | float | int | None] = {
+            row: Row = {
                 "state": load.name,
                 "temperature_c": load.temperature_c,
                 "wind_pa": load.wind_pa,
@@ -51,10 +51,7 @@ def state_rows(survey: Survey) -> list[Row]:
                 "temperature_then_c": survey.states.temperature_c.value,
                 "temperature_then_95_c": survey.states.temperature_c.half_95,
             }
-            rows.append({
-                name: round(value, DECIMALS) if isinstance(value, float) else value
-                for name, value in row.items()
-            })  # fmt: skip
+            rows.append(plain_row(row))
     return rows
 
 
