@@ -20,8 +20,6 @@ def change(
 ) -> None:
     """What differs between two surveys of one line beyond their uncertainties; status 3 if anything does.
 
-    Of --states only strain = [...] counts: what ends a tension section of the earlier survey.
-
     Args:
         a: The earlier survey: its folder, or survey.json.
         b: The later survey.

@@ -18,7 +18,8 @@ class MechanicsConfig:
     shield_conductor: Path | None = None
     """Of the shield wires."""
     states: Path | None = None
-    """A TOML file of states, or the name of one of the package; None: 50, 75 and 100 degrees Celsius."""
+    """A TOML file of states, or the name of one of the package; None: 50, 75 and 100 degrees Celsius; of a
+    comparison of surveys only its strain = [...] counts, what ends a tension section."""
     temperature_sigma_c: float = 3.0
     """Standard deviation of the conductors' temperature at the survey, where that is given."""
 
