@@ -37,6 +37,7 @@ FLOORS = {
     "report": 7,
     "score": 7,
     "doctor": 7,
+    "view": 8,
     "pipeline": 8,
     "console": 8,
     "bench": 9,

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PIN = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)(.*(?:\n +.*)*)", re.MULTILINE)
-EXTRAS = ("synth", "mechanics", "gis", "dev")
+EXTRAS = ("synth", "mechanics", "gis", "view", "dev")
 
 
 def plain(name: str) -> str:

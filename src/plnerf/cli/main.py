@@ -24,14 +24,15 @@ from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.train import demo, eval, render, train
+from plnerf.cli.view import view
 from plnerf.errors import PlnerfError, advice_on
 from plnerf.presets._find import presets_by_year
 from plnerf.terminal import Terminal, one_line
 from plnerf.train.config import Settings
 
 COMMANDS: tuple[Callable[..., Any], ...] = (
-    demo, capture, reconstruct, train, eval, render, synth, hang, survey, change, score, doctor, bench,
-    compare,
+    demo, capture, reconstruct, train, eval, render, synth, hang, survey, change, view, score, doctor,
+    bench, compare,
 )  # fmt: skip
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70

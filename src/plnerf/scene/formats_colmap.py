@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float, UInt8
 
 from plnerf.errors import SceneError
 from plnerf.scene.colmap import pycolmap
@@ -74,6 +75,21 @@ def read_colmap(source: Path) -> Listing:
         )
     check_unique(shots, model)
     return Listing(root=root, shots=tuple(shots), format="colmap", left_out=tuple(unregistered))
+
+
+def read_sparse_points(source: Path) -> tuple[Float[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]] | None:
+    """Places and colours of a COLMAP model's points, in its own frame; None where there is no model.
+
+    Raises SceneError for a model that cannot be read.
+    """
+    model = find_model(source)
+    if model is None:
+        return None
+    points = _load(model).points3D.values()
+    xyz = np.array([point.xyz for point in points], np.float64).reshape(-1, 3)
+    rgb = np.array([point.color for point in points], np.uint8).reshape(-1, 3)
+    kept = np.isfinite(xyz).all(1)
+    return xyz[kept], rgb[kept]
 
 
 def write_colmap(listing: Listing, folder: Path, *, text: bool = False) -> None:

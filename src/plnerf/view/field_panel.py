@@ -1,0 +1,92 @@
+"""The field as one browser sees it: drawn anew whenever its camera moves, coarse at once and then finer."""
+
+import time
+from collections.abc import Callable
+from typing import cast
+
+from plnerf.render.pictures import DepthRange
+from plnerf.view.browser import Browser
+from plnerf.view.eye import Eye
+from plnerf.view.field_pictures import FieldPicture, FieldPictures, Layer
+from plnerf.view.render_thread import Wish
+
+SIZES = {"320 px": 320, "640 px": 640, "960 px": 960, "1280 px": 1280, "1920 px": 1920}
+DEFAULT = "640 px"
+OFF = "off"
+
+
+class FieldPanel:
+    """Its controls, and its wishes to the thread that renders."""
+
+    def __init__(self, browser: Browser, field: FieldPictures) -> None:
+        self._browser, self._field = browser, field
+        self._range: DepthRange | None = None
+        self._moved = time.monotonic()
+        self._first_s: float | None = None
+        gui = browser.client.gui
+        with gui.add_folder("Field"):
+            self._layer = gui.add_dropdown("layer", (*field.layers, OFF), initial_value="rgb")
+            self._size = gui.add_dropdown(
+                "width when at rest", tuple(SIZES), initial_value=DEFAULT,
+                hint="Of the finest picture. A moving camera sees a coarser one.",
+            )  # fmt: skip
+            self._status = gui.add_markdown("waiting for the kernels")
+        self._layer.on_update(lambda _: self._new_layer())
+        self._size.on_update(lambda _: self.draw(browser.eye))
+
+    def _new_layer(self) -> None:
+        self._range = None
+        self.draw(self._browser.eye)
+
+    @property
+    def shown(self) -> Layer | None:
+        """The layer on show; None: the field is hidden."""
+        return None if self._layer.value == OFF else cast(Layer, self._layer.value)
+
+    def draw(self, eye: Eye) -> None:
+        """Wishes for pictures from a place; the earlier wish is given up."""
+        browser, layer = self._browser, self.shown
+        self._moved, self._first_s = time.monotonic(), None
+        if layer is None:
+            browser.shared.renders.forget(browser.client.client_id)
+            browser.backdrop.show_field(None, eye)
+            self._status.content = ""
+            return
+
+        def draw(rays: int, goes_on: Callable[[], bool]) -> bool:
+            if browser.gone.is_set():
+                return True
+            shown = self._range if layer == "depth" else None
+            picture = self._field.render(eye, layer, rays, shown=shown, goes_on=goes_on)
+            if picture is None:
+                return False
+            self._range = picture.shown
+            browser.backdrop.show_field(picture, eye)
+            self._status.content = self._text(picture)
+            return True
+
+        width = min(SIZES[self._size.value], browser.client.camera.image_width or 640)
+        most = max(1, round(width * width / eye.aspect))
+        failed = browser_failed(browser)
+        browser.shared.renders.wish(Wish(browser.client.client_id, draw, most, failed))
+
+    def _text(self, picture: FieldPicture) -> str:
+        """Size and time of what is on show, and what its colours mean."""
+        seconds = time.monotonic() - self._moved
+        self._first_s = self._first_s or seconds
+        height, width = picture.picture.shape[:2]
+        when = f"{seconds:.2f} s after the move (first picture {self._first_s:.2f} s)"
+        parts = [f"{width} × {height} px, {when}"]
+        if picture.shown is not None:
+            near, far, unit = picture.shown.near, picture.shown.far, picture.shown.unit
+            parts.append(f"bright {near:.3g} … dark {far:.3g} {unit}; grey: no surface")
+        return "  \n".join(parts)
+
+
+def browser_failed(browser: Browser) -> Callable[[Exception], None]:
+    """Tells a browser what rendering raised."""
+
+    def failed(error: Exception) -> None:
+        browser.tell("The field cannot be rendered", str(error), bad=True)
+
+    return failed

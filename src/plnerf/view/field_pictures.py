@@ -1,0 +1,139 @@
+"""Pictures of a trained field from any place, strip by strip: one that nobody waits for is given up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+
+from plnerf.render.pictures import (
+    DepthRange,
+    accumulation_picture,
+    depth_picture,
+    depth_range,
+    normals_picture,
+    rgb_picture,
+    world_depth,
+)
+from plnerf.render.pruning import Pruning, pruning_pays
+from plnerf.render.views import RenderedView, render_view
+from plnerf.scene.cameras import Cameras
+from plnerf.train.run import TrainedRun
+from plnerf.view.display_frame import DisplayFrame
+from plnerf.view.eye import Eye
+
+Layer = Literal["rgb", "depth", "normals", "accumulation"]
+STRIP_RAYS = 8192
+"""Between two of these a picture may be given up."""
+FAR = 160.0
+"""Depth of what has no surface, in the viewer's units: the farthest that viser sends is 167."""
+
+
+@dataclass(frozen=True, eq=False)
+class FieldPicture:
+    """What an eye sees of a field."""
+
+    picture: UInt8[np.ndarray, "h w 3"]
+    depth: Float[np.ndarray, "h w"]
+    """Along the eye's axis, in the viewer's units; FAR where there is no surface."""
+    shown: DepthRange | None
+    """What the colours of a depth picture mean; None of other layers."""
+
+
+class FieldPictures:
+    """Renders one run.  To be called from one thread at a time: kernels share their pool of threads."""
+
+    def __init__(self, run: TrainedRun, frame: DisplayFrame) -> None:
+        self._run, self._frame = run, frame
+        with torch.no_grad():
+            train = torch.tensor(run.record.train, device=run.model.appearance.device)
+            self._appearance = run.model.mean_appearance(1, train)[0].clone()
+        self._pruning = Pruning() if pruning_pays(run.model) else None
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """What there is to show of this field."""
+        return tuple(one for one in get_args(Layer) if one != "normals" or self._run.model.predicts_normals)
+
+    def render(
+        self,
+        eye: Eye,
+        layer: Layer,
+        rays: int,
+        *,
+        exact: bool = False,
+        shown: DepthRange | None = None,
+        goes_on: Callable[[], bool] = lambda: True,
+    ) -> FieldPicture | None:
+        """A picture of about so many pixels; None where `goes_on` said no between two strips.
+
+        exact: without pruning.  shown: range of a depth picture; None: its own.
+        """
+        frames = self._run.record.frames
+        camera = self._frame.scene_camera(frames, eye.camera(rays))
+        parts: list[RenderedView] = []
+        for strip in strips(camera, STRIP_RAYS):
+            if parts and not goes_on():
+                return None
+            parts.append(
+                render_view(
+                    self._run.model, strip, self._appearance, normals=layer == "normals",
+                    pruning=None if exact else self._pruning,
+                )
+            )  # fmt: skip
+        view = joined(parts)
+        depth = self._frame.depth_to_viewer(frames, view.z_depth.astype(np.float64))
+        depth = np.where(view.has_surface, np.clip(depth, 0.0, FAR), FAR)
+        if layer == "depth":
+            metres = world_depth(view, frames)
+            shown = shown or depth_range([metres], frames)
+            return FieldPicture(depth_picture(metres, shown), depth, shown)
+        return FieldPicture(self._picture(view, layer), depth, None)
+
+    def _picture(self, view: RenderedView, layer: Layer) -> UInt8[np.ndarray, "h w 3"]:
+        if layer == "normals":
+            return normals_picture(view)
+        if layer == "accumulation":
+            return np.repeat(accumulation_picture(view.accumulation)[..., None], 3, 2)
+        return rgb_picture(view.rgb)
+
+    def along(self, eye: Eye, direction: Float[np.ndarray, "3"]) -> float | None:
+        """How far from the eye along a direction the field's surface is, LineFrame; None: there is none."""
+        z = direction / np.linalg.norm(direction)
+        x = np.linalg.svd(z[None])[2][1]
+        one = Eye(np.stack([x, np.cross(z, x), z], 1), eye.centre, 1e-3, 1.0)
+        frames = self._run.record.frames
+        camera = self._frame.scene_camera(frames, one.camera(1))
+        view = render_view(self._run.model, camera, self._appearance, normals=False)
+        depth = self._frame.depth_to_viewer(frames, view.z_depth.astype(np.float64))
+        return float(depth[0, 0]) if view.has_surface[0, 0] else None
+
+
+def strips(camera: Cameras, rays: int) -> list[Cameras]:
+    """The camera's picture from the top in strips of about so many pixels, as cameras of their own."""
+    width, height = camera.size_px[0].tolist()
+    rows = max(1, rays // width)
+    found = []
+    for first in range(0, height, rows):
+        shift = torch.tensor([[0.0, first]], dtype=camera.principal_px.dtype)
+        size = torch.tensor([[width, min(rows, height - first)]])
+        found.append(replace(camera, principal_px=camera.principal_px - shift, size_px=size))
+    return found
+
+
+def joined(parts: list[RenderedView]) -> RenderedView:
+    """Strips below each other as one view."""
+
+    def stacked(name: str) -> np.ndarray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return RenderedView(
+        rgb=stacked("rgb"),
+        accumulation=stacked("accumulation"),
+        depth=stacked("depth"),
+        depth_median=stacked("depth_median"),
+        z_depth=stacked("z_depth"),
+        normals=None if parts[0].normals is None else stacked("normals"),
+    )

@@ -1,0 +1,39 @@
+"""A slider that flies one browser's camera along the line."""
+
+import time
+
+from plnerf.view.browser import Browser
+
+SPEED, FRAME_S = 6.0, 0.1
+"""Metres a second, and seconds between two places, of a flight that plays by itself."""
+
+
+class FlightPanel:
+    """Which way, how far along it, and whether it plays."""
+
+    def __init__(self, browser: Browser) -> None:
+        self._browser, self._flights = browser, {one.name: one for one in browser.shared.flights}
+        gui = browser.client.gui
+        with gui.add_folder("Fly along"):
+            names = tuple(self._flights)
+            self._way = gui.add_dropdown("way", names, initial_value=names[0], visible=len(names) > 1)
+            self._share = gui.add_slider("along, %", min=0.0, max=100.0, step=0.25, initial_value=0.0)
+            self._plays = gui.add_checkbox("play", initial_value=False)
+        self._way.on_update(lambda _: self._fly())
+        self._share.on_update(lambda _: self._fly())
+        self._plays.on_update(lambda _: self._play())
+
+    def _fly(self) -> None:
+        flight = self._flights[self._way.value]
+        self._browser.go_to(flight.at(self._share.value / 100, self._browser.eye.aspect))
+
+    def _play(self) -> None:
+        """In a thread of the server's pool, until it is stopped, the way ends or the browser is gone."""
+        while self._plays.value and not self._browser.gone.is_set():
+            length = max(self._flights[self._way.value].length_m, 1e-6)
+            share = self._share.value + 100 * SPEED * FRAME_S / length
+            if share > 100:
+                self._plays.value = False
+                return
+            self._share.value = share
+            time.sleep(FRAME_S)

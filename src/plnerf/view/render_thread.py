@@ -1,0 +1,152 @@
+"""One thread renders for all clients: first coarse, then finer as long as their cameras rest.
+
+Every client has at most one wish, its newest.  The coarse picture of a wish is always finished, so that a
+moving camera sees something; finer ones are given up as soon as the client wishes for another or is gone.
+Clients whose picture is coarsest come first, then those who have waited longest.
+"""
+
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any
+
+FIRST_S, SECOND_S = 0.12, 0.9
+"""Seconds that the first and the second picture of a wish may take."""
+FEWEST_RAYS = 1500
+RATE_MEMORY = 0.6
+"""Share of the measured rate that the next measurement leaves."""
+
+
+@dataclass(eq=False)
+class Wish:
+    """What one client wants to see."""
+
+    client: int
+    draw: Callable[[int, Callable[[], bool]], bool]
+    """Draws a picture of so many rays and shows it, asking between its parts whether to go on; whether it was
+    finished."""
+    most_rays: int
+    """Of its last and finest picture."""
+    failed: Callable[[Exception], None] = lambda error: None
+    """Called with what drawing raised; the wish is then dropped."""
+    drawn_rays: int = 0
+    since: float = field(default_factory=time.monotonic)
+
+    @property
+    def done(self) -> bool:
+        """Whether its finest picture is drawn."""
+        return self.drawn_rays >= self.most_rays
+
+
+class RenderThread:
+    """The thread; begins with `start` and ends with `stop`."""
+
+    def __init__(self, rays_per_s: float = 30_000.0) -> None:
+        self._rays_per_s = rays_per_s
+        self._wishes: dict[int, Wish] = {}
+        self._calls: list[tuple[Callable[[], Any], Future[Any]]] = []
+        self._changed = threading.Condition()
+        self._ends = False
+        self._thread = threading.Thread(target=self._run, name="plnerf-view-render", daemon=True)
+
+    def start(self) -> None:
+        """Begins to render."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends it after the strip that is being rendered."""
+        with self._changed:
+            self._ends = True
+            self._wishes.clear()
+            for _, future in self._calls:
+                future.cancel()
+            self._calls.clear()
+            self._changed.notify_all()
+        self._thread.join(timeout=10.0)
+
+    def wish(self, wish: Wish) -> None:
+        """Takes the place of the client's earlier wish."""
+        with self._changed:
+            if not self._ends:
+                self._wishes[wish.client] = wish
+                self._changed.notify_all()
+
+    def forget(self, client: int) -> None:
+        """Of a client that is gone, or wants no pictures any more."""
+        with self._changed:
+            self._wishes.pop(client, None)
+
+    def call(self, function: Callable[[], Any]) -> "Future[Any]":
+        """Runs a function in this thread, before other pictures; the future has what it returns or raises."""
+        future: Future[Any] = Future()
+        with self._changed:
+            if self._ends:
+                future.cancel()
+            else:
+                self._calls.append((function, future))
+                self._changed.notify_all()
+        return future
+
+    @property
+    def idle(self) -> bool:
+        """Whether all wishes are drawn to their finest."""
+        with self._changed:
+            return not self._calls and all(wish.done for wish in self._wishes.values())
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._ends or self._calls or self._next() is not None)
+                if self._ends:
+                    return
+                call = self._calls.pop(0) if self._calls else None
+                wish = self._next()
+            if call is not None:
+                _finish(*call)
+            elif wish is not None:
+                self._draw(wish)
+
+    def _next(self) -> Wish | None:
+        """The wish whose turn it is; the lock is held."""
+        waiting = [wish for wish in self._wishes.values() if not wish.done]
+        return min(waiting, key=lambda wish: (wish.drawn_rays, wish.since), default=None)
+
+    def _draw(self, wish: Wish) -> None:
+        """Its next picture."""
+        first = wish.drawn_rays == 0
+        rays = next(rays for rays in self._levels(wish.most_rays) if rays > wish.drawn_rays)
+
+        def goes_on() -> bool:
+            with self._changed:
+                asked = any(one.drawn_rays == 0 for one in self._wishes.values())
+                return not self._ends and (first or (self._wishes.get(wish.client) is wish and not asked))
+
+        began = time.perf_counter()
+        try:
+            finished = wish.draw(rays, goes_on)
+        except Exception as error:  # whatever it is, the other clients' pictures go on
+            with self._changed:
+                if self._wishes.get(wish.client) is wish:
+                    del self._wishes[wish.client]
+            wish.failed(error)
+            return
+        seconds = max(time.perf_counter() - began, 1e-6)
+        if finished:
+            self._rays_per_s += (1 - RATE_MEMORY) * (rays / seconds - self._rays_per_s)
+            wish.drawn_rays, wish.since = rays, time.monotonic()
+
+    def _levels(self, most: int) -> list[int]:
+        """Rays of the pictures of a wish, from the coarsest to the finest."""
+        coarse = [max(FEWEST_RAYS, int(self._rays_per_s * seconds)) for seconds in (FIRST_S, SECOND_S)]
+        return [*itertools.takewhile(lambda rays: rays < 0.7 * most, coarse), most]
+
+
+def _finish(function: Callable[[], Any], future: "Future[Any]") -> None:
+    if future.set_running_or_notify_cancel():
+        try:
+            future.set_result(function())
+        except Exception as error:
+            future.set_exception(error)
