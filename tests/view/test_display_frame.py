@@ -1,4 +1,4 @@
-"""Places in the viewer are near its origin, and come back to the millimetre from large coordinates of a map."""
+"""Places in the viewer are near its origin, and keep a tenth of a millimetre of large coordinates."""
 
 import numpy as np
 import torch

@@ -5,7 +5,7 @@ import threading
 import cv2
 import numpy as np
 import viser
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from plnerf.view.eye import Eye
 from plnerf.view.field_pictures import FAR, FieldPicture
@@ -20,6 +20,10 @@ SAME_PLACE_M = 0.02
 JPEG_COARSE, JPEG_FINE = 70, 90
 FINE_PX = 100_000
 """Pixels from which on a picture counts as fine."""
+
+
+Seen = tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]
+"""A photo as an eye sees it, and where."""
 
 
 class Backdrop:
@@ -69,7 +73,7 @@ class Backdrop:
         self._client.scene.set_background_image(image, "jpeg", jpeg_quality=quality, depth=depth)
         self._client.flush()
 
-    def _seen_photo(self, eye: Eye) -> UInt8[np.ndarray, "h w 3"] | None:
+    def _seen_photo(self, eye: Eye) -> Seen | None:
         if self._photo is None or self._views is None or not self._share:
             return None
         i, photo = self._photo
@@ -80,18 +84,21 @@ class Backdrop:
 
 
 def composed(
-    field: FieldPicture | None, photo: UInt8[np.ndarray, "h w 3"] | None, share: float
+    field: FieldPicture | None, photo: Seen | None, share: float
 ) -> tuple[UInt8[np.ndarray, "k l 3"] | None, Float[np.ndarray, "k l"] | None]:
     """Picture and depth: the photo over the left share, the field or white beside it; None: nothing."""
     if photo is None:
         return (None, None) if field is None else (field.picture, field.depth)
-    height, width = photo.shape[:2]
+    seen, inside = photo
+    height, width = inside.shape
     if field is None:
-        image, depth = np.full_like(photo, 255), np.full((height, width), FAR)
+        image, depth = np.full_like(seen, 255), np.full((height, width), FAR)
     else:
         image = cv2.resize(field.picture, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.uint8)
         depth = cv2.resize(field.depth, (width, height), interpolation=cv2.INTER_NEAREST).astype(np.float64)
     edge = round(share * width)
-    image[:, :edge], depth[:, :edge] = photo[:, :edge], NEAR
-    image[:, max(edge - 1, 0) : edge + 1] = 255
+    left = inside & (np.arange(width) < edge)
+    image[left], depth[left] = seen[left], NEAR
+    if edge < width:
+        image[:, max(edge - 1, 0) : edge + 1] = 255
     return image, depth

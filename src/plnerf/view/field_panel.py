@@ -2,12 +2,15 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import cast
+
+import numpy as np
 
 from plnerf.render.pictures import DepthRange
 from plnerf.view.browser import Browser
 from plnerf.view.eye import Eye
-from plnerf.view.field_pictures import FieldPicture, FieldPictures, Layer
+from plnerf.view.field_pictures import FAR, FieldPicture, FieldPictures, Layer
 from plnerf.view.render_thread import Wish
 
 SIZES = {"320 px": 320, "640 px": 640, "960 px": 960, "1280 px": 1280, "1920 px": 1920}
@@ -30,9 +33,13 @@ class FieldPanel:
                 "width when at rest", tuple(SIZES), initial_value=DEFAULT,
                 hint="Of the finest picture. A moving camera sees a coarser one.",
             )  # fmt: skip
+            self._hides = gui.add_checkbox(
+                "hides what is behind", initial_value=False, hint="Wires, points, cameras behind a surface."
+            )
             self._status = gui.add_markdown("waiting for the kernels")
         self._layer.on_update(lambda _: self._new_layer())
-        self._size.on_update(lambda _: self.draw(browser.eye))
+        for one in (self._size, self._hides):
+            one.on_update(lambda _: self.draw(browser.eye))
 
     def _new_layer(self) -> None:
         self._range = None
@@ -61,6 +68,8 @@ class FieldPanel:
             if picture is None:
                 return False
             self._range = picture.shown
+            if not self._hides.value:
+                picture = replace(picture, depth=np.full_like(picture.depth, FAR))
             browser.backdrop.show_field(picture, eye)
             self._status.content = self._text(picture)
             return True

@@ -63,13 +63,13 @@ class FieldPictures:
         layer: Layer,
         rays: int,
         *,
-        exact: bool = False,
         shown: DepthRange | None = None,
         goes_on: Callable[[], bool] = lambda: True,
     ) -> FieldPicture | None:
         """A picture of about so many pixels; None where `goes_on` said no between two strips.
 
-        exact: without pruning.  shown: range of a depth picture; None: its own.
+        Colours are pruned where that is faster (`render/pruning.py`).  shown: range of a depth picture; None:
+        its own.
         """
         frames = self._run.record.frames
         camera = self._frame.scene_camera(frames, eye.camera(rays))
@@ -80,7 +80,7 @@ class FieldPictures:
             parts.append(
                 render_view(
                     self._run.model, strip, self._appearance, normals=layer == "normals",
-                    pruning=None if exact else self._pruning,
+                    pruning=self._pruning,
                 )
             )  # fmt: skip
         view = joined(parts)

@@ -12,7 +12,7 @@ class PhotoPanel:
     def __init__(self, browser: Browser, views: PosedViews) -> None:
         self._browser, self._views = browser, views
         gui, last = browser.client.gui, len(views.names) - 1
-        with gui.add_folder("Photos"):
+        with gui.add_folder("Photos", expand_by_default=False):
             self._number = gui.add_slider("photo", 0, max(last, 1), 1, 0, disabled=not last)
             self._name = gui.add_markdown(self._title(0))
             self._go = gui.add_button("Go to where it was taken")

@@ -15,8 +15,8 @@ from plnerf.view.opened import Opened
 WIRE_RAD, CAMERA_RAD, POINT_RAD = 0.010, 0.015, 0.006
 """Within these angles of the click a wire, a camera or a point is meant: some 9, 13 and 5 pixels of a window
 of 900."""
-STEP_M = 0.25
-"""Between the places of a wire that are compared with the ray."""
+STEP_M, FINE = 0.25, 201
+"""Between the places of a wire that are compared with the ray; how many more then between three of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,14 @@ def pick_wire(opened: Opened, o: Float[np.ndarray, "3"], d: Float[np.ndarray, "3
     best: tuple[float, Picked] | None = None
     for wire in opened.survey.wires if opened.survey is not None else ():
         s = np.linspace(0.0, wire.base.length_m, max(2, int(wire.base.length_m / STEP_M)) + 1)
-        places = wire.points(s)
+        k = int(angles(wire.points(s), o, d).argmin())
+        # Near the eye these places are far apart: between the neighbours of the best lies the nearest.
+        fine = np.linspace(s[max(k - 1, 0)], s[min(k + 1, len(s) - 1)], FINE)
+        places = wire.points(fine)
         angle = angles(places, o, d)
         k = int(angle.argmin())
         if angle[k] < WIRE_RAD and (best is None or angle[k] < best[0]):
-            best = (float(angle[k]), Picked("wire", wire.id, _on_wire(wire, s, k, o, d), _sigma(wire, s[k])))
+            best = (float(angle[k]), Picked("wire", wire.id, places[k], _sigma(wire, fine[k])))
     return None if best is None else best[1]
 
 
@@ -74,16 +77,6 @@ def angles(
     across = np.linalg.norm(to - along[:, None] * d, axis=1)
     found: Float[np.ndarray, " n"] = np.where(along > 0, across / np.maximum(along, 1e-9), np.inf)
     return found
-
-
-def _on_wire(
-    wire: Wire, s: Float[np.ndarray, " m"], k: int, o: Float[np.ndarray, "3"], d: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "3"]:
-    """Where the wire comes nearest to the ray, between two of the places compared."""
-    fine = np.linspace(s[max(k - 1, 0)], s[min(k + 1, len(s) - 1)], 101)
-    places = wire.points(fine)
-    at: Float[np.ndarray, 3] = places[int(angles(places, o, d).argmin())]
-    return at
 
 
 def _sigma(wire: Wire, s: float) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from plnerf.errors import SceneError
 from plnerf.scene.cameras import Cameras, distort, project
@@ -58,8 +58,8 @@ class PosedViews:
 
     def seen_by(
         self, i: int, eye: Eye, size_px: tuple[int, int], photo: UInt8[np.ndarray, "h w 3"]
-    ) -> UInt8[np.ndarray, "k l 3"]:
-        """Photo i as an eye at the same place sees it, without the lens's distortion; white beside it.
+    ) -> tuple[UInt8[np.ndarray, "k l 3"], Bool[np.ndarray, "k l"]]:
+        """Photo i as an eye at the same place sees it, without the lens's distortion, and where it shows it.
 
         size_px: width and height of the result.
         """
@@ -75,9 +75,12 @@ class PosedViews:
         bent = distort(torch.from_numpy(plane), camera.distortion).numpy()
         at = bent * camera.focal_px.numpy() + camera.principal_px.numpy()
         at *= np.array([photo.shape[1], photo.shape[0]]) / camera.size_px.numpy()
-        at = np.where(ahead[:, None], at - 0.5, -1e4).astype(np.float32).reshape(height, width, 2)
-        white = (255, 255, 255)
-        return cv2.remap(photo, at, np.empty(0), cv2.INTER_LINEAR, borderValue=white).astype(np.uint8)
+        inside = ahead & ((at >= 0) & (at <= [photo.shape[1], photo.shape[0]])).all(1)
+        maps = (np.where(ahead[:, None], at, 0.0) - 0.5).astype(np.float32).reshape(height, width, 2)
+        seen = cv2.remap(
+            photo, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return seen.astype(np.uint8), inside.reshape(height, width)
 
 
 def views_of(listing: Listing, frames: Frames, frame: DisplayFrame) -> PosedViews:

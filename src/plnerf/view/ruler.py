@@ -42,7 +42,7 @@ class Ruler:
         self._first: Picked | None = None
         self._count = 0
         gui = browser.client.gui
-        with gui.add_folder("Measure"):
+        with gui.add_folder("Measure", expand_by_default=False):
             self._on = gui.add_checkbox("measure by clicks", initial_value=False, hint=HELP)
             self._text = gui.add_markdown(HELP)
             self._clear = gui.add_button("Clear")

@@ -1,4 +1,4 @@
-"""Stills that one browser downloads: of its window, and of the field alone, rendered exactly."""
+"""Stills that one browser downloads: of its window, and of the field alone."""
 
 import io
 import time
@@ -10,7 +10,7 @@ from PIL import Image
 from plnerf.view.browser import Browser
 from plnerf.view.field_panel import FieldPanel
 
-WIDTHS = {"1280 px": 1280, "1920 px": 1920, "3840 px": 3840}
+WIDTHS = {"320 px": 320, "1280 px": 1280, "1920 px": 1920, "3840 px": 3840}
 WAIT_S = 60.0
 """For a browser to send what it shows."""
 
@@ -21,11 +21,11 @@ class SavePanel:
     def __init__(self, browser: Browser, field: FieldPanel | None) -> None:
         self._browser, self._field = browser, field
         gui = browser.client.gui
-        with gui.add_folder("Save"):
+        with gui.add_folder("Save", expand_by_default=False):
             window = gui.add_button("Still of the window", hint="All that is shown, as a PNG.")
             if field is not None:
                 self._width = gui.add_dropdown("width", tuple(WIDTHS), initial_value="1280 px")
-                still = gui.add_button("Still of the field", hint="The layer alone, rendered exactly.")
+                still = gui.add_button("Still of the field", hint="The layer alone.")
                 still.on_click(lambda _: self._still())
         window.on_click(lambda _: self._window())
 
@@ -50,11 +50,11 @@ class SavePanel:
             return
         width = WIDTHS[self._width.value]
         began = time.monotonic()
-        note = self._browser.client.add_notification("Still", f"Rendering {width} px.", loading=True)
-        gone = self._browser.gone
-        rays = round(width * width / eye.aspect)
+        text = f"Rendering {width} px, before everything else."
+        note = self._browser.client.add_notification("Still", text, loading=True)
+        gone, rays = self._browser.gone, round(width * width / eye.aspect)
         found = self._browser.shared.renders.call(
-            lambda: field.render(eye, layer, rays, exact=True, goes_on=lambda: not gone.is_set())
+            lambda: field.render(eye, layer, rays, goes_on=lambda: not gone.is_set())
         )
         try:
             picture = found.result()

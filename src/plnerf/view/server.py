@@ -43,7 +43,9 @@ class ViewServer:
             self._server: Any = viser.ViserServer(host, free, label="plnerf", verbose=False)
         # A client could otherwise have viser publish all of this at an address on the internet.
         self._server.request_share_url = lambda verbose=True: None
-        self._server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
+        self._server.gui.configure_theme(
+            show_share_button=False, show_logo=False, control_layout="fixed", control_width="medium"
+        )
         self._server.scene.set_up_direction("+z")
         self._set_first_view(first_view(self._shared))
         self._server.on_client_connect(self._connected)

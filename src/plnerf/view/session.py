@@ -25,11 +25,11 @@ def begin_session(browser: Browser) -> None:
     field = FieldPanel(browser, shared.field) if shared.field is not None else None
     if shared.flights:
         FlightPanel(browser)
+    wires = WirePanel(browser, opened.survey) if opened.survey and opened.survey.wires else None
+    ShowPanel(browser)
     photos = PhotoPanel(browser, opened.views) if opened.views is not None else None
-    wires = WirePanel(browser, opened.survey, photos) if opened.survey and opened.survey.wires else None
     ruler = Ruler(browser)
     SavePanel(browser, field)
-    ShowPanel(browser)
 
     def moved(_: viser.CameraHandle) -> None:
         browser.backdrop.look(browser.eye)

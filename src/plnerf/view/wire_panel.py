@@ -10,9 +10,9 @@ from plnerf.report.colours import KINDS, rgb
 from plnerf.report.figures import Units, share
 from plnerf.report.overlay import overlay
 from plnerf.view.browser import Browser
+from plnerf.view.eye import eye_of
 from plnerf.view.line_drawing import PICKED_PX, segments
 from plnerf.view.page_text import plain
-from plnerf.view.photo_panel import PhotoPanel
 from plnerf.view.posed_views import PosedViews
 
 PICTURE_PX = 960
@@ -29,8 +29,8 @@ NOTHING = "Click a wire in the window."
 class WirePanel:
     """Which wire and which of its photos."""
 
-    def __init__(self, browser: Browser, survey: Survey, photos: PhotoPanel | None) -> None:
-        self._browser, self._survey, self._photos = browser, survey, photos
+    def __init__(self, browser: Browser, survey: Survey) -> None:
+        self._browser, self._survey = browser, survey
         self._wire: Wire | None = None
         self._seen: list[int] = []
         gui = browser.client.gui
@@ -41,7 +41,7 @@ class WirePanel:
             self._go = gui.add_button("Go to this photo", visible=False)
         self._at = 0
         self._turn.on_click(lambda _: self._step(-1 if self._turn.value == "nearer" else 1))
-        self._go.on_click(lambda _: self._photos.go_to(self._seen[self._at]) if self._photos else None)
+        self._go.on_click(lambda _: self._go_there())
 
     def show(self, wire: Wire) -> None:
         """What is known of a wire, and the photo that shows it largest."""
@@ -53,6 +53,11 @@ class WirePanel:
         self._at = 0
         self._text.content = figures_of(wire, self._survey, len(self._seen))
         self._step(0)
+
+    def _go_there(self) -> None:
+        views = self._browser.opened.views
+        if views is not None:
+            self._browser.go_to(eye_of(views.cameras, self._seen[self._at], self._browser.eye.aspect))
 
     def _step(self, by: int) -> None:
         views = self._browser.opened.views
