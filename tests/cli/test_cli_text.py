@@ -25,6 +25,7 @@ COMMANDS = (
     "hang",
     "survey",
     "change",
+    "view",
     "score",
     "doctor",
     "bench",
@@ -41,6 +42,7 @@ HEAVY = (
     "skimage",
     "tensorboard",
     "imageio",
+    "viser",
 )
 ENVIRONMENT = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"}
 

@@ -18,10 +18,14 @@ WAIT_S = 30.0
 class ViewerClient:
     """Connects at once; `with` closes it."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, **headers: str) -> None:
         protocol = f"viser-v{viser.__version__}"
         self._socket = connect(
-            f"ws://127.0.0.1:{port}", subprotocols=[protocol], max_size=None, compression=None
+            f"ws://127.0.0.1:{port}",
+            subprotocols=[protocol],
+            max_size=None,
+            compression=None,
+            additional_headers=headers,
         )  # type: ignore[list-item]
         self.messages: list[dict[str, Any]] = []
         self._reader = threading.Thread(target=self._read, daemon=True)

@@ -23,8 +23,11 @@ from plnerf.pipeline import train_scene, write_survey
 from plnerf.train.report import SilentReport
 from plnerf.view.display_frame import DisplayFrame
 from plnerf.view.opened import Opened, open_source
+from plnerf.view.origins import own_page
 from plnerf.view.server import ViewServer, free_port
 
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+"""Of viser, where a browser is gone while something is on its way to it."""
 ORIGIN, AT = np.array([0.0, -3.0, 1.0]), np.array([0.0, 0.0, 0.2])
 
 
@@ -98,6 +101,36 @@ def test_nobody_can_have_it_published(of_survey: ViewServer, monkeypatch: pytest
     assert asked == []
 
 
+@pytest.mark.parametrize(
+    ("origin", "host", "own"),
+    [
+        (None, "127.0.0.1:8080", True),
+        ("http://127.0.0.1:8080", "127.0.0.1:8080", True),
+        ("http://localhost:8080", "localhost:8080", True),
+        ("http://[::1]:8080", "[::1]:8080", True),
+        ("http://192.168.1.7:8080", "192.168.1.7:8080", True),
+        ("https://evil.example", "127.0.0.1:8080", False),
+        ("http://127.0.0.1:9000", "127.0.0.1:8080", False),
+        ("http://evil.example:8080", "evil.example:8080", False),  # a name that points here
+        ("null", "127.0.0.1:8080", False),
+        (None, "", False),
+    ],
+)
+def test_pages_of_others_are_told_apart(origin: str | None, host: str, own: bool) -> None:
+    headers = {"Host": host} | ({} if origin is None else {"Origin": origin})
+    assert own_page(headers, "127.0.0.1") is own
+
+
+def test_a_page_of_somebody_else_sees_nothing(of_survey: ViewServer) -> None:
+    with ViewerClient(of_survey.port, Origin="https://evil.example") as other:
+        other.look(ORIGIN, AT)
+        with ViewerClient(of_survey.port, Origin=of_survey.address) as client:
+            client.look(ORIGIN, AT)
+            client.wait(lambda: "/points" in client.nodes(), "points")
+        assert not {name for name in other.nodes() if name.startswith(("/line", "/points", "/cameras"))}
+        assert "wire" not in other.texts()
+
+
 def test_a_browser_gets_the_line_and_its_points(of_survey: ViewServer, survey: Survey) -> None:
     with ViewerClient(of_survey.port) as client:
         client.look(ORIGIN, AT)
@@ -128,10 +161,11 @@ def test_a_click_on_a_wire_says_what_is_known_of_it(of_survey: ViewServer, surve
     at = frame.to_viewer(wire.points(np.array([17.3])))[0].astype(float)
     with ViewerClient(of_survey.port) as client:
         client.look(ORIGIN, AT)
-        client.control("photo")
+        client.control("Clear")
         client.click(ORIGIN, (at - ORIGIN) / np.linalg.norm(at - ORIGIN))
         client.wait(lambda: "**Wire 3**" in client.texts(), "figures of wire 3")
-        assert "/picked" in client.nodes()
+        marked = [one for one in client.of("SceneNodeUpdateMessage") if "colors" in one["updates"]]
+        assert [one["name"] for one in marked] == ["/line/wires/3"]
         text = client.texts()
     assert "phase conductor" in text and "1,203 points, 55" in text and "0.012" in text
 

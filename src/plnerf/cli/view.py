@@ -1,6 +1,7 @@
 """The command that shows a run, a scene or a survey in a browser."""
 
 import threading
+import warnings
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -36,6 +37,8 @@ def view(
     from plnerf.view.opened import open_source
     from plnerf.view.server import ViewServer
 
+    # A browser may go while something is on its way to it.
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     console = Terminal()
     opened = open_source(source, scene)
     for note in opened.notes:

@@ -24,7 +24,7 @@ from plnerf.view.display_frame import DisplayFrame
 
 CURVE_STEP_M = 0.5
 """Between a curve's points, which are joined by straight lines: d^2 / 8p = 0.05 mm for p = 600 m."""
-WIRE_PX, MAST_PX, MARK_PX, PICKED_PX = 3.0, 4.0, 2.5, 6.0
+WIRE_PX, MAST_PX, MARK_PX = 3.0, 4.0, 2.5
 RED, AMBER, GREEN = (200, 30, 30), (225, 140, 20), (60, 150, 80)
 OPACITY = 0.35
 LEAST_ASIDE_M = 2.0
@@ -54,7 +54,8 @@ def draw_line(
 
     for wire in survey.wires:
         curve = frame.to_viewer(wire.polyline(CURVE_STEP_M))
-        segments(scene, f"{part('wires')}/{wire.id}", curve, rgb(KINDS[wire.kind][1]), WIRE_PX)
+        part("wires")
+        segments(scene, wire_node(wire), curve, rgb(KINDS[wire.kind][1]), WIRE_PX)
         label(scene, f"{part('names')}/wire {wire.id}", wire_name(wire, units), curve[len(curve) // 2])
     for one in survey.structures:
         mast = frame.to_viewer(np.stack([one.foot, one.top]))
@@ -75,6 +76,11 @@ def draw_line(
             flat_shading=True, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
     return parts
+
+
+def wire_node(wire: Wire) -> str:
+    """The name of a wire's node."""
+    return f"/line/wires/{wire.id}"
 
 
 def segments(

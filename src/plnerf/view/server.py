@@ -16,6 +16,7 @@ from plnerf.view.field_pictures import FieldPictures
 from plnerf.view.flights import FOV_RAD, flights_of
 from plnerf.view.frustums import SmallPhotos
 from plnerf.view.opened import Opened
+from plnerf.view.origins import own_page
 from plnerf.view.render_thread import RenderThread
 from plnerf.view.session import begin_session
 
@@ -43,9 +44,8 @@ class ViewServer:
             self._server: Any = viser.ViserServer(host, free, label="plnerf", verbose=False)
         # A client could otherwise have viser publish all of this at an address on the internet.
         self._server.request_share_url = lambda verbose=True: None
-        self._server.gui.configure_theme(
-            show_share_button=False, show_logo=False, control_layout="fixed", control_width="medium"
-        )
+        self._server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="medium")
+        self._server.gui.main_panel.dock_right()
         self._server.scene.set_up_direction("+z")
         self._set_first_view(first_view(self._shared))
         self._server.on_client_connect(self._connected)
@@ -77,6 +77,10 @@ class ViewServer:
         start.up, start.fov = np.array([0.0, 0.0, 1.0]), eye.fov_rad
 
     def _connected(self, client: viser.ClientHandle) -> None:
+        """Everything is sent to each client from here on: one that is refused gets an empty page."""
+        connection = self._server._websock_server._live_connections.get(client.client_id)
+        if connection is None or not own_page(connection.request.headers, self.host):
+            return
         browser = Browser(client, self._shared)
         self._browsers[client.client_id] = browser
         begin_session(browser)

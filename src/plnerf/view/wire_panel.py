@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from plnerf.line.ends import Quantity
+from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import KINDS, rgb
@@ -11,7 +11,7 @@ from plnerf.report.figures import Units, share
 from plnerf.report.overlay import overlay
 from plnerf.view.browser import Browser
 from plnerf.view.eye import eye_of
-from plnerf.view.line_drawing import PICKED_PX, segments
+from plnerf.view.line_drawing import WIRE_PX, wire_node
 from plnerf.view.page_text import plain
 from plnerf.view.posed_views import PosedViews
 
@@ -22,7 +22,7 @@ PLACES = 80
 CURVE_STEP_M = 0.2
 LEAST_SHARE = 0.05
 """A photo shows a wire if it shows this share of its length, or as much as the best one does of it."""
-PICKED = (255, 190, 0)
+PICKED, PICKED_PX = (255, 190, 0), 6.0
 NOTHING = "Click a wire in the window."
 
 
@@ -35,24 +35,31 @@ class WirePanel:
         self._seen: list[int] = []
         gui = browser.client.gui
         with gui.add_folder("Wire"):
-            self._text = gui.add_markdown(NOTHING)
             self._image = gui.add_image(np.full((2, 3, 3), 255, np.uint8), visible=False)
-            self._turn = gui.add_button_group("photo", ("nearer", "farther"), visible=False)
+            self._turn = gui.add_button_group("shows it", ("larger", "smaller"), visible=False)
             self._go = gui.add_button("Go to this photo", visible=False)
+            self._text = gui.add_markdown(NOTHING)
         self._at = 0
-        self._turn.on_click(lambda _: self._step(-1 if self._turn.value == "nearer" else 1))
+        self._turn.on_click(lambda _: self._step(-1 if self._turn.value == "larger" else 1))
         self._go.on_click(lambda _: self._go_there())
 
     def show(self, wire: Wire) -> None:
         """What is known of a wire, and the photo that shows it largest."""
-        frame, views = self._browser.opened.frame, self._browser.opened.views
+        views = self._browser.opened.views
+        if self._wire is not None:
+            self._mark(self._wire, rgb(KINDS[self._wire.kind][1]), WIRE_PX)
         self._wire = wire
-        curve = frame.to_viewer(wire.polyline(CURVE_STEP_M))
-        segments(self._browser.client.scene, "/picked", curve, PICKED, PICKED_PX)
+        self._mark(wire, PICKED, PICKED_PX)
         self._seen = [] if views is None or views.photos is None else photos_of_wire(views, wire)
         self._at = 0
         self._text.content = figures_of(wire, self._survey, len(self._seen))
         self._step(0)
+
+    def _mark(self, wire: Wire, colour: tuple[int, int, int], px: float) -> None:
+        """In another colour than its kind's, or in that again."""
+        node = self._browser.client.scene.get_handle_by_name(wire_node(wire))
+        if node is not None:
+            node.colors, node.thickness = np.array(colour, np.uint8), px
 
     def _go_there(self) -> None:
         views = self._browser.opened.views
@@ -111,7 +118,8 @@ def figures_of(wire: Wire, survey: Survey, photos: int) -> str:
         rows.append(("no sag", wire.open))
     named = (("sag", wire.sag), ("span length", wire.span_m), ("length", wire.arc_m), ("p = H/w", wire.p_m))
     rows += [(name, units.interval_with_unit(one)) for name, one in named if one is not None]
-    rows.append(("known to", units.interval_with_unit(Quantity(0.0, wire.worst_sigma())).split("± ")[-1]))
+    half = units.with_unit(TWO_SIDED_95 * wire.worst_sigma(), 3)
+    rows.append(("known to", f"± {half} (95 %) across, at its least certain place"))
     rows.append(("seen in", f"{seen.source}, {share(seen.coverage)} of it"))
     if seen.residual_across_m or seen.residual_up_m:
         across, up = (units.with_unit(one, 3) for one in (seen.residual_across_m, seen.residual_up_m))
