@@ -88,7 +88,7 @@ class FieldPanel:
         parts = [f"{width} × {height} px, {when}"]
         if picture.shown is not None:
             near, far, unit = picture.shown.near, picture.shown.far, picture.shown.unit
-            parts.append(f"bright {near:.3g} … dark {far:.3g} {unit}; grey: no surface")
+            parts.append(f"bright {near:,.1f} … dark {far:,.1f} {unit}; grey: no surface")
         return "  \n".join(parts)
 
 

@@ -8,10 +8,10 @@ import viser
 from jaxtyping import Float, UInt8
 
 from plnerf.view.display_frame import LINE_PER_UNIT, DisplayFrame
-from plnerf.view.eye import eye_of
+from plnerf.view.eye import Eye, eye_of
 from plnerf.view.posed_views import PosedViews
 
-SMALL_PX = 160
+SMALL_PX = 240
 """Longer side of a photo on a frustum."""
 MOST_PHOTOS = 300
 """Frustums beyond so many, evenly chosen, are without their photos."""
@@ -45,11 +45,26 @@ def draw_frustums(
         width_px, height_px = views.cameras.size_px[i].tolist()
         eye = eye_of(views.cameras, i, width_px / height_px)
         scene.add_camera_frustum(
-            f"/cameras/{i}", eye.fov_rad, width_px / height_px, scale=height / math.tan(eye.fov_rad / 2) / 2,
-            thickness=1.2, thickness_units="screen", color=(60, 60, 70), image=photos.of(i),
-            wxyz=eye.wxyz, position=frame.to_viewer(eye.centre), cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
+            f"/cameras/{i}",
+            eye.fov_rad,
+            width_px / height_px,
+            scale=scale_of(eye, height),
+            thickness=1.2,
+            thickness_units="screen",
+            color=(60, 60, 70),
+            image=photos.of(i),
+            wxyz=eye.wxyz,
+            position=frame.to_viewer(eye.centre),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
     return root
+
+
+def scale_of(eye: Eye, height: float) -> float:
+    """viser's scale of a frustum of some height; at 1 it has the same volume whatever its shape."""
+    tall = math.tan(eye.fov_rad / 2)
+    return height / 2 / tall * float(np.cbrt(tall * tall * eye.aspect / 3))
 
 
 def frustum_height(centres: Float[np.ndarray, "n 3"]) -> float:

@@ -52,11 +52,13 @@ def draw_line(
             parts[name] = scene.add_frame(f"/line/{name}", show_axes=False)
         return f"/line/{name}"
 
-    for wire in survey.wires:
+    for number, wire in enumerate(survey.wires):
         curve = frame.to_viewer(wire.polyline(CURVE_STEP_M))
         part("wires")
         segments(scene, wire_node(wire), curve, rgb(KINDS[wire.kind][1]), WIRE_PX)
-        label(scene, f"{part('names')}/wire {wire.id}", wire_name(wire, units), curve[len(curve) // 2])
+        share = (0.5, 0.35, 0.65, 0.2, 0.8)[number % 5]  # names beside each other would hide each other
+        at = curve[round(share * (len(curve) - 1))]
+        label(scene, f"{part('names')}/wire {wire.id}", wire_name(wire, units), at)
     for one in survey.structures:
         mast = frame.to_viewer(np.stack([one.foot, one.top]))
         segments(scene, f"{part('structures')}/{one.id}", mast, rgb(CLASSES[TOWER][1]), MAST_PX)

@@ -4,13 +4,14 @@ from plnerf.view.browser import Browser
 from plnerf.view.eye import Eye, eye_of
 from plnerf.view.page_text import plain
 from plnerf.view.posed_views import PosedViews
+from plnerf.view.show_panel import ShowPanel
 
 
 class PhotoPanel:
     """Which photo, and how far it is wiped over the window."""
 
-    def __init__(self, browser: Browser, views: PosedViews) -> None:
-        self._browser, self._views = browser, views
+    def __init__(self, browser: Browser, views: PosedViews, drawn: ShowPanel) -> None:
+        self._browser, self._views, self._drawn = browser, views, drawn
         gui, last = browser.client.gui, len(views.names) - 1
         with gui.add_folder("Photos", expand_by_default=False):
             self._number = gui.add_slider("photo", 0, max(last, 1), 1, 0, disabled=not last)
@@ -49,6 +50,7 @@ class PhotoPanel:
 
     def _show(self, eye: Eye) -> None:
         share = self._wipe.value / 100
+        self._drawn.without_cameras(share > 0)  # they would stand between the eye and all else
         there = self._browser.backdrop.show_photo(int(self._number.value) if share else None, share, eye)
         if share and not there:
             self._browser.tell("No photo", f"{self._title(int(self._number.value))} cannot be read.")

@@ -11,6 +11,7 @@ import viser
 
 from plnerf.errors import ConfigError
 from plnerf.view.browser import Browser, Shared
+from plnerf.view.display_frame import LINE_PER_UNIT
 from plnerf.view.eye import Eye, looking
 from plnerf.view.field_pictures import FieldPictures
 from plnerf.view.flights import FOV_RAD, flights_of
@@ -22,7 +23,7 @@ from plnerf.view.session import begin_session
 
 DEFAULT_PORT = 8080
 TRIES = 100
-ASPECT = 1.6
+ASPECT = 1.25
 """Of a window that is not known yet."""
 
 
@@ -47,13 +48,13 @@ class ViewServer:
         self._server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="medium")
         self._server.gui.main_panel.dock_right()
         self._server.scene.set_up_direction("+z")
-        self._set_first_view(first_view(self._shared))
+        self._set_first_view(*first_view(self._shared))
         self._server.on_client_connect(self._connected)
         self._server.on_client_disconnect(self._gone)
         self.host, self.port = host, int(self._server.get_port())
         self._renders.start()
         if field is not None:  # so that the kernels are there when somebody looks
-            eye = first_view(self._shared)
+            eye, _ = first_view(self._shared)
             self._renders.call(lambda: field.render(eye, "rgb", 600))
 
     @property
@@ -70,10 +71,10 @@ class ViewServer:
         with quiet():
             self._server.stop()
 
-    def _set_first_view(self, eye: Eye) -> None:
-        place = self._shared.opened.frame.to_viewer(eye.centre).astype(np.float64)
-        start = self._server.initial_camera
-        start.position, start.look_at = place, place + eye.R_line_camera[:, 2]
+    def _set_first_view(self, eye: Eye, distance_m: float) -> None:
+        frame, start = self._shared.opened.frame, self._server.initial_camera
+        start.position = frame.to_viewer(eye.centre).astype(np.float64)
+        start.look_at = frame.to_viewer(eye.centre + distance_m * eye.R_line_camera[:, 2]).astype(np.float64)
         start.up, start.fov = np.array([0.0, 0.0, 1.0]), eye.fov_rad
 
     def _connected(self, client: viser.ClientHandle) -> None:
@@ -92,11 +93,14 @@ class ViewServer:
             browser.gone.set()
 
 
-def first_view(shared: Shared) -> Eye:
-    """The middle of a run's own flight; of anything else all of it, seen from aside."""
+def first_view(shared: Shared) -> tuple[Eye, float]:
+    """The middle of a run's own flight; of anything else all of it, seen from aside.
+
+    And how far from there the place is that dragging turns about, LineFrame.
+    """
     opened = shared.opened
     if opened.run is not None and shared.flights:
-        return shared.flights[0].at(0.5, ASPECT)
+        return shared.flights[0].at(0.5, ASPECT), LINE_PER_UNIT
     places = []
     if opened.survey is not None:
         places += [wire.points(np.array([0.0, wire.base.length_m])) for wire in opened.survey.wires]
@@ -108,7 +112,8 @@ def first_view(shared: Shared) -> Eye:
     middle, extent = (points.min(0) + points.max(0)) / 2, max(float(np.ptp(points, axis=0).max()), 1.0)
     along = np.linalg.svd(points[:, :2] - points[:, :2].mean(0), full_matrices=False)[2][0]
     aside = np.array([along[1], -along[0], 0.0])
-    return looking(middle + extent * (0.75 * aside + [0, 0, 0.35]), middle, FOV_RAD, ASPECT)
+    away = extent * (0.95 * aside + [0, 0, 0.4])
+    return looking(middle + away, middle, FOV_RAD, ASPECT), float(np.linalg.norm(away))
 
 
 def free_port(host: str, port: int | None) -> int:

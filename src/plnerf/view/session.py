@@ -26,8 +26,8 @@ def begin_session(browser: Browser) -> None:
     if shared.flights:
         FlightPanel(browser)
     wires = WirePanel(browser, opened.survey) if opened.survey and opened.survey.wires else None
-    ShowPanel(browser)
-    photos = PhotoPanel(browser, opened.views) if opened.views is not None else None
+    drawn = ShowPanel(browser)
+    photos = PhotoPanel(browser, opened.views, drawn) if opened.views is not None else None
     ruler = Ruler(browser)
     SavePanel(browser, field)
 

@@ -28,6 +28,8 @@ class ShowPanel:
 
     def __init__(self, browser: Browser) -> None:
         self._client, opened = browser.client, browser.opened
+        self._cameras: viser.SceneNodeHandle | None = None
+        self._cameras_on: viser.GuiCheckboxHandle | None = None
         scene, frame = browser.client.scene, opened.frame
         with browser.client.gui.add_folder("Show"):
             if opened.survey is not None:
@@ -38,9 +40,14 @@ class ShowPanel:
                 self._draw_points(opened.points, browser, opened.run is None)
             if opened.views is not None and browser.shared.small_photos is not None:
                 root = draw_frustums(scene, opened.views, frame, browser.shared.small_photos)
-                self._switch("cameras", root, opened.run is None)
+                self._cameras, self._cameras_on = root, self._switch("cameras", root, opened.run is None)
 
-    def _switch(self, name: str, node: viser.SceneNodeHandle, on: bool) -> None:
+    def without_cameras(self, without: bool) -> None:
+        """Hides the cameras whatever their switch says, as where the eye is at one of them."""
+        if self._cameras is not None and self._cameras_on is not None:
+            self._cameras.visible = self._cameras_on.value and not without
+
+    def _switch(self, name: str, node: viser.SceneNodeHandle, on: bool) -> viser.GuiCheckboxHandle:
         box = self._client.gui.add_checkbox(name, initial_value=on)
         node.visible = on
 
@@ -48,6 +55,7 @@ class ShowPanel:
             node.visible = box.value
 
         box.on_update(switched)
+        return box
 
     def _draw_points(self, points: Points, browser: Browser, on: bool) -> None:
         gui, xyz = self._client.gui, browser.opened.frame.to_viewer(points.xyz)
