@@ -85,7 +85,7 @@ class WirePanel:
 def photos_of_wire(views: PosedViews, wire: Wire) -> list[int]:
     """Photos that show the wire, if nothing hides it, in the order of how large they show it.
 
-    The size is the length of the part of it that is inside of the picture, in pixels of the photo's width.
+    That is by the length of the part of it inside of the picture, as a share of the picture's width.
     """
     places = wire.points(np.linspace(0.0, wire.base.length_m, PLACES))
     lengths, shares = np.zeros(len(views.names)), np.zeros(len(views.names))
@@ -93,8 +93,8 @@ def photos_of_wire(views: PosedViews, wire: Wire) -> list[int]:
         pixels, size = views.pixels(i, places), views.cameras.size_px[i].numpy()
         inside = ((pixels >= 0) & (pixels < size)).all(1)
         shares[i] = inside.mean()
-        distance = np.linalg.norm(places - views.cameras.centre[i].numpy(), axis=1)
-        lengths[i] = (inside * views.cameras.focal_px[i, 0].item() / size[0] / distance).sum()
+        steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
+        lengths[i] = steps[inside[1:] & inside[:-1]].sum() / size[0]
     seen = np.flatnonzero((shares > 0) & (shares >= min(LEAST_SHARE, shares.max())))
     order: list[int] = seen[np.argsort(-lengths[seen])].tolist()
     return order
