@@ -206,6 +206,12 @@ def test_a_slider_flies_along_the_line(of_survey: ViewServer, survey: Survey) ->
     assert 0.75 * 40 < (places[1] - places[0])[:2] @ along < 0.85 * 42
 
 
+def photos_on(client: ViewerClient) -> set[str]:
+    """The cameras that have a photo."""
+    updates = client.of("SceneNodeUpdateMessage")
+    return {one["name"] for one in updates if "_image_data" in one["updates"]}
+
+
 def test_the_field_comes_coarse_and_then_fine_to_two_browsers(of_run: ViewServer) -> None:
     with ViewerClient(of_run.port) as one, ViewerClient(of_run.port) as two:
         for client in (one, two):
@@ -217,6 +223,7 @@ def test_the_field_comes_coarse_and_then_fine_to_two_browsers(of_run: ViewServer
         one.choose("layer", "depth")
         one.wait(lambda: "grey: no surface" in one.texts(), "depths")
         assert "grey: no surface" not in two.texts()  # each has a view of its own
+        two.wait(lambda: len(photos_on(two)) == 12, "a photo on each camera")
         one.choose("layer", "off")
         one.wait(lambda: one.of("BackgroundImageMessage")[-1]["rgb_data"] is None, "an empty background")
 

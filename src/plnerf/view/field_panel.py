@@ -24,8 +24,6 @@ class FieldPanel:
     def __init__(self, browser: Browser, field: FieldPictures) -> None:
         self._browser, self._field = browser, field
         self._range: DepthRange | None = None
-        self._moved = time.monotonic()
-        self._first_s: float | None = None
         gui = browser.client.gui
         with gui.add_folder("Field"):
             self._layer = gui.add_dropdown("layer", (*field.layers, OFF), initial_value="rgb")
@@ -53,7 +51,7 @@ class FieldPanel:
     def draw(self, eye: Eye) -> None:
         """Wishes for pictures from a place; the earlier wish is given up."""
         browser, layer = self._browser, self.shown
-        self._moved, self._first_s = time.monotonic(), None
+        moved, first_s = time.monotonic(), list[float]()
         if layer is None:
             browser.shared.renders.forget(browser.client.client_id)
             browser.backdrop.show_field(None, eye)
@@ -71,7 +69,8 @@ class FieldPanel:
             if not self._hides.value:
                 picture = replace(picture, depth=np.full_like(picture.depth, FAR))
             browser.backdrop.show_field(picture, eye)
-            self._status.content = self._text(picture)
+            first_s.append(time.monotonic() - moved)
+            self._status.content = about(picture, first_s[-1], first_s[0])
             return True
 
         width = min(SIZES[self._size.value], browser.client.camera.image_width or 640)
@@ -79,17 +78,15 @@ class FieldPanel:
         failed = browser_failed(browser)
         browser.shared.renders.wish(Wish(browser.client.client_id, draw, most, failed))
 
-    def _text(self, picture: FieldPicture) -> str:
-        """Size and time of what is on show, and what its colours mean."""
-        seconds = time.monotonic() - self._moved
-        self._first_s = self._first_s or seconds
-        height, width = picture.picture.shape[:2]
-        when = f"{seconds:.2f} s after the move (first picture {self._first_s:.2f} s)"
-        parts = [f"{width} × {height} px, {when}"]
-        if picture.shown is not None:
-            near, far, unit = picture.shown.near, picture.shown.far, picture.shown.unit
-            parts.append(f"bright {near:,.1f} … dark {far:,.1f} {unit}; grey: no surface")
-        return "  \n".join(parts)
+
+def about(picture: FieldPicture, seconds: float, first_s: float) -> str:
+    """Size of a picture, how long after the move it and the first one came, and what its colours mean."""
+    height, width = picture.picture.shape[:2]
+    parts = [f"{width} × {height} px, {seconds:.2f} s after the move (first picture {first_s:.2f} s)"]
+    if picture.shown is not None:
+        near, far, unit = picture.shown.near, picture.shown.far, picture.shown.unit
+        parts.append(f"bright {near:,.1f} … dark {far:,.1f} {unit}; grey: no surface")
+    return "  \n".join(parts)
 
 
 def browser_failed(browser: Browser) -> Callable[[Exception], None]:

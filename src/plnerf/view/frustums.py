@@ -36,15 +36,15 @@ class SmallPhotos:
 
 
 def draw_frustums(
-    scene: viser.SceneApi, views: PosedViews, frame: DisplayFrame, photos: SmallPhotos
-) -> viser.SceneNodeHandle:
-    """Draws all cameras; returns the node by which they can be hidden."""
-    root = scene.add_frame("/cameras", show_axes=False)
+    scene: viser.SceneApi, views: PosedViews, frame: DisplayFrame
+) -> tuple[viser.SceneNodeHandle, list[viser.CameraFrustumHandle]]:
+    """Draws all cameras, without photos; returns the node by which they can be hidden, and each one's."""
+    root, drawn = scene.add_frame("/cameras", show_axes=False), []
     height = frustum_height(views.cameras.centre.numpy()) / LINE_PER_UNIT
     for i in range(len(views.names)):
         width_px, height_px = views.cameras.size_px[i].tolist()
         eye = eye_of(views.cameras, i, width_px / height_px)
-        scene.add_camera_frustum(
+        one = scene.add_camera_frustum(
             f"/cameras/{i}",
             eye.fov_rad,
             width_px / height_px,
@@ -52,13 +52,13 @@ def draw_frustums(
             thickness=1.2,
             thickness_units="screen",
             color=(60, 60, 70),
-            image=photos.of(i),
             wxyz=eye.wxyz,
             position=frame.to_viewer(eye.centre),
             cast_shadow=False,
             receive_shadow=False,
         )
-    return root
+        drawn.append(one)
+    return root, drawn
 
 
 def scale_of(eye: Eye, height: float) -> float:

@@ -55,6 +55,7 @@ def begin_session(browser: Browser) -> None:
     client.scene.on_click()(clicked)
     if field is not None:
         field.draw(browser.eye)
+    drawn.fill_photos()
 
 
 def about(opened: Opened) -> str:

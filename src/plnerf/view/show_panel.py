@@ -27,9 +27,10 @@ class ShowPanel:
     """Draws all of it once, and shows or hides its parts."""
 
     def __init__(self, browser: Browser) -> None:
-        self._client, opened = browser.client, browser.opened
+        self._browser, self._client, opened = browser, browser.client, browser.opened
         self._cameras: viser.SceneNodeHandle | None = None
         self._cameras_on: viser.GuiCheckboxHandle | None = None
+        self._frustums: list[viser.CameraFrustumHandle] = []
         scene, frame = browser.client.scene, opened.frame
         with browser.client.gui.add_folder("Show"):
             if opened.survey is not None:
@@ -39,8 +40,17 @@ class ShowPanel:
                 # Over a field they would hide what is to be seen.
                 self._draw_points(opened.points, browser, opened.run is None)
             if opened.views is not None and browser.shared.small_photos is not None:
-                root = draw_frustums(scene, opened.views, frame, browser.shared.small_photos)
+                root, self._frustums = draw_frustums(scene, opened.views, frame)
                 self._cameras, self._cameras_on = root, self._switch("cameras", root, opened.run is None)
+
+    def fill_photos(self) -> None:
+        """Gives the cameras their photos, one after the other: large ones take a while to read."""
+        photos = self._browser.shared.small_photos
+        for i, frustum in enumerate(self._frustums):
+            if self._browser.gone.is_set() or photos is None:
+                return
+            if (photo := photos.of(i)) is not None:
+                frustum.image = photo
 
     def without_cameras(self, without: bool) -> None:
         """Hides the cameras whatever their switch says, as where the eye is at one of them."""
