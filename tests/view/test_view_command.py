@@ -63,6 +63,13 @@ def test_ctrl_c_ends_it_well(
 
 
 @needs_viser
+@pytest.mark.parametrize("seconds", [float("nan"), float("inf"), -1.0])
+def test_seconds_that_are_none_are_refused(seconds: float, tiny_scene: Path) -> None:
+    with pytest.raises(ConfigError, match="--seconds must be 0 or more and finite"):
+        command.view(tiny_scene, seconds=seconds)
+
+
+@needs_viser
 def test_a_taken_port_is_named(
     monkeypatch: pytest.MonkeyPatch, tiny_scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,6 +33,8 @@ def view(
     """
     if find_spec("viser") is None:
         raise ConfigError(f"plnerf view shows things by viser, which is not installed. Run: {EXTRA}")
+    if seconds is not None and not 0 <= seconds <= threading.TIMEOUT_MAX:
+        raise ConfigError(f"--seconds must be 0 or more and finite, but got {seconds}.")
     from plnerf.console import say
     from plnerf.view.opened import open_source
     from plnerf.view.server import ViewServer

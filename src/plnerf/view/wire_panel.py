@@ -1,7 +1,7 @@
 """A wire that was clicked: its figures, and the photos that show it with the fitted curve drawn over."""
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.survey import Survey
@@ -91,7 +91,7 @@ def photos_of_wire(views: PosedViews, wire: Wire) -> list[int]:
     lengths, shares = np.zeros(len(views.names)), np.zeros(len(views.names))
     for i in range(len(views.names)):
         pixels, size = views.pixels(i, places), views.cameras.size_px[i].numpy()
-        inside = ((pixels >= 0) & (pixels < size)).all(1)
+        inside: Bool[np.ndarray, " p"] = np.all((pixels >= 0) & (pixels < size), axis=1)
         shares[i] = inside.mean()
         steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
         lengths[i] = steps[inside[1:] & inside[:-1]].sum() / size[0]
