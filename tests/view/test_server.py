@@ -265,6 +265,19 @@ def test_a_photo_is_wiped_over_the_field(of_run: ViewServer) -> None:
     assert np.abs(place - there).max() < 1e-5
 
 
+def test_a_click_on_a_camera_goes_there(of_run: ViewServer) -> None:
+    views = of_run._shared.opened.views
+    assert views is not None
+    there = frame_of(of_run).to_viewer(views.cameras.centre[7].numpy()).astype(float)
+    origin = there + np.array([0.3, -0.2, 0.9])
+    with ViewerClient(of_run.port) as client:
+        client.look(ORIGIN / 10, AT / 10)
+        client.control("photo")
+        client.click(origin, (there - origin) / np.linalg.norm(there - origin))
+        client.wait(lambda: bool(moves(client)), "a move")
+        assert np.abs(np.array(moves(client)[-1]["position"]) - there).max() < 1e-5
+
+
 def test_a_free_port_where_the_default_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -15,7 +15,7 @@ SMALL_PX = 240
 """Longer side of a photo on a frustum."""
 MOST_PHOTOS = 300
 """Frustums beyond so many, evenly chosen, are without their photos."""
-SHARE = 0.35
+SHARE = 0.6
 """Height of a frustum as a share of the median step between neighbouring cameras ..."""
 SMALLEST_M, LARGEST_M = 0.15, 3.0
 """... within these bounds."""
