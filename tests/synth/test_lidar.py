@@ -59,6 +59,15 @@ def test_points_lie_on_what_is_there(
     assert 0.8 < on_ground.mean() < 1.0
 
 
+def test_strips_are_off_each_other_and_by_nothing_together(scene: LidarScene, site: Site, tmp_path: Path) -> None:
+    """The truth is where all of a cloud is: nothing in it shows a shift that its strips share."""
+    shifted = replace(scene, scan=replace(scene.scan, strip_sd_m=0.1))
+    las = laspy.read(simulate_lidar(tmp_path, shifted) / CLOUD)
+    up = np.asarray(las.z) - site.ground.heights(np.asarray(las.x), np.asarray(las.y))
+    first, last = (float(np.median(up[las.point_source_id == strip])) for strip in (1, 2))
+    assert abs(first) > 0.01 and first == pytest.approx(-last, abs=0.005)
+
+
 def test_the_truth_is_how_wires_hang_on_average(
     scene: LidarScene, site: Site, folder: Path, bodies: tuple[Targets, Bodies]
 ) -> None:

@@ -52,8 +52,7 @@ def _strip(
     beam, z = beam[use], z[use] + scan.range_sd_m * rng.normal(size=use.sum())
     y = y0 + (v[beam] - y0) * (scan.height_m - z) / scan.height_m
     local = np.stack([u[beam], y], 1) + scan.pointing_sd_m * rng.normal(size=(len(beam), 2))
-    shift = scan.strip_sd_m * rng.normal(size=3)
-    return np.column_stack([_to_world(site, local), z]) + shift
+    return np.column_stack([_to_world(site, local), z])
 
 
 def _beams(
