@@ -196,11 +196,19 @@ def test_a_bow_that_no_curve_follows_is_in_the_stated_deviation() -> None:
     assert windy.sigma_at(s)[:, 0].max() < 0.3
 
 
-def test_what_all_points_are_off_together_is_a_share_of_their_scatter() -> None:
+def test_what_the_curve_leaves_of_gusts_is_greatest_at_the_ends_and_stated_so() -> None:
+    """Bows of two and three half waves, drawn in both directions, of wires 1.4 m deep: shares inside the
+    stated 95 % at the ends, at the quarters and in the middle."""
     wire, random = WIRES["level"], np.random.default_rng(8)
-    points = on(wire, 5000) + 0.05 * random.normal(size=(5000, 3))
-    alone, together = (
-        fit_wire(points, wire.base, FitConfig(common_share=share))[0].sigma_at(np.array([20.0]))[0]
-        for share in (0.0, 0.2)
-    )
-    assert np.sqrt(together**2 - alone**2) == pytest.approx([0.01, 0.01], rel=0.05)
+    t = np.linspace(0, 1, 300)
+    waves = np.stack([np.sin(2 * np.pi * t), np.sin(3 * np.pi * t)], 1)
+    at, off = np.array([0, 75, 150, 224, 299]), []
+    for _ in range(60):
+        bows = waves @ random.normal(0, 0.06, (2, 2))
+        aside = bows[:, :1] * np.append(wire.base.n, 0.0) + bows[:, 1:] * np.array([0.0, 0.0, 0.2])
+        blown = on(wire, 300) + aside
+        found = fit_wire(blown + 0.03 * random.normal(size=(300, 3)), wire.base)[0]
+        s = t[at] * wire.base.length_m
+        off.append((found.at(s) - wire.base.local(blown)[at, 1:]) / found.sigma_at(s))
+    inside = (np.abs(off) < 1.96).mean(0)
+    assert inside.min() >= 0.88 and 0.93 < inside.mean() < 0.99 and np.abs(off).max() < 4

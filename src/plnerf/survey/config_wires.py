@@ -29,12 +29,6 @@ class FitConfig:
     heavy conductors swing by 7 degrees and light ones by 16, and calm air is as common."""
     max_swing_deg: float = 60.0
     """No wire swings further."""
-    common_share: float = 0.0
-    """Standard deviation of what all points of a wire are off together, as a share of their scatter."""
-    misfit_level: float = 0.999
-    """A misfit of stretches counts if chance makes less of it with this probability."""
-    stretches: int = 12
-    """Stretches, at most, whose mean distances from the curve show what it does not follow."""
     max_rounds: int = 30
     """Most rounds of estimating the scatter and fitting: a deep wire is no parabola, and reaches its points
     by steps."""

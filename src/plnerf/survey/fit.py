@@ -7,8 +7,8 @@ taut wire, or of points too few to show a bow, the swing stays near 0 and says h
 
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.polynomial.legendre import Legendre, legvander
 from scipy.optimize import least_squares
-from scipy.stats import f
 
 from plnerf.errors import SurveyError
 from plnerf.line.base import Base, base_of, jacobian
@@ -18,8 +18,8 @@ from plnerf.line.wire import Wire
 from plnerf.survey.config_wires import UNKNOWNS, FitConfig
 
 NOT_KNOWN = Open("not known yet")
-TAKEN = 3
-"""Numbers of a wire's curve that follow its points across, and up: so many stretches' means they take."""
+LEFT_BY_CURVE = (3, 4)
+"""Orders of the Legendre polynomials along a wire that no curve of it follows."""
 
 
 def fit_wire(
@@ -29,7 +29,7 @@ def fit_wire(
 
     base: where the wire begins and ends; from the first to the last point where left out.  The wire's id is 0
     and its ends are open until a caller knows better.  Its covariance holds the points' scatter, as if they
-    were independent, and what all points of a stretch are off together (`_of_misfit`).  Raises SurveyError
+    were independent, and what the curve does not follow (`_of_misfit`).  Raises SurveyError
     for too few points, or for points at one place.
     """
     if len(points) < config.min_points:
@@ -71,7 +71,11 @@ def fit_wire(
         J[:, k].T @ J[:, k] / max(rms, config.sigma_m) ** 2 for k, rms in enumerate((across, up))
     )
     covariance = np.linalg.pinv(information, hermitian=True)
-    covariance = covariance + _of_misfit(q, s[inlier] / L, apart[inlier], config)
+    misfit = _of_misfit(q, s[inlier] / L, apart[inlier], config)
+    # Wind is no less likely for points that a curve does not follow: they make no swing less certain than it.
+    room = max(swing**2 - covariance[5, 5], 0.0)
+    limit = np.append(np.ones(5), min(1.0, np.sqrt(room / max(misfit[5, 5], LEAST_BEND_M**2))))
+    covariance = covariance + misfit * np.outer(limit, limit)
     evidence = Evidence(
         f"{inlier.sum():,} points", int(inlier.sum()),
         residual_across_m=float(across), residual_up_m=float(up),
@@ -82,29 +86,27 @@ def fit_wire(
 def _of_misfit(
     q: Float[np.ndarray, "6"], t: Float[np.ndarray, " m"], apart: Float[np.ndarray, "m 2"], config: FitConfig
 ) -> Float[np.ndarray, "6 6"]:
-    """Covariance of what the wire departs from its curve: gusts, strips that do not agree, a bow that is no
-    plane curve's.
+    """Covariance of what the wire departs from its curve: gusts, a bow that is no plane curve's.
 
-    t: share of the length.  Where the mean distances of stretches from the curve exceed what independent
-    points leave, beyond chance, the excess of their variance displaces all of a wire alike and its middle
-    against its ends; three numbers of the curve have taken their part of it.
+    t: share of the length.  The curve follows its points up to a parabola, so that what it leaves begins with
+    the Legendre polynomials P3 and P4: least in the middle, greatest at the ends.  What the points show of
+    each, in excess of what chance leaves, counts as deviations of the ends against or with each other; of P4
+    also of the middle against them.
     """
-    count = min(config.stretches, len(t) // config.min_points)
-    if count <= TAKEN:
-        return np.zeros((UNKNOWNS, UNKNOWNS))
-    stretch = np.clip((t * count).astype(np.int64), 0, count - 1)
-    number = np.bincount(stretch, np.ones(len(t)), count)
-    sums = np.stack([np.bincount(stretch, off, count) for off in apart.T], 1)
-    mean = sums / np.maximum(number, 1.0)[:, None]
-    noise = ((apart - mean[stretch]) ** 2).sum(0) / (len(t) - count)
-    squares, free = number @ mean**2, count - TAKEN
-    real = squares > noise * free * f.ppf(config.misfit_level, free, len(t) - count)
-    across, up = np.where(real, (squares / free - noise) * count / len(t), 0.0)
-    common = config.common_share**2 * (apart**2).mean(0)
-    alike = np.kron(np.diag(common + np.array([across, up])), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
-    arm = max(float(q[4]), float(np.sqrt(across)) / np.radians(config.swing_deg), LEAST_BEND_M)
     found = np.zeros((UNKNOWNS, UNKNOWNS))
-    found[:4, :4], found[4, 4], found[5, 5] = alike, up, across / arm**2
+    if len(t) <= LEFT_BY_CURVE[-1] + 1:
+        return found
+    P = legvander(2 * (t - t.min()) / np.ptp(t) - 1, LEFT_BY_CURVE[-1])
+    shown = np.linalg.lstsq(P, apart, rcond=None)[0]
+    scatter = np.maximum(((apart - P @ shown) ** 2).sum(0) / (len(t) - P.shape[1]), config.sigma_m**2)
+    by_chance = np.diag(np.linalg.pinv(P.T @ P, hermitian=True))[:, None] * scatter
+    variance = np.maximum(shown**2 - by_chance, 0.0)[list(LEFT_BY_CURVE)]
+    for order, (across, up) in zip(LEFT_BY_CURVE, variance, strict=True):
+        first = (-1.0) ** order
+        bow = float(Legendre.basis(order)(0.0)) - (1.0 + first) / 2  # of the middle against the ends
+        y = np.array([first, 1, 0, 0, 0, bow / max(float(q[4]), LEAST_BEND_M)])
+        z = np.array([0, 0, first, 1, -bow, 0])
+        found += across * np.outer(y, y) + up * np.outer(z, z)
     return found
 
 

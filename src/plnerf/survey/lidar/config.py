@@ -11,10 +11,6 @@ from plnerf.survey.config_ground import GroundConfig
 from plnerf.survey.config_wires import FitConfig, KindsConfig
 from plnerf.survey.lidar.config_things import ThingsConfig
 
-COMMON_SHARE = 0.2
-"""`FitConfig.common_share` of LiDAR: strips that do not agree make much of the scatter of a wire's points,
-and show the wire unevenly.  Chosen on simulated flights over spans of even seeds."""
-
 
 def require_positive(owner: object, *names: str) -> None:
     """Raises ConfigError for the first of the named fields that is not greater than 0."""
@@ -365,7 +361,7 @@ class LidarConfig:
     bundle: BundleConfig = field(default_factory=BundleConfig)
     wire: WireConfig = field(default_factory=WireConfig)
     things: ThingsConfig = field(default_factory=ThingsConfig)
-    fit: FitConfig = field(default_factory=lambda: FitConfig(common_share=COMMON_SHARE))
+    fit: FitConfig = field(default_factory=FitConfig)
     kinds: KindsConfig = field(default_factory=KindsConfig)
 
     def __post_init__(self) -> None:
