@@ -59,7 +59,9 @@ def test_points_lie_on_what_is_there(
     assert 0.8 < on_ground.mean() < 1.0
 
 
-def test_strips_are_off_each_other_and_by_nothing_together(scene: LidarScene, site: Site, tmp_path: Path) -> None:
+def test_strips_are_off_each_other_and_by_nothing_together(
+    scene: LidarScene, site: Site, tmp_path: Path
+) -> None:
     """The truth is where all of a cloud is: nothing in it shows a shift that its strips share."""
     shifted = replace(scene, scan=replace(scene.scan, strip_sd_m=0.1))
     las = laspy.read(simulate_lidar(tmp_path, shifted) / CLOUD)

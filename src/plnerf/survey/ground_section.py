@@ -17,9 +17,9 @@ from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import PLANE, GroundSectionConfig
 from plnerf.survey.obstacles import beside
 
-BETWEEN_TWO = 2 / 3
-"""Variance of a height on the edge between two cells, as a share of that of each: the mean of
-w^2 + (1 - w)^2."""
+WITHIN_THREE = 1 / 2
+"""Variance of a height inside a triangle of cells, as a share of that of each: the mean over the triangle of
+the sum of the squares of the three weights."""
 
 
 def ground_under(
@@ -34,7 +34,7 @@ def ground_under(
 
     NaN where no ground lies on both sides, or none within `max_gap_m`.  The variance is the sum of that of
     the nearest cell's points (their mean square, since neighbours share their error; 0 where none is stated),
-    what the scatter of the cells around leaves between two of them, and what the distance to that cell
+    what the scatter of the cells around leaves between three of them, and what the distance to that cell
     leaves open.
     """
     cells, variance = _cells(wire, xyz, index, sigma_m, config)
@@ -45,7 +45,7 @@ def ground_under(
     distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
     z = np.interp(at, s, height, left=np.nan, right=np.nan)
     unseen = config.unseen_slope * np.maximum(distance - config.cell_m, 0.0)
-    scattered = BETWEEN_TWO * _scatter(cells, at, config) ** 2
+    scattered = WITHIN_THREE * _scatter(cells, at, config) ** 2
     sigma = np.sqrt(variance[nearest] + scattered + unseen**2)
     return np.where(distance <= config.max_gap_m, z, np.nan), sigma
 
