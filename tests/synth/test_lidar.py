@@ -12,10 +12,9 @@ from scipy.spatial import cKDTree
 from plnerf.errors import ConfigError
 from plnerf.score.intervals import ANY_CURVE
 from plnerf.score.truth import read_truth
-from plnerf.synth.build import build_site
 from plnerf.synth.config import PlantsConfig
 from plnerf.synth.lidar import CLOUD, simulate_lidar
-from plnerf.synth.lidar_bodies import Bodies, Targets, hung, still_bodies
+from plnerf.synth.lidar_bodies import Bodies, Targets, hung, lidar_site, still_bodies
 from plnerf.synth.lidar_config import LidarScene, ScanConfig, WindConfig, random_lidar_scene
 from plnerf.synth.site import Site
 
@@ -33,7 +32,7 @@ def scene() -> LidarScene:
 
 @pytest.fixture(scope="module")
 def site(scene: LidarScene) -> Site:
-    return build_site(scene.span)
+    return lidar_site(scene)
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +81,20 @@ def test_the_truth_is_how_wires_hang_on_average(
         leaf = cKDTree(mean).query(bodies[1].leaves[::40])[0].min()
         assert leaf - 0.6 < row["clearances"]["vegetation"] <= leaf
         assert true.length_m == pytest.approx(wire.length_m, rel=0.01)
+
+
+def test_strings_lean_along_the_line_and_take_their_wires_along(scene: LidarScene) -> None:
+    def places(lean_deg: float) -> np.ndarray:
+        leaning = lidar_site(replace(scene, lean_deg=((lean_deg,) * len(scene.lean_deg[0]),) * 4)).lines[0]
+        wires = [wire for span in leaning.spans for wire in span.wires]
+        ends = [wire.points(np.array([0.0, wire.base.length_m])) for wire in wires]
+        return np.array([*np.concatenate(ends), *(at for tower in leaning.towers for at in tower.held)])
+
+    moved = np.linalg.norm(places(5.0) - places(0.0), axis=1)
+    reach_m = scene.span.support.string_length_m * np.tan(np.radians(5.0))
+    strings = [wire.insulator == "string" for wire in scene.span.wires]
+    assert set(np.round(moved, 6)) == {0.0, round(reach_m, 6)}
+    assert (moved > 0).mean() == pytest.approx(np.mean(strings))
 
 
 def test_wind_that_is_uneven_bows_a_wire_off_every_plane_curve(scene: LidarScene, site: Site) -> None:

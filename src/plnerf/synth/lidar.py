@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 
 from plnerf.line.wire import Wire
 from plnerf.scene.files import write_text
-from plnerf.synth.build import build_site
-from plnerf.synth.lidar_bodies import Bodies, hung, still_bodies
+from plnerf.synth.lidar_bodies import Bodies, hung, lidar_site, still_bodies
 from plnerf.synth.lidar_config import LidarScene
 from plnerf.synth.lidar_scan import scan
 from plnerf.synth.site import Site
@@ -31,7 +30,7 @@ def simulate_lidar(out: Path, scene: LidarScene) -> Path:
 
     Raises ConfigError where the scene cannot stand.
     """
-    site, rng = build_site(scene.span), np.random.default_rng([scene.span.seed, 29])
+    site, rng = lidar_site(scene), np.random.default_rng([scene.span.seed, 29])
     still, bodies = still_bodies(site, scene, rng)
     points, strip = scan(site, scene, still, rng)
     out.mkdir(parents=True, exist_ok=True)

@@ -4,12 +4,16 @@ World frame, metres; t targets, each with what it is, as an index into `KINDS`.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from plnerf.line.base import Base
+from plnerf.line.hang import Point
 from plnerf.line.wire import Wire
+from plnerf.synth.build import build_site
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.houses import roof, walls
 from plnerf.synth.insulators import insulators
@@ -43,6 +47,40 @@ class Bodies:
     leaves: Float[np.ndarray, "l 3"]
     buildings: Float[np.ndarray, "b 3"]
     boom: Float[np.ndarray, "c 3"]
+
+
+def lidar_site(scene: LidarScene) -> Site:
+    """The site of the flight, on which suspension strings lean: wires and clamps are moved along the line.
+
+    Raises ConfigError where it cannot stand.
+    """
+    site = build_site(scene.span)
+    line, along = site.lines[0], np.array([*site.along, 0.0])
+    reach = scene.span.support.string_length_m * np.tan(np.radians(scene.lean_deg))
+    reach = reach * [wire.insulator == "string" for wire in line.config.wires]
+    towers = tuple(
+        replace(
+            tower,
+            **{name: _moved(getattr(tower, name), far, along) for name in ("held", "behind", "ahead")},
+        )
+        for tower, far in zip(line.towers, reach, strict=True)
+    )
+    spans = []
+    for k, span in enumerate(line.spans):
+        wires = tuple(
+            replace(wire, base=Base(wire.base.a + first * along[:2], wire.base.b + last * along[:2]))
+            for wire, first, last in zip(span.wires, reach[k], reach[k + 1], strict=True)
+        )
+        spans.append(replace(span, towers=(towers[k], towers[k + 1]), wires=wires))
+    return replace(site, lines=(replace(line, towers=towers, spans=tuple(spans)), *site.lines[1:]))
+
+
+def _moved(
+    places: Sequence[Point], far_m: Float[np.ndarray, " w"], along: Float[np.ndarray, "3"]
+) -> tuple[Point, ...]:
+    """Places of the wires in turn, or none."""
+    moved = (np.array(at) + far * along for at, far in zip(places, far_m, strict=False))
+    return tuple((float(x), float(y), float(z)) for x, y, z in moved)
 
 
 def still_bodies(site: Site, scene: LidarScene, rng: np.random.Generator) -> tuple[Targets, Bodies]:

@@ -15,6 +15,10 @@ from plnerf.synth.site import Site
 
 TRIES = 50
 """Of draws whose wires would touch each other or the ground another one is made."""
+TOWERS = 4
+"""Of the main span and of those before and after it."""
+LEAN_DEG = 4.0
+"""Standard deviation of the lean of a suspension string along the line."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,8 @@ class LidarScene:
     boom: Boom
     wind: WindConfig
     scan: ScanConfig
+    lean_deg: tuple[tuple[float, ...], ...]
+    """of the strings, along the line: of every tower each wire's.  Spans of unequal length pull unequally"""
 
 
 def random_lidar_scene(seed: int) -> LidarScene:
@@ -145,7 +151,9 @@ def _draw(seed: int, rng: np.random.Generator) -> LidarScene:
         pointing_sd_m=float(rng.uniform(0.01, 0.04)),
         strip_sd_m=float(rng.uniform(0.0, 0.02)),
     )
-    return LidarScene(f"lidar-{seed}", span, boom, wind, scan)
+    lean = rng.normal(0.0, LEAN_DEG, (TOWERS, len(wires)))
+    lean_deg = tuple(tuple(float(one) for one in of_tower) for of_tower in lean)
+    return LidarScene(f"lidar-{seed}", span, boom, wind, scan, lean_deg)
 
 
 def _wires(

@@ -62,6 +62,7 @@ def _beams(
     scan, half = scene.scan, scene.span.span_length_m / 2 + scene.scan.beyond_m
     step = scan.pulses_per_m2**-0.5
     u, v = np.meshgrid(np.arange(-half, half, step), np.arange(-scan.corridor_m, scan.corridor_m, step))
+    v = v + step * rng.random(u.shape[1])  # pulses and mirror do not keep step: rows begin anywhere
     u = u + step * (v / (2 * scan.corridor_m) + rng.random())  # the aircraft flies on during a row
     jitter = step * rng.uniform(-0.3, 0.3, (2, u.size))
     return u.ravel() + jitter[0], v.ravel() + jitter[1]
