@@ -11,6 +11,7 @@ from plnerf.survey.lidar.config_things import ThingsConfig
 from plnerf.survey.lidar.find import Found, find_lines
 
 HOUSE, BOOM = np.array([45.0, -20.0]), np.array([70.0, 20.0])
+FEW, MANY = np.array([20.0, 31.0]), np.array([88.0, -18.0])
 PLANTS = [3, 4, 5]
 
 
@@ -35,6 +36,9 @@ def line() -> made.Line:
     foot = np.append(BOOM, made.relief(BOOM[None])[0])
     ends = (foot + np.array([[0.0, 0.0, 4.0], [13.0, 0.0, 9.0]]))[None]
     built.add(made.bars(ends, 12.0, 0.06, random), 26)
+    for place, count, code in ((FEW, 6, 7), (MANY, 60, 45)):
+        foot = np.append(place, made.relief(place[None])[0] + 15.0)
+        built.add(foot + random.uniform(-1.5, 1.5, (count, 3)), code)
     return built
 
 
@@ -50,6 +54,15 @@ def test_roofs_and_what_is_under_them_are_buildings_and_trees_are_none(line: mad
     assert (label[truth == 6] == BUILDING).mean() > 0.95
     assert not (label[truth == 5] == BUILDING).any() and np.isin(label[truth == 5], PLANTS).mean() > 0.98
     assert (label[truth == 2] == GROUND).mean() > 0.97
+
+
+def test_few_points_high_in_the_air_are_noise_and_a_crown_is_a_plant(line: made.Line, found: Found) -> None:
+    """They were plants: strays of a wire that was not followed came nearest to all other wires."""
+    label, truth = found.cloud.label, line.truth
+    assert (label[truth == 7] == NOISE).all()
+    assert np.isin(label[truth == 45], PLANTS).all()
+    standing = truth == 5
+    assert not (label[standing] == NOISE).any()
 
 
 def test_what_is_straight_over_metres_is_no_plant(line: made.Line, found: Found) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 
-from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, SHIELD, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, NOISE, SHIELD, TOWER, UNCLASSIFIED, Cloud
 from plnerf.line.wire import Wire
 from plnerf.survey.ground import Ground, vegetation
 from plnerf.survey.lidar.config import LidarConfig
@@ -42,7 +42,8 @@ def with_ground(
 ) -> Cloud:
     """The cloud with ground, buildings and vegetation classified as well, among the points without a class.
 
-    linear: places on lines.  What is straight over metres and no wire stays unclassified.
+    linear: places on lines.  What is straight over metres and no wire stays unclassified; few points high in
+    the air are noise.
     """
     above = ground.above(cloud.xyz)
     label = cloud.label.copy()
@@ -51,7 +52,24 @@ def with_ground(
     plants = plants[~_stray(cloud.xyz[plants], cloud.xyz[cloud.wire != NO_WIRE], wires, config)]
     others = no_plants(cloud.xyz[plants], above[plants], linear, config.things, config.linear)
     label[plants] = np.where(others > 0, others, vegetation(above[plants], config.ground))
+    aloft = _aloft(cloud.xyz[plants, :2], above[plants], config) & (others == 0)
+    label[plants[aloft]] = NOISE
     return Cloud(cloud.xyz, label, cloud.wire)
+
+
+def _aloft(
+    plan: Float[np.ndarray, "k 2"], above_m: Float[np.ndarray, " k"], config: LidarConfig
+) -> Bool[np.ndarray, " k"]:
+    """Which points are few and have nothing below them but the ground: they are no plant."""
+    things, aloft = config.things, above_m >= config.min_height_m
+    if not aloft.any():
+        return aloft
+    if not aloft.all():
+        below = cKDTree(plan[~aloft]).query(plan[aloft], distance_upper_bound=things.aloft_m)[0]
+        aloft[aloft] = np.isinf(below)
+    around = cKDTree(plan).query_ball_point(plan[aloft], things.aloft_m, return_length=True)
+    aloft[aloft] = around < things.min_aloft
+    return aloft
 
 
 def with_given(cloud: Cloud, given: UInt8[np.ndarray, " d"]) -> Cloud:

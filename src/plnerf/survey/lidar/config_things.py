@@ -19,6 +19,11 @@ class ThingsConfig:
     """if they are joined to it by steps of at most this length,"""
     min_straight_share: float = 0.3
     """and if at least this share of what is joined lies on straight pieces."""
+    min_aloft: int = 8
+    """Where fewer points lie within `aloft_m` in plan, all of them high above the ground, they are noise:
+    birds, and strays of wires that were not followed.  Plants have a foot."""
+    aloft_m: float = 3.0
+    """See `min_aloft`."""
     roof_from_m: float = 2.5
     """Least height of roofs above the ground."""
     cell_m: float = 0.5
@@ -40,13 +45,14 @@ class ThingsConfig:
     min_roof_m2: float = 12.0
     """Least area of a roof in plan, of what is 3 m wide everywhere."""
     over_roof_m: float = 1.3
-    """Points up to so far above a roof belong to it, such as chimneys, which reach 0.7 m above the ridge and
-    1.2 m above the slope that they stand in; what is higher does not."""
+    """Points up to so far above the highest part of a smooth roof within a metre or two belong to it, such as
+    chimneys: they end 0.6 to 0.9 m above the ridge, and half a metre around a ridge is no smooth plane.  What
+    is higher does not."""
 
     def __post_init__(self) -> None:
         lengths = (
             self.straight_m, self.beside_m, self.around_m, self.touching_m, self.cell_m, self.radius_m,
-            self.max_rms_m, self.min_roof_m2,
+            self.max_rms_m, self.min_roof_m2, self.aloft_m,
         )  # fmt: skip
         if min(lengths) <= 0 or not 3 <= self.min_neighbours <= self.neighbours:
             raise ConfigError(

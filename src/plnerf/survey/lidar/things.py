@@ -20,6 +20,8 @@ from plnerf.survey.lidar.config_things import ThingsConfig
 from plnerf.survey.lidar.linear import CHUNK, Linear, pieces, thinned
 
 SQUARE = np.ones((3, 3), np.bool_)
+AROUND = 18
+"""Cells that a cell has around it, itself included, of two roofs that meet in it."""
 
 
 def no_plants(
@@ -84,10 +86,11 @@ def _under_roofs(
         return inside
     top = np.concatenate([height for _, height in roofs])
     near = np.floor(points[:, :2]).astype(np.int64)
-    # Each point's cell among those of the roofs: the walls stand in the cells around.
-    apart, index = cKDTree(cells).query(near, distance_upper_bound=1.5)
-    inside = np.isfinite(apart)
-    inside[inside] = points[inside, 2] <= top[index[inside]] + config.over_roof_m
+    # A point's height is compared with that of the roofs in its cell and those around: the walls stand beside
+    # a roof, and a steep one rises by a metre within a cell.
+    _, index = cKDTree(cells).query(near, AROUND, distance_upper_bound=1.5)
+    highest = np.append(top, -np.inf)[index].max(1)
+    inside[:] = points[:, 2] <= highest + config.over_roof_m
     return inside
 
 
