@@ -17,18 +17,33 @@ def lattice(dimensions: int, step_m: float) -> np.ndarray:
     return np.stack([axis.ravel() for axis in np.meshgrid(*axes)], 1)
 
 
-@pytest.mark.parametrize(("dimensions", "crown"), [(1, False), (2, False), (3, False), (3, True)])
-def test_the_spacing_is_that_of_the_points(dimensions: int, crown: bool) -> None:
-    xyz = lattice(dimensions, 0.5)
+ALONG, UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+def sigma(xyz: np.ndarray, towards: np.ndarray | None = None, *, crown: bool = False) -> float:
     middle = int(np.linalg.norm(xyz, axis=1).argmin())
-    found = sampling_sigma_m(xyz, np.arange(len(xyz)), middle, CONFIG, crown=crown)
-    assert found == pytest.approx(0.5, rel=0.3)
+    return sampling_sigma_m(xyz, np.arange(len(xyz)), middle, CONFIG, crown=crown, towards=towards)
+
+
+@pytest.mark.parametrize("towards", [None, ALONG])
+@pytest.mark.parametrize(("dimensions", "crown"), [(1, False), (2, False), (3, False), (3, True)])
+def test_the_spacing_is_that_of_the_points(
+    dimensions: int, crown: bool, towards: np.ndarray | None
+) -> None:
+    assert sigma(lattice(dimensions, 0.5), towards, crown=crown) == pytest.approx(0.5, rel=0.3)
+
+
+def test_between_points_beside_each_other_as_seen_from_the_wire_nothing_is_nearer() -> None:
+    for dimensions in (1, 2):
+        assert sigma(lattice(dimensions, 0.5), UP) < 1e-6
+        slanting = sigma(lattice(dimensions, 0.5), (ALONG + UP) / np.sqrt(2))
+        assert slanting == pytest.approx(sigma(lattice(dimensions, 0.5), ALONG) / np.sqrt(2), rel=0.01)
 
 
 def test_a_crown_s_tip_counts_as_spread_in_space() -> None:
     """A beam rarely meets it: points above one another do not show how far it reaches."""
     xyz = lattice(1, 0.3)
-    bar, tip = (sampling_sigma_m(xyz, np.arange(9), 4, CONFIG, crown=crown) for crown in (False, True))
+    bar, tip = sigma(xyz), sigma(xyz, crown=True)
     assert bar == pytest.approx(0.3, rel=0.01) and tip > 2 * bar
 
 

@@ -140,7 +140,7 @@ def _places(
         on_wire, obstacle = wire.points(s)[0], cloud.xyz[i]
         towards = (on_wire - obstacle) / max(float(near.distance_m[station]), 1e-9)
         of_wire = float(np.sqrt(variance_towards(wire, float(s[0]), towards)))
-        of_point = end_sigma_m(cloud, beside, int(i), config.sampling, crown=group == "vegetation")
+        of_point = end_sigma_m(cloud, beside, int(i), config.sampling, group=group, towards=towards)
         place = Place(
             wire.id, span.id, wire.kind, group, int(cloud.label[i]), "distance",
             distance_m=float(near.distance_m[station]),

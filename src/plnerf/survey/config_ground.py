@@ -76,7 +76,7 @@ class GroundSectionConfig:
     cell_m: float = 0.5
     """Points within a square of this side are replaced by their mean: that of points of a plane lies on
     it."""
-    scatter_radius_m: float = 2.0
+    scatter_radius_m: float = 1.5
     """Radius about a station within which the scatter of the ground about a plane adds to its uncertainty:
     stems and bushes that were taken for ground show in it."""
     min_scatter_cells: int = 6

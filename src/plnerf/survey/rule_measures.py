@@ -36,8 +36,8 @@ class ObjectPoints:
 
     cloud: Cloud
     index: Int[np.ndarray, " m"]
-    crown: bool
-    """Whether they are of plants (`sampling.py`)."""
+    group: str
+    """How far they reach between points depends on it (`sampling.py`)."""
 
 
 def above_surface(
@@ -115,7 +115,7 @@ def to_points(
     }[direction]
     sigma = np.hypot(
         np.sqrt(variance_towards(wire, s, towards)),
-        end_sigma_m(of.cloud, of.index, point, config.sampling, crown=of.crown),
+        end_sigma_m(of.cloud, of.index, point, config.sampling, group=of.group, towards=towards),
     )
     return Measured(Quantity(value, float(sigma)), on_wire, on_object)
 

@@ -97,7 +97,7 @@ class RuleScene:
             "other": other[~other_on_house],
         }
         self._points = {
-            name: ObjectPoints(survey.cloud, some, crown=name == "vegetation") for name, some in index.items()
+            name: ObjectPoints(survey.cloud, some, name) for name, some in index.items()
         }
 
     def least(self, rule: Rule, state: RuleState) -> Least:

@@ -18,23 +18,30 @@ BALLS = (2.0, math.pi, 4 * math.pi / 3)
 
 
 def end_sigma_m(
-    cloud: Cloud, index: Int[np.ndarray, " m"], of: int, config: SamplingConfig, *, crown: bool
-) -> float:
+    cloud: Cloud, index: Int[np.ndarray, " m"], of: int, config: SamplingConfig,
+    *, group: str, towards: Float[np.ndarray, "3"],
+) -> float:  # fmt: skip
     """Standard deviation of where an obstacle ends, at one of its points: as the cloud states it, else of
-    `sampling_sigma_m`."""
+    `sampling_sigma_m`.
+
+    group: of the obstacles; towards: unit vector from the point to the wire.
+    """
     if cloud.sigma_m is not None:
         return float(cloud.sigma_m[of])
-    return sampling_sigma_m(cloud.xyz, index, of, config, crown=crown)
+    bar = towards if group == "other" else None
+    return sampling_sigma_m(cloud.xyz, index, of, config, crown=group == "vegetation", towards=bar)
 
 
 def sampling_sigma_m(
     xyz: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " m"], of: int, config: SamplingConfig,
-    *, crown: bool,
+    *, crown: bool, towards: Float[np.ndarray, "3"] | None = None,
 ) -> float:  # fmt: skip
     """Standard deviation of where an obstacle ends, at one of its points; index: the points like it.
 
     Grows with the spacing of the points around; where there are none, it is that of `max_spacing_m`.  crown:
     beams enter it, so that its few outermost points do not show its shape: they count as spread in space.
+    towards: unit vector to the wire from a bar: so far as its points do not spread along it, what lies
+    between them is no nearer.
     """
     around = xyz[index] - xyz[of]
     around = around[(np.abs(around) <= config.reach_m).all(1)]
@@ -44,6 +51,9 @@ def sampling_sigma_m(
     if len(order) == config.neighbours + 1:
         dimension = 3.0 if crown else _dimension(around[order])
         spacing = min(spacing, _spacing(config.neighbours, float(r[order[-1]]), dimension))
+        if towards is not None:
+            along = float(((around[order] @ towards) ** 2).sum() / max((r[order] ** 2).sum(), 1e-12))
+            spacing *= math.sqrt(min(1.0, dimension * along))
     return math.hypot(config.point_m, config.share * spacing)
 
 
