@@ -229,9 +229,10 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
     stated = [stating(1, place(1, np.zeros(3), 5.0, "vegetation")),
               stating(2, place(2, np.zeros(3), 3.32, "vegetation"))]  # fmt: skip
     found = all_exact()
+    matches = match_wires(found, truth.wires).matches
 
     def scored(stated: Sequence[WireClearance], truth: Truth) -> ClearanceScore:
-        return score_clearances((), found, stated, truth, DEFAULT.wires)
+        return score_clearances(matches, found, stated, truth, DEFAULT.wires)
 
     plant = scored(stated, truth).vegetation  # the third stands beyond the wires' ends
     assert plant is not None and (plant.wire, plant.conductor) == ("A", 2)
@@ -244,6 +245,9 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
         score = scored(stated, other)
         assert score.vegetation is None and why in score.notes[-1]
     assert "states no distance" in scored((), truth).notes[-1]
+    without = [match for match in matches if match.wire != "A"]
+    score = score_clearances(without, found, stated, truth, DEFAULT.wires)
+    assert score.vegetation is None and "3.02 m from A, which the survey does not have" in score.notes[-1]
 
 
 def test_a_survey_is_compared_in_its_own_frame() -> None:

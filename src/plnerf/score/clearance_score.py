@@ -22,7 +22,7 @@ RULES = {
     "ground (piecewise cubic: Clough and Tocher)",
     "vegetation": "the least distance in space from any wire's axis to a plant; the truth's is that to the "
     "leaves of the plants whose clearance truth.json states and that stand between the ends of a conductor, "
-    "with half the wire's diameter added",
+    "with half the wire's diameter added; compared where the survey has the wire that is nearest to one",
     "off_along": "how far apart along the line the two places are, horizontally",
     "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations",
 }
@@ -77,7 +77,7 @@ def score_clearances(
     notes: list[str] = []
     return ClearanceScore(
         _ground(matches, wires, clearances, truth, config, notes),
-        _vegetation(wires, clearances, truth, notes),
+        _vegetation(matches, wires, clearances, truth, notes),
         tuple(notes),
     )
 
@@ -135,9 +135,14 @@ def _above_ground(
 
 
 def _vegetation(
-    wires: Sequence[Wire], clearances: Sequence[WireClearance], truth: Truth, notes: list[str]
+    matches: Sequence[Match],
+    wires: Sequence[Wire],
+    clearances: Sequence[WireClearance],
+    truth: Truth,
+    notes: list[str],
 ) -> Compared | None:
-    """Only the least of all wires: of a plant the truth knows the clearance of the nearest wire alone."""
+    """Only the least of all wires: of a plant the truth knows the clearance of the nearest wire alone, which
+    the survey must have."""
     stated = [place for one in clearances if (place := one.least("vegetation")) is not None]
     found = min(stated, key=lambda place: place.distance_m, default=None)
     plants = [plant for plant in truth.plants if _beside(plant, wires)]
@@ -156,6 +161,12 @@ def _vegetation(
     radius = {wire.name: (wire.diameter_m or 0.0) / 2 for wire in truth.wires}
     axis_m = {plant: plant.clearance_m + radius.get(plant.wire, 0.0) for plant in plants}
     nearest = min(axis_m, key=axis_m.__getitem__)
+    if nearest.wire not in {match.wire for match in matches}:
+        notes.append(
+            f"Distances to plants are not compared: the nearest is {axis_m[nearest]:.2f} m from "
+            f"{nearest.wire}, which the survey does not have."
+        )
+        return None
     return Compared(nearest.wire, found.wire, axis_m[nearest], found.distance_m, found.sigma_m, None)
 
 
