@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms
@@ -26,6 +26,8 @@ from plnerf.survey.stereo.witnesses import Sight, witnesses
 
 COVERAGE = "coverage"
 """Kind of the finding."""
+WIRE_PLACES = 61
+"""Places between which a wire's curve is straight enough for columns metres wide."""
 _NOT_BELOW = (SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE, 7)
 
 
@@ -54,32 +56,42 @@ def _of_span(
     sights: Sequence[Sight],
     config: CoverageConfig,
 ) -> Coverage:
-    length, step = stretch.base.length_m, config.step_m
+    length = stretch.base.length_m
     count = max(1, round(length / config.stretch_m))
-    s = (np.arange(max(1, math.ceil(length / step))) + 0.5) / math.ceil(length / step) * length
-    curves = [stretch.base.local(wire.points(np.linspace(0, wire.base.length_m, 61))) for wire in
-              stretch.span.wires]  # fmt: skip
-    curves = [curve[np.argsort(curve[:, 0])] for curve in curves]
-    y, z = (np.array([np.interp(s, curve[:, 0], curve[:, k]) for curve in curves]) for k in (1, 2))
-    columns, piece, tops, lows = [], [], [], []
-    for k in range(len(s)):
-        low, high = y[:, k].min() - config.side_m, y[:, k].max() + config.side_m
-        across = np.linspace(low + step / 2, high - step / 2, max(1, round((high - low) / step)))
-        columns.append(np.stack([np.full(len(across), s[k]), across], 1))
-        piece += [min(count - 1, int(s[k] / length * count))] * len(across)
-        tops += [float(z[:, k].max())] * len(across)
-        lows += [float(z[:, k].min())] * len(across)
-    place, of = np.concatenate(columns), np.array(piece)
-    below, known = _below(stretch, place, points, np.array(lows), config)
+    place, lowest, highest = _columns(stretch, config)
+    of = np.minimum((place[:, 0] / length * count).astype(np.int64), count - 1)
+    top, known = _below(stretch, place, points, lowest, config)
     edges = stretch.from_m + np.linspace(0.0, length, count + 1)
-    total = np.maximum(np.bincount(of, minlength=count), 1)
-    ground = np.bincount(of, known, count) / total
+    ground = np.bincount(of, known, count) / np.maximum(np.bincount(of, minlength=count), 1)
     air, images = np.full(count, np.nan), np.full(count, np.nan)
     if sights:
-        air, images = _air(stretch, place, of, (below, np.array(tops)), sights, config)
+        air, images = _air(stretch, place, of, (top, highest), sights, config)
     return Coverage(
         line, stretch.span.id, edges[:-1], edges[1:], ground, air, images, config.least_share
     )  # fmt: skip
+
+
+def _columns(
+    stretch: Stretch, config: CoverageConfig
+) -> tuple[Float[np.ndarray, "c 2"], Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
+    """s and y of the corridor's columns, and the heights of the lowest and the highest wire there."""
+    step, rows = config.step_m, math.ceil(stretch.base.length_m / config.step_m)
+    s = (np.arange(rows) + 0.5) / rows * stretch.base.length_m
+    y, z = [], []
+    for wire in stretch.span.wires:
+        curve = stretch.base.local(wire.points(np.linspace(0, wire.base.length_m, WIRE_PLACES)))
+        curve = curve[np.argsort(curve[:, 0])]
+        y.append(np.interp(s, curve[:, 0], curve[:, 1]))
+        z.append(np.interp(s, curve[:, 0], curve[:, 2]))
+    columns = []
+    for at, left, right, low, high in zip(
+        s, np.min(y, axis=0), np.max(y, axis=0), np.min(z, axis=0), np.max(z, axis=0), strict=True
+    ):
+        wide = right - left + 2 * config.side_m
+        middles = left - config.side_m + np.linspace(step / 2, wide - step / 2, max(1, round(wide / step)))
+        columns += [(at, across, low, high) for across in middles]
+    found = np.array(columns)
+    return found[:, :2], found[:, 2], found[:, 3]
 
 
 def _below(
@@ -88,9 +100,9 @@ def _below(
     points: Float[np.ndarray, "n 3"],
     lowest_wire: Float[np.ndarray, " c"],
     config: CoverageConfig,
-) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:
+) -> tuple[Float[np.ndarray, " c"], Bool[np.ndarray, " c"]]:
     """Height of the highest point in each column below the wires, elsewhere of the nearest column that has
-    one; and 1 where a column has one."""
+    one; and which columns have one."""
     local = stretch.base.local(points)
     reach = config.step_m / 2
     inside = (local[:, 0] >= -reach) & (local[:, 0] <= stretch.base.length_m + reach)
@@ -102,9 +114,9 @@ def _below(
         np.maximum.at(top, nearest[within], local[within, 2])
     known = np.isfinite(top)
     if not known.any():
-        return lowest_wire - config.unknown_drop_m, known.astype(np.float64)
+        return lowest_wire - config.unknown_drop_m, known
     filled = top[known][cKDTree(place[known]).query(place)[1]]
-    return np.where(known, top, np.minimum(filled, lowest_wire)), known.astype(np.float64)
+    return np.where(known, top, np.minimum(filled, lowest_wire)), known
 
 
 def _air(
