@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped, UInt8
 
 UNCLASSIFIED, GROUND, LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, BUILDING = 1, 2, 3, 4, 5, 6
-SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE = 13, 14, 15, 16, 18
-"""Classes of LAS 1.4 (ASPRS)."""
+LOW_NOISE, SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE = 7, 13, 14, 15, 16, 18
+"""Classes of LAS 1.4 (ASPRS); NOISE is high noise."""
 NO_WIRE = 0
 """Wire id of points on no wire; wires count from 1."""
 NOT_JUDGED = -1

@@ -155,13 +155,18 @@ class SamplingConfig:
     share: float = 0.45
     """Standard deviation of where the obstacle ends, as a share of their spacing.  Chosen on simulated
     flights over spans of even seeds."""
+    bar_share: float = 0.75
+    """The same of a bar, which ends with its last point or goes on to where the next is missing: of gaps
+    between points at random, 95 % are less than three spacings, and around its end half of the neighbours
+    are missing, which doubles the spacing found."""
     max_spacing_m: float = 1.5
     """Greatest spacing; also that of points that have too few neighbours within `reach_m`."""
     reach_m: float = 3.0
     """Distance along each axis within which neighbours are sought."""
 
     def __post_init__(self) -> None:
-        if min(self.point_m, self.share, self.max_spacing_m, self.reach_m) <= 0 or self.neighbours < 3:
+        lengths = (self.point_m, self.share, self.bar_share, self.max_spacing_m, self.reach_m)
+        if min(lengths) <= 0 or self.neighbours < 3:
             raise ConfigError(
                 "The sampling of obstacles needs lengths and a share above 0 and 3 neighbours or more, but "
                 f"got {self}."

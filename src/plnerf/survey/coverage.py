@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms
-from plnerf.line.cloud import CONDUCTOR, CONNECTOR, NO_WIRE, NOISE, SHIELD, TOWER
+from plnerf.line.cloud import CONDUCTOR, CONNECTOR, LOW_NOISE, NO_WIRE, NOISE, SHIELD, TOWER
 from plnerf.line.coverage import Coverage
 from plnerf.line.stations import Stretch, chains
 from plnerf.line.survey import Survey
@@ -28,7 +28,7 @@ COVERAGE = "coverage"
 """Kind of the finding."""
 WIRE_PLACES = 61
 """Places between which a wire's curve is straight enough for columns metres wide."""
-_NOT_BELOW = (SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE, 7)
+_NOT_BELOW = (SHIELD, CONDUCTOR, TOWER, CONNECTOR, NOISE, LOW_NOISE)
 
 
 def coverage_of(survey: Survey, sights: Sequence[Sight], config: CoverageConfig) -> tuple[Coverage, ...]:

@@ -54,7 +54,8 @@ def sampling_sigma_m(
         if towards is not None:
             along = float(((around[order] @ towards) ** 2).sum() / max((r[order] ** 2).sum(), 1e-12))
             spacing *= math.sqrt(min(1.0, dimension * along))
-    return math.hypot(config.point_m, config.share * spacing)
+    share = config.share if towards is None else config.bar_share
+    return math.hypot(config.point_m, share * spacing)
 
 
 def _spacing(n: int, radius_m: float, dimension: float) -> float:

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from plnerf.line.ends import Attached, End, Open
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.wire import Kind
 from plnerf.survey.kinds import kinds, same_along
 from plnerf.survey.lidar.candidates import Candidate
 from plnerf.survey.lidar.config import LidarConfig
@@ -57,7 +58,7 @@ def assemble(
             held = (_id_of(holders[k][0], ids), _id_of(holders[k][1], ids))
             wires = []
             for one, kind in zip(mine, of_kind, strict=True):
-                ends = _ends(one, holders[k], outlines, ids, config)
+                ends = _ends(one, kind, holders[k], outlines, ids, config)
                 wire = replace(one.wire, id=len(points) + 1, ends=ends, kind=kind, notes=_notes(one, config))
                 points[wire.id] = one.points
                 wires.append(wire)
@@ -92,7 +93,7 @@ def _id_of(holder: Holder, ids: dict[int, int]) -> int | None:
 
 
 def _ends(
-    one: Candidate, hold: tuple[Holder, Holder], outlines: Sequence[Outline], ids: dict[int, int],
+    one: Candidate, kind: Kind, hold: tuple[Holder, Holder], outlines: Sequence[Outline], ids: dict[int, int],
     config: LidarConfig,
 ) -> tuple[End, End]:  # fmt: skip
     """What holds a wire's ends; a wire that ends before its span's structure is open there."""
@@ -104,7 +105,10 @@ def _ends(
         elif not seen:
             ends.append(NOTHING_SEEN)
         else:
-            ends.append(Attached(ids[holder], point, _sigma(outlines[holder], config)))
+            held = config.structure
+            known = held.clamped_sigma_m if kind == "shield" else held.sigma_m
+            sigma = known if outlines[holder].seen else held.inferred_sigma_m
+            ends.append(Attached(ids[holder], point, sigma))
     return ends[0], ends[1]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 
-from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, NOISE, SHIELD, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.cloud import CONDUCTOR, GROUND, LOW_NOISE, NO_WIRE, NOISE, SHIELD, TOWER, UNCLASSIFIED, Cloud
 from plnerf.line.wire import Wire
 from plnerf.survey.ground import Ground, vegetation
 from plnerf.survey.lidar.config import LidarConfig
@@ -43,13 +43,16 @@ def with_ground(
     """The cloud with ground, buildings and vegetation classified as well, among the points without a class.
 
     linear: places on lines.  What is straight over metres and no wire stays unclassified; few points high in
-    the air are noise.
+    the air are noise, as are those below the ground.
     """
     above = ground.above(cloud.xyz)
     label = cloud.label.copy()
     label[(label == UNCLASSIFIED) & (np.abs(above) <= config.ground.near_m)] = GROUND
+    label[(label == UNCLASSIFIED) & (above < -config.ground.near_m)] = LOW_NOISE
     plants = np.flatnonzero((label == UNCLASSIFIED) & (above > config.ground.near_m))
-    plants = plants[~_stray(cloud.xyz[plants], cloud.xyz[cloud.wire != NO_WIRE], wires, config)]
+    stray = _stray(cloud.xyz[plants], cloud.xyz[cloud.wire != NO_WIRE], wires, config)
+    label[plants[stray]] = NOISE
+    plants = plants[~stray]
     others = no_plants(cloud.xyz[plants], above[plants], linear, config.things, config.linear)
     label[plants] = np.where(others > 0, others, vegetation(above[plants], config.ground))
     aloft = _aloft(cloud.xyz[plants, :2], above[plants], config) & (others == 0)

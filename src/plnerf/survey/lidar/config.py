@@ -235,17 +235,20 @@ class StructureConfig:
     """Places without a point within this distance in plan are outside the cloud."""
     cell_m: float = 1.0
     """Edge of the cells of which adjacent ones belong to one body."""
-    sigma_m: float = 0.15
+    sigma_m: float = 0.14
     """Standard deviation, along the line, of an attachment to a structure whose points are seen: a wire ends
     at the middle of the structure's body, which its points show to 7 cm, and clamps hang off it by as much as
     strings lean, 12 cm by 4 degrees of 1.7 m."""
+    clamped_sigma_m: float = 0.07
+    """The same of a shield wire, which no string holds."""
     inferred_sigma_m: float = 1.0
     """The same for a structure that is inferred from spans that meet: assumed, since only the ends of their
     points say where it stands."""
 
     def __post_init__(self) -> None:
         require_positive(
-            self, "around_m", "body_m", "min_points", "void_m", "cell_m", "sigma_m", "inferred_sigma_m"
+            self, "around_m", "body_m", "min_points", "void_m", "cell_m", "sigma_m", "clamped_sigma_m",
+            "inferred_sigma_m",
         )
 
 
