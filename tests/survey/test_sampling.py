@@ -7,7 +7,7 @@ from plnerf.errors import ConfigError
 from plnerf.survey.config_ground import SamplingConfig
 from plnerf.survey.sampling import sampling_sigma_m
 
-CONFIG = SamplingConfig(point_m=1e-9, share=1.0, max_spacing_m=5.0, reach_m=6.0)
+CONFIG = SamplingConfig(point_m=1e-9, share=1.0, bar_share=1.0, max_spacing_m=5.0, reach_m=6.0)
 
 
 def lattice(dimensions: int, step_m: float) -> np.ndarray:

@@ -14,8 +14,9 @@ from plnerf.train.config import Settings
 SUITES = ("ops", "train", "render", "span", "coverage")
 SPAN_PRESETS = ("nerfacto", "pl-nerf", "pl-nerf-wire")
 """Systems of the suite span."""
-ODD_SEEDS = tuple(range(1, 40, 2))
-"""Seeds of the scenes whose figures are reported; settings are chosen on scenes of even seeds."""
+REPORTED_SEEDS = tuple(range(41, 80, 2))
+"""Seeds of the scenes whose figures are reported; settings were chosen on even seeds, and after those
+of odd ones up to 39 had been looked at."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class BenchConfig:
     backend: BackendChoice = "auto"
     quick: bool = False
     """Small shapes and few repeats: to see that all works, not to quote."""
-    seeds: tuple[int, ...] = ODD_SEEDS
+    seeds: tuple[int, ...] = REPORTED_SEEDS
     """Seeds of the LiDAR flights that the suite `coverage` simulates."""
     image_seeds: tuple[int, ...] = ()
     """Seeds of the random scenes that it renders, which takes minutes each."""

@@ -61,7 +61,9 @@ def lidar_site(scene: LidarScene) -> Site:
     towers = tuple(
         replace(
             tower,
-            **{name: _moved(getattr(tower, name), far, along) for name in ("held", "behind", "ahead")},
+            held=_moved(tower.held, far, along),
+            behind=_moved(tower.behind, far, along),
+            ahead=_moved(tower.ahead, far, along),
         )
         for tower, far in zip(line.towers, reach, strict=True)
     )
