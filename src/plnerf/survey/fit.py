@@ -90,8 +90,8 @@ def _of_misfit(
 
     t: share of the length.  The curve follows its points up to a parabola, so that what it leaves begins with
     the Legendre polynomials P3 and P4: least in the middle, greatest at the ends.  What the points show of
-    each, in excess of twice what chance leaves (Akaike's criterion), counts as deviations of the ends against or with each other; of P4
-    also of the middle against them.
+    each, in excess of twice what chance leaves (Akaike's criterion), counts as deviations of the ends against
+    or with each other; of P4 also of the middle against them.
     """
     found = np.zeros((UNKNOWNS, UNKNOWNS))
     if len(t) <= LEFT_BY_CURVE[-1] + 1:
