@@ -19,9 +19,9 @@ class ThingsConfig:
     """if they are joined to it by steps of at most this length,"""
     min_straight_share: float = 0.3
     """and if at least this share of what is joined lies on straight pieces."""
-    min_aloft: int = 8
+    min_aloft: int = 3
     """Where fewer points lie within `aloft_m` in plan, all of them high above the ground, they are noise:
-    birds, and strays of wires that were not followed.  Plants have a foot."""
+    birds, and strays of wires that were not followed.  Three may be a thin boom."""
     aloft_m: float = 3.0
     """See `min_aloft`."""
     roof_from_m: float = 2.5
