@@ -11,7 +11,7 @@ from plnerf.survey.lidar.config_things import ThingsConfig
 from plnerf.survey.lidar.find import Found, find_lines
 
 HOUSE, BOOM = np.array([45.0, -20.0]), np.array([70.0, 20.0])
-FEW, THREE, MANY = np.array([20.0, 31.0]), np.array([38.0, 34.0]), np.array([88.0, -18.0])
+FEW, MANY = np.array([60.0, 31.0]), np.array([88.0, -18.0])
 PLANTS = [3, 4, 5]
 
 
@@ -36,10 +36,10 @@ def line() -> made.Line:
     foot = np.append(BOOM, made.relief(BOOM[None])[0])
     ends = (foot + np.array([[0.0, 0.0, 4.0], [13.0, 0.0, 9.0]]))[None]
     built.add(made.bars(ends, 12.0, 0.06, random), 26)
-    aloft = ((FEW, 15.0, 2, 18), (THREE, 15.0, 3, 45), (MANY, 15.0, 60, 45), (MANY, -4.0, 3, 7))
-    for place, up, count, code in aloft:
+    for place, up, count, code in ((FEW, 15.0, 6, 18), (MANY, 15.0, 60, 45), (MANY, -4.0, 3, 7)):
         foot = np.append(place, made.relief(place[None])[0] + up)
-        built.add(foot + random.uniform(-1.5, 1.5, (count, 3)), code)
+        points = foot + random.uniform(-1.5, 1.5, (count, 3))
+        built.add(points[:2] if code == 18 else points, code)
     return built
 
 
