@@ -1,5 +1,6 @@
 """A checkpoint comes back bit for bit, or not at all: no failure may cost the one before it."""
 
+import gc
 import json
 import re
 import subprocess
@@ -30,7 +31,7 @@ from plnerf.train.optimizer import TableAdam, build_optimizer
 FRAMES = {"scale": 1 / 3, "unit": "m"}
 
 
-def a_model(seed: int, config: ModelConfig | None = None) -> tuple[PLNeRF, TableAdam]:
+def a_model(seed: int = 0, config: ModelConfig | None = None) -> tuple[PLNeRF, TableAdam]:
     run = tiny_config(Path("/none"))
     model = PLNeRF(config or run.model, 12, "torch", torch.Generator().manual_seed(seed))
     return model, build_optimizer(model, run.train)
@@ -88,6 +89,19 @@ def test_the_next_step_is_the_same_as_without_the_disk_between(tmp_path: Path) -
             value.grad = value.detach().sin()
         its.step()
     assert_same_bits(other.state_dict(), model.state_dict())
+
+
+def test_loading_keeps_nothing(tmp_path: Path) -> None:
+    """As a reader did that kept two objects of every tensor."""
+    path = save(tmp_path, 5)
+    model, optimizer = a_model()
+    blocks = []
+    for _ in range(2):
+        for _ in range(4):
+            load_checkpoint(path, model, optimizer)
+        gc.collect()
+        blocks.append(sys.getallocatedblocks())
+    assert blocks[1] - blocks[0] < 4 * len(list(model.parameters())), blocks
 
 
 def test_files_hold_no_pickle(tmp_path: Path) -> None:
@@ -230,6 +244,11 @@ def truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-100])
 
 
+def of_an_unknown_type(path: Path) -> None:
+    header = json.dumps({"a": {"dtype": "F6_E2M3", "shape": [8], "data_offsets": [0, 6]}}).encode()
+    path.write_bytes(len(header).to_bytes(8, "little") + header + bytes(6))
+
+
 SPOILT: dict[str, Callable[[Path], object]] = {
     "other_format_version": lambda path: edit(path, format_version=2),
     "no_format_version": lambda path: path.write_text("{}"),
@@ -239,6 +258,7 @@ SPOILT: dict[str, Callable[[Path], object]] = {
     "step_is_no_number": lambda path: edit(path, step=None),
     "tensors_are_cut_off": lambda path: truncate(path.with_suffix(".safetensors")),
     "tensors_are_empty": lambda path: path.with_suffix(".safetensors").write_bytes(b""),
+    "tensors_are_of_an_unknown_type": lambda path: of_an_unknown_type(path.with_suffix(".safetensors")),
     "tensors_are_gone": lambda path: path.with_suffix(".safetensors").unlink(),
 }
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.torch import load, save
 from torch import Tensor, nn
 
 from plnerf.errors import CheckpointError, TrainingError
@@ -129,8 +129,9 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
     """
     about = _read_about(path)
     try:
-        tensors = load_file(path.with_suffix(".safetensors"))
-    except (OSError, SafetensorError) as error:
+        # Not `load_file`: of every tensor of a file that it opens itself, safetensors 0.8 keeps two objects.
+        tensors = load(path.with_suffix(".safetensors").read_bytes())
+    except (OSError, SafetensorError, KeyError) as error:  # KeyError: of a type that torch does not have
         raise CheckpointError(
             f"The tensors of the checkpoint {path} cannot be read ({error}). {_REMOVE}"
         ) from error
