@@ -1,5 +1,6 @@
 """Long calls in another process: they report, end at once with an interrupt, and take nothing along."""
 
+import importlib
 import os
 import signal
 import sqlite3
@@ -97,6 +98,18 @@ def test_a_crash_is_an_error_and_an_interrupt_ends_the_call() -> None:
         signal.signal(signal.SIGINT, before)
     assert colmap._process is not None and colmap._process.returncode == -signal.SIGKILL
     assert time.perf_counter() - clock < 60
+
+
+def test_what_the_other_process_cannot_load_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As COLMAP's libraries where memory is short: nobody would answer."""
+    (tmp_path / "only_here.py").write_text("def counts(tell):\n    return 0\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    function = importlib.import_module("only_here").counts
+    with ColmapProcess() as colmap, pytest.raises(CaptureError, match=r"could not be loaded .*only_here"):
+        colmap.call(function, tell=silent)
+    assert colmap._process is not None and colmap._process.returncode == 1
 
 
 def test_it_ends_itself_where_its_parent_is_gone() -> None:

@@ -85,6 +85,13 @@ def _in_words(error: Exception) -> Exception:
     return own
 
 
+def _not_loaded(error: Exception) -> CaptureError:
+    return CaptureError(
+        f"COLMAP could not be loaded ({type(error).__name__}: {error}). The system may be short of memory: "
+        "close other programs or raise its limit (ulimit -v), and give the same command again."
+    )
+
+
 def _start() -> "subprocess.Popen[bytes]":
     """A process in a group of its own, so that Ctrl-C reaches the parent alone, which then ends it."""
     source = str(Path(__file__).resolve().parents[2])
@@ -122,6 +129,9 @@ def _serve() -> None:
                 received.put(pickle.load(sys.stdin.buffer))
         except (EOFError, OSError):
             os._exit(1)  # also in the middle of a long call: nobody waits for it any more
+        except Exception as error:  # of importing the function, as where memory is short
+            _send(answers, ("failed", _not_loaded(error)))
+            os._exit(1)
 
     def tell(stage: str, done: int, of: int) -> None:
         _send(answers, ("progress", (stage, done, of)))
