@@ -72,6 +72,8 @@ def test_a_name_that_is_too_long_is_not_blamed_on_the_disk(
     ("number", "text"),
     [
         (errno.ENOSPC, "Make room on the disk."),
+        (errno.EFBIG, "Files may not get so large here"),
+        (errno.ENOMEM, "The system is short of memory"),
         (errno.EROFS, "The disk is read-only"),
         (errno.EACCES, "Check that you may read and write there."),
         (errno.EIO, "Check that the folder exists, is writable and has space left."),

@@ -38,6 +38,8 @@ _ADVICE = {
     errno.ENAMETOOLONG: "A name is longer than the file system takes, mostly 255 bytes: choose another.",
     errno.ENOSPC: "Make room on the disk.",
     errno.EDQUOT: "Your share of the disk is used up: make room.",
+    errno.EFBIG: "Files may not get so large here: raise the limit (ulimit -f), or choose another disk.",
+    errno.ENOMEM: "The system is short of memory: close other programs, or raise the limit (ulimit -v).",
     errno.EROFS: "The disk is read-only: choose another place.",
     errno.EACCES: "Check that you may read and write there.",
     errno.EPERM: "Check that you may read and write there.",

@@ -1,5 +1,6 @@
 """An exception that nobody expected ends in one paragraph and a report that holds nothing of the input."""
 
+import errno
 import re
 import sys
 import tempfile
@@ -61,17 +62,34 @@ def of_cuda() -> type[Exception]:
     return type("OutOfMemoryError", (RuntimeError,), {})
 
 
+def caused(error: Exception, cause: Exception) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
+NOT_LOADED = "libtorch_cpu.so: failed to map segment from shared object"
+
+
 @pytest.mark.parametrize(
-    "error",
+    ("error", "said"),
     [
-        MemoryError("Unable to allocate 7.45 GiB"),
-        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 8 bytes"),
-        of_cuda()("CUDA out of memory"),
+        (MemoryError("Unable to allocate 7.45 GiB"), "Unable to allocate 7.45 GiB"),
+        (MemoryError(), "an allocation failed"),
+        (RuntimeError("DefaultCPUAllocator: can't allocate memory: 8 bytes"), "DefaultCPUAllocator: can't"),
+        (RuntimeError("can't start new thread"), "can't start new thread"),
+        (of_cuda()("CUDA out of memory"), "CUDA out of memory"),
+        (ImportError(NOT_LOADED), NOT_LOADED),
+        (caused(OSError("Could not find/load shared object file"), OSError(NOT_LOADED)), NOT_LOADED),
+        (OSError(errno.ENOMEM, "Cannot allocate memory", "a"), "[Errno 12] Cannot allocate memory: 'a'"),
     ],
-    ids=lambda error: type(error).__name__,
+    ids=str,
 )
 def test_memory_that_is_not_there_is_no_defect(
-    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    error: Exception,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def starved(*_: object, **__: object) -> None:
         raise error
@@ -82,5 +100,6 @@ def test_memory_that_is_not_there_is_no_defect(
     with pytest.raises(SystemExit) as ended:
         main()
     text = capsys.readouterr().err
-    assert ended.value.code == 1 and text.startswith(f"Out of memory: {error}. Close other programs")
+    assert ended.value.code == 1 and text.startswith(f"Out of memory: {said}")
+    assert "Close other programs" in text
     assert text.count("\n") == 1 and list(tmp_path.iterdir()) == []

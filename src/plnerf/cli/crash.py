@@ -37,7 +37,7 @@ def crash_report(error: BaseException, arguments: Sequence[str]) -> str:
     about = f"{platform.platform()}, Python {platform.python_version()}"
     stacks = [
         "".join(traceback.format_tb(one.__traceback__)) + f"{type(one).__qualname__}: {without_digits(one)}"
-        for one in _causes(error)
+        for one in causes(error)
     ]
     return "\n\n".join([command, about, ", ".join(_versions()), *stacks]) + "\n"
 
@@ -64,8 +64,8 @@ def _versions() -> Iterator[str]:
             continue
 
 
-def _causes(error: BaseException | None) -> list[BaseException]:
-    """The error after what it was raised from, as a traceback shows them."""
+def causes(error: BaseException | None) -> list[BaseException]:
+    """The error, last, after what it was raised from, as a traceback shows them."""
     chain: list[BaseException] = []
     while error is not None and error not in chain:
         chain.append(error)

@@ -6,6 +6,7 @@ defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 143 o
 """
 
 import os
+import re
 import signal
 import sys
 import warnings
@@ -37,7 +38,14 @@ COMMANDS: tuple[Callable[..., Any], ...] = (
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70
 """Exit status: EX_SOFTWARE of sysexits.h."""
-LESS_MEMORY = "Close other programs, or ask for less: smaller images, fewer rays, a part of the cloud."
+NO_MEMORY = re.compile(
+    r"can't allocate memory|can't start new thread|failed to map segment from shared object$"
+    r"|Cannot allocate memory"
+)
+LESS_MEMORY = (
+    "Close other programs, raise the limit (ulimit -v), or ask for less: smaller images, fewer rays, a part "
+    "of the cloud."
+)
 GOES_ON = {"train": "The run goes on with --resume."} | dict.fromkeys(
     ("capture", "reconstruct", "compare"), "The same command goes on from what is done."
 )
@@ -73,10 +81,18 @@ def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
     return app
 
 
-def out_of_memory(error: Exception) -> bool:
-    """Whether an allocation failed: in NumPy, in PyTorch on a CPU, or on a GPU."""
-    of_torch = isinstance(error, RuntimeError) and "can't allocate memory" in str(error)
-    return isinstance(error, MemoryError) or of_torch or type(error).__name__ == "OutOfMemoryError"
+def lack_of_memory(error: Exception) -> str | None:
+    """What an exception says of memory that ran out, itself or as its cause; None where it is another one.
+
+    NumPy and Python raise MemoryError; PyTorch, threads and the loader of libraries say it in words.
+    """
+    from plnerf.cli.crash import causes  # almost never needed
+
+    for one in causes(error):
+        of_gpu = type(one).__name__ == "OutOfMemoryError"
+        if isinstance(one, MemoryError) or of_gpu or NO_MEMORY.search(str(one)):
+            return shorten(str(one), 300) or "an allocation failed"
+    return None
 
 
 def about_defect(error: Exception, arguments: Sequence[str]) -> str:
@@ -86,7 +102,7 @@ def about_defect(error: Exception, arguments: Sequence[str]) -> str:
     try:
         where = f"{write_crash_report(error, arguments)} (no photos, no positions, no values of options)"
         do = f"Please report it to the maintainers, with the file {where} and a line on what the input was."
-    except OSError as why:
+    except (OSError, MemoryError) as why:
         do = f"Please report it to the maintainers. No crash report could be written ({why})."
     message = shorten(str(error), 300) or "no message"
     return f"plnerf met an error that it should have handled: {type(error).__name__}, {message}. {do}"
@@ -131,16 +147,16 @@ def main() -> None:
     except PlnerfError as error:
         fail(type(error).__name__, str(error))
         sys.exit(1)
-    except OSError as error:
-        fail("OSError", f"{error}. {advice_on(error)}")
-        sys.exit(1)
     except KeyboardInterrupt as stop:
         ended, status = ("Terminated", 143) if isinstance(stop, Terminated) else ("Interrupted", 130)
         console.print(f"{ended}. {GOES_ON.get(next(iter(arguments), ''), '')}".strip())
         sys.exit(status)
     except Exception as error:
-        if out_of_memory(error):
-            fail("Out of memory", f"{shorten(str(error), 300)}. {LESS_MEMORY}")
+        if (what := lack_of_memory(error)) is not None:
+            fail("Out of memory", f"{what}. {LESS_MEMORY}")
+            sys.exit(1)
+        if isinstance(error, OSError):
+            fail("OSError", f"{error}. {advice_on(error)}")
             sys.exit(1)
         fail("Defect", about_defect(error, sys.argv[1:]))
         sys.exit(DEFECT)
