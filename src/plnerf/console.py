@@ -16,6 +16,7 @@ from rich.progress import (
 )
 from torch import Tensor
 
+from plnerf.scene.memory import require_room_for_threads
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.report import RunLog
@@ -35,6 +36,7 @@ def bars(console: Console) -> Iterator[Callable[[str, int, int], None]]:
         MofNCompleteColumn(),
         TimeRemainingColumn(compact=True),
     )
+    require_room_for_threads()  # one draws the bars
     with Progress(*columns, console=console) as progress:
         tasks: dict[str, TaskID] = {}
 

@@ -1,12 +1,17 @@
-"""What does not fit is refused with an estimate; a container's limit counts, and little is not asked for."""
+"""What does not fit is refused with an estimate; limits count, and little is not asked for."""
 
+import resource
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+from tests.support.tiny_run import open_tiny, tiny_config
 
+from plnerf.console import bars
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.scene import memory
 from plnerf.scene.memory import available_bytes, require_memory
+from plnerf.train.report import RunLog
 
 
 def test_what_does_not_fit_is_refused_with_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,3 +49,23 @@ def test_the_limit_of_a_container_counts(
         assert available_bytes() == pytest.approx(of_machine, rel=0.5)
     else:
         assert available_bytes() == free
+
+
+@pytest.mark.parametrize("limit", [1, resource.RLIM_INFINITY])
+def test_the_limit_of_the_process_counts(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    of_machine = available_bytes()
+    monkeypatch.setattr(resource, "getrlimit", lambda what: (limit, limit))
+    expected = of_machine if limit == resource.RLIM_INFINITY else 0.0
+    assert available_bytes() == pytest.approx(expected, rel=0.5)
+
+
+def test_no_thread_is_begun_where_it_may_find_no_memory(
+    built_tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python waits for ever for a thread that ends before it has begun."""
+    config, scene = tiny_config(built_tiny_scene), open_tiny(built_tiny_scene, tmp_path)
+    monkeypatch.setattr(memory, "available_bytes", lambda: 1e6)
+    with pytest.raises(ConfigError, match=r"A command needs at least 0\.1 GB"), bars(Console()):
+        pass
+    with pytest.raises(ConfigError, match=r"raise the limit \(ulimit -v\)"):
+        RunLog(tmp_path).begin(config, scene, 0)

@@ -3,6 +3,7 @@
 An allocation that is too large may end the process, or others of the machine, instead of failing.
 """
 
+import math
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,8 +13,6 @@ from plnerf.errors import ConfigError, PlnerfError
 
 CGROUP = Path("/sys/fs/cgroup")
 """Where Linux states the limits of a container."""
-
-
 UNASKED = 64e6
 """Bytes that any machine has: so little is not asked for."""
 
@@ -27,13 +26,34 @@ def require_memory(needed: float, what: str, do: str, error: type[PlnerfError] =
         raise error(f"{what} needs at least {_gb(needed)} of memory, but {_gb(available)} are free. {do}")
 
 
+def require_room_for_threads() -> None:
+    """Raises ConfigError where so little memory is left that a new thread may not come to life.
+
+    Python would wait for it for ever.
+    """
+    require_memory(2 * UNASKED, "A command", "Close other programs, or raise the limit (ulimit -v).")
+
+
 def available_bytes() -> float:
-    """What this process can still allocate: of the machine, or of its container where that has less."""
-    free = float(psutil.virtual_memory().available)
+    """What this process can still allocate: of the machine, its container or its own limit, whichever is
+    least."""
+    free = min(float(psutil.virtual_memory().available), _below_own_limit())
     with suppress(OSError, ValueError):  # "max" is no number: there is no limit
         limit = float((CGROUP / "memory.max").read_text())
         free = min(free, max(0.0, limit - float((CGROUP / "memory.current").read_text())))
     return free
+
+
+def _below_own_limit() -> float:
+    """What the limit of the process's address space leaves (ulimit -v)."""
+    try:
+        import resource
+    except ImportError:  # Windows has none
+        return math.inf
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return math.inf
+    return max(0.0, limit - psutil.Process().memory_info().vms)
 
 
 def _gb(count: float) -> str:

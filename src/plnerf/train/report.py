@@ -12,6 +12,7 @@ from torch import Tensor
 
 from plnerf.errors import PlnerfError
 from plnerf.render.picture_files import write_text
+from plnerf.scene.memory import require_room_for_threads
 from plnerf.scene.scene import Scene
 from plnerf.scene.strict_json import parse_json
 from plnerf.train.config import RunConfig
@@ -77,6 +78,7 @@ class RunLog(SilentReport):
         """Opens the logs; drops lines that a run cut off after its last checkpoint left behind."""
         from torch.utils.tensorboard import SummaryWriter  # takes a second to import
 
+        require_room_for_threads()  # one writes the events
         log = self._folder / "metrics.jsonl"
         kept = [line for line in read_log(log) if line["step"] <= step]
         write_text(log, "".join(json.dumps(line) + "\n" for line in kept))
