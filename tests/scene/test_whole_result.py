@@ -2,6 +2,7 @@
 
 import errno
 import itertools
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from plnerf.errors import PlnerfError
-from plnerf.scene.whole_result import COMPLETE, finish_exchange, whole_result
+from plnerf.scene.whole_result import COMPLETE, LIST, finish_exchange, whole_result
 
 PATTERNS = ("*.txt", "pictures/*.png")
 OLD = {"a.txt": "old", "b.txt": "old", "pictures/0.png": "old", "pictures/1.png": "old"}
@@ -80,6 +81,32 @@ def test_killed_at_any_moment_it_is_one_result_or_the_other(
         if not killed:
             break
     assert len(seen) > 20 and seen == sorted(seen) and 5 < sum(seen) < len(seen) - 5
+
+
+@pytest.mark.parametrize(
+    ("patterns", "files", "said"),
+    [
+        (["../*.txt"], [], "mine.txt, which is not inside"),
+        ([], ["../mine.txt"], "mine.txt, which is not inside"),
+        (["link/*.txt"], [], "mine.txt, which is not inside"),
+        ([], ["link/mine.txt"], "mine.txt, which is not inside"),
+        (["/etc/*"], [], "is damaged"),
+        ([""], [], "is damaged"),
+        ([1], [], r"patterns\.0"),
+    ],
+)
+def test_a_result_of_others_moves_nothing_outside_its_folder(
+    patterns: list[Any], files: list[Any], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / "theirs" / COMPLETE / "link").mkdir(parents=True)
+    (tmp_path / "theirs" / "link").symlink_to(tmp_path)
+    (tmp_path / "theirs" / COMPLETE / "link" / "mine.txt").write_text("theirs")
+    listed = json.dumps({"patterns": patterns, "files": files})
+    (tmp_path / "theirs" / COMPLETE / LIST).write_text(listed)
+    with pytest.raises(PlnerfError, match=said):
+        finish_exchange(tmp_path / "theirs")
+    assert (tmp_path / "mine.txt").read_text() == "mine"
 
 
 def test_a_full_disk_leaves_the_earlier_result(tmp_path: Path) -> None:

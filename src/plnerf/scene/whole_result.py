@@ -9,15 +9,26 @@ import json
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from plnerf.errors import PlnerfError
 from plnerf.scene.only_writer import only_writer
+from plnerf.scene.strict_json import read_json
+from plnerf.scene.typed_json import from_json
 
 NEW, COMPLETE = ".new", ".complete"
 """Folders of files that are being written, and of complete ones that are being moved to their places."""
 LIST = ".files.json"
 """In these: the patterns of all that such a result may hold, and the files that this one holds."""
+
+
+@dataclass(frozen=True)
+class _List:
+    """What such a file holds."""
+
+    patterns: tuple[str, ...]
+    files: tuple[str, ...]
 
 
 @contextmanager
@@ -36,7 +47,7 @@ def whole_result(folder: Path, patterns: Sequence[str]) -> Iterator[Path]:
         yield new
         with _writing(folder):
             names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
-            (new / LIST).write_text(json.dumps({"patterns": list(patterns), "files": names}))
+            (new / LIST).write_text(json.dumps(asdict(_List(tuple(patterns), tuple(names)))))
             new.rename(folder / COMPLETE)
     finally:
         shutil.rmtree(new, ignore_errors=True)
@@ -71,13 +82,30 @@ def _move(folder: Path) -> None:
     if not complete.is_dir():
         return
     if (complete / LIST).exists():  # it is removed last, when nothing is left to move
-        listed = json.loads((complete / LIST).read_text())
-        files = set(listed["files"])
-        for old in (path for pattern in listed["patterns"] for path in folder.glob(pattern)):
-            if old.relative_to(folder).as_posix() not in files:
-                old.unlink()
-        for name in listed["files"]:
+        listed, old = _read_list(folder)
+        for path in old:
+            path.unlink()
+        for name in listed.files:
             if (complete / name).exists():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (complete / name).replace(folder / name)
     shutil.rmtree(complete)
+
+
+def _read_list(folder: Path) -> tuple[_List, list[Path]]:
+    """The list of a complete result, and the files of earlier ones that it has no more.
+
+    Raises PlnerfError where it is damaged, or names what is not inside the folder: that may come from others.
+    """
+    path = folder / COMPLETE / LIST
+    do = f"Remove {path.parent}, and give the command again."
+    listed = from_json(_List, read_json(path, PlnerfError, do), str(path), PlnerfError)
+    files, root = {folder / name for name in listed.files}, folder.resolve()
+    try:
+        found = {one for pattern in listed.patterns for one in folder.glob(pattern)}
+        outside = [one for one in found | files if not one.parent.resolve().is_relative_to(root)]
+    except (ValueError, NotImplementedError) as error:  # no name of a file, or no pattern
+        raise PlnerfError(f"{path} is damaged ({error}). {do}") from error
+    if outside:
+        raise PlnerfError(f"{path} names {outside[0]}, which is not inside the folder. {do}")
+    return listed, sorted(found - files)
