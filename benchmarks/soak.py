@@ -1,8 +1,10 @@
 """Whether memory grows: `python benchmarks/soak.py [--minutes 30] [--surveys 200] [--json OUT]`.
 
-In one process: rounds of training the bundled span further (resumed from its checkpoint) and rendering a
-held-out view, for so many minutes; then so many surveys of a small cloud of its true wires.  After each round
-the process's own memory (unique set size: what no other process shares) is noted.
+In one process: rounds of training the bundled span further (resumed from its checkpoint) and rendering its
+held-out views, for so many minutes; then so many surveys of a small cloud of its true wires.  After each
+round two things are noted: the process's own memory (unique set size: what no other process shares), and how
+many blocks of memory Python's objects have.  What malloc gives back to the system, and when, moves the first
+by megabytes; the second shows what is kept for ever, to the object.
 
 The first third of the rounds, while caches fill, does not count.  Over the others, the median of the slopes
 between all pairs of rounds (Theil and Sen) is given with its 95 % interval, and what memory came to.
@@ -11,8 +13,10 @@ between all pairs of rounds (Theil and Sen) is given with its 95 % interval, and
 import argparse
 import gc
 import json
+import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import laspy
@@ -25,6 +29,8 @@ from plnerf.score.truth import read_truth
 
 STEPS = 20
 """Of training, in a round."""
+Used = tuple[float, int]
+"""Megabytes, and blocks of Python's objects."""
 
 
 def main() -> None:
@@ -38,43 +44,46 @@ def main() -> None:
             "training and rendering": trained(Path(folder), options.minutes),
             "surveys": surveyed(Path(folder), options.surveys),
         }
-    print("| what | rounds | memory, first to last | slope per round (95 %) |\n| --- | ---: | ---: | ---: |")
-    for name, mb in found.items():
-        print(f"| {name} | {len(mb)} | {mb[len(mb) // 3]:.1f} to {mb[-1]:.1f} MB | {slope(mb)} |")
+    print("| what | rounds | memory, first to last | per round (95 %) | blocks per round (95 %) |")
+    print("| --- | ---: | ---: | ---: | ---: |")
+    for name, used in found.items():
+        mb, blocks = zip(*used, strict=True)
+        ends = f"{mb[len(mb) // 3]:.1f} to {mb[-1]:.1f} MB"
+        print(f"| {name} | {len(used)} | {ends} | {slope(mb, 1e3)} kB | {slope(blocks)} |")
     if options.json is not None:
         options.json.write_text(json.dumps(found))
 
 
-def memory_mb() -> float:
+def memory() -> Used:
     """What belongs to this process alone, after what nobody refers to is freed."""
     gc.collect()
-    return float(psutil.Process().memory_full_info().uss / 1e6)
+    return psutil.Process().memory_full_info().uss / 1e6, sys.getallocatedblocks()
 
 
-def slope(mb: list[float]) -> str:
-    """In kB, over the last two thirds of the rounds."""
-    middle, _, low, high = theilslopes(mb[len(mb) // 3 :])
-    return f"{1e3 * middle:+.1f} kB ({1e3 * low:+.1f} to {1e3 * high:+.1f})"
+def slope(values: Sequence[float], unit: float = 1.0) -> str:
+    """Per round, over the last two thirds of the rounds."""
+    middle, _, low, high = theilslopes(values[len(values) // 3 :])
+    return f"{unit * middle:+.1f} ({unit * low:+.1f} to {unit * high:+.1f})"
 
 
-def trained(folder: Path, minutes: float) -> list[float]:
+def trained(folder: Path, minutes: float) -> list[Used]:
     """Memory after each round of training and rendering."""
-    run, end, used = folder / "run", time.monotonic() + 60 * minutes, []
+    run, end, used = folder / "run", time.monotonic() + 60 * minutes, list[Used]()
     train_scene(bundled_span(), run, steps=STEPS, downscale=8)
     while time.monotonic() < end:
         resume_run(bundled_span(), run, steps=STEPS * (len(used) + 2))
         render(run, views="test", outputs=("rgb", "depth"), scale=0.5, video=False)
-        used.append(memory_mb())
+        used.append(memory())
     return used
 
 
-def surveyed(folder: Path, count: int) -> list[float]:
+def surveyed(folder: Path, count: int) -> list[Used]:
     """Memory after each survey."""
-    cloud, used = write_cloud(folder / "cloud.las"), []
+    cloud, used = write_cloud(folder / "cloud.las"), list[Used]()
     for _ in range(count):
         found, _ = survey(cloud, out=folder / "survey")
         assert found.wires
-        used.append(memory_mb())
+        used.append(memory())
     return used
 
 

@@ -31,6 +31,8 @@ class Fault:
     """Of `FAULTS`."""
     after_s: float = 0.0
     """A signal comes so much later."""
+    stage: str = ""
+    """Changes are counted from the beginning of this stage; "": from that of the command."""
 
 
 NONE = Fault(0)
@@ -44,6 +46,12 @@ class Changes:
 
     def __init__(self, folder: Path, fault: Fault = NONE) -> None:
         self.folder, self.fault, self.count = os.path.abspath(folder), fault, 0
+        self._at = 0 if fault.stage else fault.at
+
+    def begin(self, stage: str) -> None:
+        """A stage of the command begins."""
+        if stage == self.fault.stage:
+            self._at = self.count + self.fault.at
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
         if event not in CHANGES and event != "open":
@@ -54,13 +62,13 @@ class Changes:
         if event == "open" and not (isinstance(others[1], int) and others[1] & WRITING):
             return
         self.count += 1
-        if 0 < self.fault.at <= self.count:
+        if 0 < self._at <= self.count:
             self._fail(event)
 
     def _fail(self, event: str) -> None:
         what, after_s = FAULTS[self.fault.what], self.fault.after_s
         if isinstance(what, signal.Signals):
-            if self.count > self.fault.at:
+            if self.count > self._at:
                 return
             if after_s:
                 threading.Timer(after_s, os.kill, (os.getpid(), what)).start()

@@ -1,6 +1,7 @@
 """Scenes of a few kilobytes, and what `reconstruct` makes of them where nothing disturbs it."""
 
 import shutil
+import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +9,9 @@ from pathlib import Path
 import pytest
 from tests.capture.test_capture import photos_with_positions
 from tests.conftest import write_tiny_scene
+from tests.faults.changes import NONE, Fault
 from tests.faults.results import differing, result
-from tests.faults.small_reconstruct import Fault, log_of, run, stages_of
+from tests.faults.small_reconstruct import log_of, run, stages_of
 
 SOURCES = ("posed", "photos")
 
@@ -29,11 +31,21 @@ class Undisturbed:
         assert status == 0, f"the same command again ended with {status}: {log_of(out).read_text()}"
         assert differing(result(out), self.result) == []
 
-    def disturbed(self, out: Path, fault: Fault, **limits: int) -> tuple[int, str]:
-        """Exit status and output of the command in a new folder, with a fault."""
+    def disturbed(
+        self, out: Path, fault: Fault, *, begun: Path | None = None, **limits: int
+    ) -> tuple[int, str]:
+        """Exit status and output of the command with a fault: in a new folder, or a copy of one begun."""
         shutil.rmtree(out, ignore_errors=True)
+        if begun is not None:
+            shutil.copytree(begun, out)
         status = run(self.source, out, fault, **limits)
         return status, log_of(out).read_text()
+
+    def until(self, stage: str | None, out: Path) -> Path:
+        """A folder with all that a command in `out` makes before a stage; None: with its result."""
+        status, printed = self.disturbed(out, Fault(1, stage=stage) if stage else NONE)
+        assert status == (-signal.SIGKILL if stage else 0), printed
+        return out.rename(out.with_name(f"until-{stage}"))
 
 
 @pytest.fixture(scope="session")

@@ -76,6 +76,7 @@ def _reconstruct(source: str, out: str, fault: Fault, limits: dict[str, int]) ->
 
         def begun(stage: str) -> None:
             stages.write(f"{stage} {changes.count + 1}\n")
+            changes.begin(stage)
 
         _make_small(begun)
         sys.addaudithook(changes)

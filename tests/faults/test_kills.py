@@ -21,9 +21,9 @@ LATEST_S = 0.2
 
 def moments(undisturbed: Undisturbed, stage: str, what: str, count: int) -> list[Fault]:
     """Drawn moments of a stage."""
-    draw = random.Random(f"{stage} {what}")
+    draw, changes = random.Random(f"{stage} {what}"), len(undisturbed.stages[stage])
     return [
-        Fault(draw.choice(undisturbed.stages[stage]), what, draw.uniform(0, LATEST_S) * (i % 2))
+        Fault(1 + draw.randrange(changes), what, draw.uniform(0, LATEST_S) * (i % 2), stage)
         for i in range(count)
     ]
 
@@ -32,11 +32,13 @@ def moments(undisturbed: Undisturbed, stage: str, what: str, count: int) -> list
 def test_a_killed_command_is_given_again(
     source: str, stage: str, undisturbed: dict[str, Undisturbed], out: Path
 ) -> None:
-    for fault in moments(undisturbed[source], stage, "kill", KILLS[source]):
-        status, printed = undisturbed[source].disturbed(out, fault)
+    whole = undisturbed[source]
+    begun = whole.until(stage, out)
+    for fault in moments(whole, stage, "kill", KILLS[source]):
+        status, printed = whole.disturbed(out, fault, begun=begun)
         assert status in {-signal.SIGKILL, 0} and (status or fault.after_s), (fault, printed)
         assert stage in stages_of(out)
-        undisturbed[source].check_again(out)
+        whole.check_again(out)
 
 
 @pytest.mark.parametrize(("what", "expected"), [("terminate", 143), ("interrupt", 130)])
@@ -45,9 +47,11 @@ def test_a_command_that_is_stopped_says_so_and_goes_on(
     what: str, expected: int, source: str, stage: str, undisturbed: dict[str, Undisturbed], out: Path
 ) -> None:
     assert what in FAULTS
-    for fault in moments(undisturbed[source], stage, what, 2):
-        status, printed = undisturbed[source].disturbed(out, fault)
+    whole = undisturbed[source]
+    begun = whole.until(stage, out)
+    for fault in moments(whole, stage, what, 2):
+        status, printed = whole.disturbed(out, fault, begun=begun)
         assert status in {expected, 0} and (status or fault.after_s), (fault, printed)
         assert "Traceback" not in printed and "***" not in printed, printed
         assert not status or "The same command goes on from what is done." in printed
-        undisturbed[source].check_again(out)
+        whole.check_again(out)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from tests.faults.changes import Fault
 from tests.faults.conftest import SOURCES, Undisturbed
 from tests.faults.results import differing, result
 from tests.faults.small_reconstruct import log_of, run
@@ -32,11 +31,8 @@ def test_a_lost_file(
     after: str, loss: str, source: str, undisturbed: dict[str, Undisturbed], out: Path
 ) -> None:
     """After all stages; and after training, where all that follows is to be made of what is left."""
-    kept, whole = out.with_name("kept"), undisturbed[source]
-    following = {"train": "eval", "survey": ""}[after]
-    fault = Fault(whole.stages[following].start) if following else Fault(0)
-    run(whole.source, out, fault)
-    out.rename(kept)
+    whole = undisturbed[source]
+    kept = whole.until({"train": "eval", "survey": None}[after], out)
     for name in sorted(result(kept)):
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(kept, out)
