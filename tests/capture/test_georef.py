@@ -147,13 +147,16 @@ def test_geo_txt_of_odm(tmp_path: Path) -> None:
         ("EPSG:32632\na.jpg 1 2\n", r"line 2 should be `image x y z"),
         ("EPSG:32632\na.jpg 1 2 nan\n", r"line 2 should be"),
         ("EPSG:32632\na.jpg 1 2 3 nan nan nan inf 1\n", r"line 2 should be"),
+        ("EPSG:32632\na.jpg 1 2" + 9_999 * " x", r"line 2 should be"),
         ("EPSG:32632\nz.jpg 1 2 3\n", "none is among the 1 images here"),
+        ("EPSG:32632\n" + 9_999 * "z" + " 1 2 3\n", "none is among the 1 images here"),
     ],
 )
 def test_a_geo_txt_that_cannot_be_used_says_why(text: str, why: str, tmp_path: Path) -> None:
     (tmp_path / "geo.txt").write_text(text)
-    with pytest.raises(CaptureError, match=why):
+    with pytest.raises(CaptureError, match=why) as caught:
         read_geo_txt(tmp_path / "geo.txt", ["a.jpg"])
+    assert len(str(caught.value)) < 1000
 
 
 def test_no_position_for_any_posed_image_is_told() -> None:
@@ -212,14 +215,16 @@ def test_gcp_list_of_odm(tmp_path: Path) -> None:
     [
         ("x y z 1 2 a.jpg p3", r"line 7 should be `x y z pixel_x"),
         ("1 2 nan 4 5 a.jpg p3", r"line 7 should be `x y z pixel_x"),
+        ("1 2 x" + 9_999 * " 4", r"line 7 should be `x y z pixel_x"),
         ("1 2 3 4 a.jpg", r"line 7 should be `x y z pixel_x pixel_y image"),
         ("600000 5700000 302 1 2 b.jpg p1", r"line 7: control point p1 is at .* here and at .* before"),
     ],
 )
 def test_a_gcp_list_that_cannot_be_used_says_why(line: str, why: str, tmp_path: Path) -> None:
     (tmp_path / "gcp_list.txt").write_text(GCP + line + "\n")
-    with pytest.raises(CaptureError, match=why):
+    with pytest.raises(CaptureError, match=why) as caught:
         read_gcp_list(tmp_path / "gcp_list.txt", ["a.jpg", "b.jpg"])
+    assert len(str(caught.value)) < 1000
 
 
 def test_rays_meet_where_they_are_nearest() -> None:

@@ -20,6 +20,7 @@ from plnerf.capture.accuracy import Role
 from plnerf.capture.heights import with_heights
 from plnerf.capture.references import crs_of, names_by_file, read_rows
 from plnerf.errors import CaptureError
+from plnerf.scene.strict_json import shown
 
 GCP_LIST = "gcp_list.txt"
 SIGMA_M = 0.02
@@ -68,8 +69,8 @@ def read_gcp_list(path: Path, names: Sequence[str], height_datum: str | None = N
             numbers = []
         if len(numbers) < 5 or len(words) < 6 or not all(map(math.isfinite, numbers)):
             raise CaptureError(
-                f"{path}, line {number} should be `x y z pixel_x pixel_y image [name]`, but is {line!r}. "
-                "Correct it; a name with spaces is not possible."
+                f"{path}, line {number} should be `x y z pixel_x pixel_y image [name]`, but is "
+                f"{shown(line, 200)}. Correct it; a name with spaces is not possible."
             )
         x, y, z, px, py = numbers
         point = words[6] if len(words) > 6 else f"{x:.3f} {y:.3f} {z:.3f}"
@@ -84,7 +85,7 @@ def read_gcp_list(path: Path, names: Sequence[str], height_datum: str | None = N
             )
         seen.setdefault(point, {})[image] = (px, py)
         if len(words) > 7 and words[7].lower() not in ROLES:
-            problems.append(f"{point}: {words[7]!r} is no role (control, check) and is not considered")
+            problems.append(f"{point}: {shown(words[7])} is no role (control, check) and is not considered")
         elif len(words) > 7:
             role = ROLES[words[7].lower()]
             if roles.setdefault(point, role) != role:

@@ -13,6 +13,7 @@ from plnerf.capture.exif import HORIZONTAL_M, VERTICAL_M, PhotoFacts
 from plnerf.capture.heights import ELLIPSOID, with_heights
 from plnerf.capture.local_frame import check_crs
 from plnerf.errors import CaptureError
+from plnerf.scene.strict_json import shown
 
 GEO_TXT = "geo.txt"
 WGS_84 = "EPSG:4326"
@@ -105,8 +106,9 @@ def read_geo_txt(path: Path, names: Sequence[str], height_datum: str | None = No
         else:
             found[name] = reference
     if not found:
+        first = shown(rows[1][1].split()[0])
         raise CaptureError(
-            f"{path} gives positions of {len(rows) - 1} images, the first of them {rows[1][1].split()[0]!r}, "
+            f"{path} gives positions of {len(rows) - 1} images, the first of them {first}, "
             f"but none is among the {len(names)} images here, such as {next(iter(names), None)!r}. Are the "
             "names the same?"
         )
@@ -151,7 +153,7 @@ def _row(line: str, where: str) -> tuple[str, Reference]:
     if len(numbers) < 3 or not all(map(math.isfinite, numbers[:3] + numbers[6:8])):
         raise CaptureError(
             f"{where} should be `image x y z [yaw pitch roll [horizontal [vertical accuracy]]]`, but is "
-            f"{line!r}. Correct it; a name with spaces is not possible."
+            f"{shown(line, 200)}. Correct it; a name with spaces is not possible."
         )
     horizontal = numbers[6] if len(numbers) > 6 and numbers[6] > 0 else HORIZONTAL_M
     vertical = numbers[7] if len(numbers) > 7 and numbers[7] > 0 else VERTICAL_M
