@@ -14,15 +14,8 @@ LIMIT_S = 300
 
 
 def main() -> int:
-    command = [
-        sys.argv[1],
-        "-r",
-        LOCK,
-        "--disable-pip",
-        "--require-hashes",
-        "--format=json",
-        "--progress-spinner=off",
-    ]
+    options = ["--disable-pip", "--require-hashes", "--format=json", "--progress-spinner=off"]
+    command = [sys.argv[1], "-r", LOCK, *options]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LIMIT_S)
     except (OSError, subprocess.TimeoutExpired) as error:

@@ -84,14 +84,17 @@ def fuzz_in_processes(name: str, runs: int, options: argparse.Namespace) -> tupl
     out = options.out / name.replace("/", "_")
     out.mkdir(parents=True, exist_ok=True)
     (out / "log.txt").unlink(missing_ok=True)
-    done, accepted, ends = 0, 0, []
+    done, accepted, ends, count = 0, 0, [], out / "count.txt"
     for turn in range(RESTARTS):
+        count.unlink(missing_ok=True)
         command = [sys.executable, __file__, "--child", name, "--runs", str(runs - done), "--out", str(out)]
         command += ["--seed", str(options.seed + turn), *["--blind"] * options.blind]
         with (out / "output.txt").open("wb") as output:
             ended = subprocess.run(command, stdout=output, stderr=output, check=False, timeout=3600)
-        counts = [line.split() for line in (out / "count.txt").read_text().splitlines()]
-        done, accepted = done + int(counts[-1][0]), accepted + int(counts[-1][1])
+        if not count.exists():
+            sys.exit(f"{name} was not begun: {(out / 'output.txt').read_text(errors='replace')[-1000:]}")
+        fed, taken = (count.read_text().splitlines() or ["0 0"])[-1].split()
+        done, accepted = done + int(fed), accepted + int(taken)
         if ended.returncode in {0, 77}:
             break
         ends.append(f"process ended with {ended.returncode}, on {keep(out, (out / 'last.bin').read_bytes())}")
