@@ -105,6 +105,24 @@ def test_where_chains_meet_outside_the_volume_there_is_nothing() -> None:
     assert len(curves_where_chains_meet(chains, views, X, LOW, HIGH, steep)) == 0
 
 
+def test_a_chain_that_clutter_cuts_short_meets_what_others_show() -> None:
+    """Each of two chains is a half of the wire: they meet if they may be longer by as much again."""
+    wire, views = hanging(0.0, 0.05), views_of(two_passes(1))
+    chains = chains_seen(views, wire)
+    assert chains.first.tolist() == [0, 1, 2]
+    cut = np.zeros((2, 2))
+    for n, shown in ((0, [-0.9 * HALF, -0.05 * HALF]), (1, [0.05 * HALF, 0.9 * HALF])):
+        points = at_x(wire, np.array(shown))
+        seen = (points - views.centre[n]) @ views.R[n].T
+        cut[n] = np.sort(seen[:, :2] / seen[:, 2:] @ chains.along[n])
+    halves = chains._replace(ends=cut)
+
+    def met(one: Chains, spare: float) -> int:
+        return len(curves_where_chains_meet(one, views, X, LOW, HIGH, replace(CONFIG, spare=spare)))
+
+    assert met(chains, 0.1) > 0 and met(halves, 0.1) == 0 and met(halves, CONFIG.spare_alike) > 0
+
+
 def test_partners_see_the_same_places_from_aside() -> None:
     """Two tracks at one height and one above: in a line between two, only the third shows where it is."""
     x = np.linspace(-0.5, 0.5, 5)

@@ -147,8 +147,10 @@ class ChainConfig:
     """So many partners of a view are to show a place."""
     least_angle: float = 0.07
     """Sine of the angle between a line of sight and the surface that it meets, at least."""
-    spare: float = 0.5
-    """A chain may be longer than it is seen, to either side, by this fraction."""
+    spare: float = 0.1
+    """A chain may be longer than it is seen, to either side, by this fraction;"""
+    spare_alike: float = 0.5
+    """and where it is known how wires hang, or where they begin, by this one: clutter cuts chains short."""
     least_length: float = 0.07
     """Shortest stretch along the window in which two chains meet."""
     max_askew: float = 0.1
@@ -165,8 +167,9 @@ class ChainConfig:
         counts = (self.most, self.partners, self.often)
         lengths = (self.least_px, self.rms_px, self.least_length, self.bend_prior)
         check(
-            min(*lengths, *counts, self.max_askew, self.max_slope, self.max_sag) > 0 and self.spare >= 0,
-            "detect.chains needs positive lengths, counts and limits, and spare of 0 or more",
+            min(*lengths, *counts, self.max_askew, self.max_slope, self.max_sag) > 0
+            and min(self.spare, self.spare_alike) >= 0,
+            "detect.chains needs positive lengths, counts and limits, and spare and spare_alike of 0 or more",
             self,
         )
         check(

@@ -58,13 +58,17 @@ class Search:
         """From the first plane to the last."""
         return float(self.x[-1] - self.x[0])
 
-    def met(self, window: Window) -> Float[np.ndarray, "c 6"]:
-        """Curves in which chains of two views meet, of all ridges, whether a line has them or not."""
+    def met(self, window: Window, spare: float) -> Float[np.ndarray, "c 6"]:
+        """Curves in which chains of two views meet, of all ridges, whether a line has them or not.
+
+        spare: by which part of its length a chain may be longer.
+        """
         if self._chains is None:
-            config = self.config
-            self._chains = chains_of(self.responses, self.views, config.odds.min_response, config.chains)
+            least = self.config.odds.min_response
+            self._chains = chains_of(self.responses, self.views, least, self.config.chains)
+        config = replace(self.config.chains, spare=spare)
         box = (window.low, window.high)
-        return curves_where_chains_meet(self._chains, self.views, self.x, *box, self.config.chains)
+        return curves_where_chains_meet(self._chains, self.views, self.x, *box, config)
 
     def rated(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "3 c"]:
         """Odds of each curve's best stretch on a few planes, and where it begins and ends, 0 to 1."""

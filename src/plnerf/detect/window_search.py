@@ -37,7 +37,7 @@ def find_lines(
     ends: of wires of other directions (`continuations.py`).
     """
     config = search.config
-    met = search.distinct(search.met(window))
+    met = search.distinct(search.met(window, config.chains.spare))
 
     def judged(line: Candidate) -> Candidate:
         likeness = surroundings.likeness(line, search.views, window.views, search.x, config.certainty)
@@ -47,6 +47,7 @@ def find_lines(
     first = leaders(lines, search.length, config.select)
     if first and first[0].fixed:
         lines = without_mixtures(search, refit_all(search, lines))
+        met = search.distinct(search.met(window, config.chains.spare_alike))
         for _ in range(config.search.rounds):
             new = _like_the_leaders(search, met, lines, judged)
             lines += new
@@ -100,7 +101,7 @@ def _going_on(
     def wanted(line: Candidate) -> bool:
         return bool(goes_on(line.theta[None], x[np.array([line.seen])], ends, x, config.search)[0])
 
-    met = search.met(window)
+    met = search.met(window, config.chains.spare_alike)
     least, most = config.select.min_odds_continued, config.search.max_lines
     found = _found_near(search, met[onward(met)], least, most, judged, wanted)
     in_air = [line for line in found if not line.likeness > config.select.lies]
