@@ -233,6 +233,30 @@ class JoinConfig:
 
 
 @dataclass(frozen=True)
+class MeetConfig:
+    """Where wires of two spans meet, at the structure that holds both (`structures.py`)."""
+
+    about: float = 0.15
+    """Wires meet within this fraction of their length of their ends, before them or beyond."""
+    sigmas: float = 3.0
+    """They pass each other by so many standard deviations of both at most."""
+    most_sigma: float = 0.005
+    """Where a wire is less certain than this, in units of its length, nothing is known to meet it."""
+    most_turn_rad: float = math.radians(65.0)
+    """A line turns by this angle at most."""
+    step: float = 0.001
+    """Spacing of the places that are compared, in the same unit."""
+
+    def __post_init__(self) -> None:
+        check(
+            min(self.about, self.sigmas, self.most_sigma, self.most_turn_rad, self.step) > 0
+            and self.about < 0.5,
+            "detect.meet needs positive numbers, and about below 0.5",
+            self,
+        )
+
+
+@dataclass(frozen=True)
 class CertaintyConfig:
     """When the place of a wire is certain, and how far from its curve it may lie (`candidate.py`)."""
 
@@ -277,6 +301,7 @@ class DetectConfig:
     surroundings: SurroundingsConfig = field(default_factory=SurroundingsConfig)
     select: SelectConfig = field(default_factory=SelectConfig)
     join: JoinConfig = field(default_factory=JoinConfig)
+    meet: MeetConfig = field(default_factory=MeetConfig)
     certainty: CertaintyConfig = field(default_factory=CertaintyConfig)
     ridges: RidgeConfig = field(default_factory=RidgeConfig)
     """Of the maps that choose detail pixels where `train.detail_map` is "ridge"."""

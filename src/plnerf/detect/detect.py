@@ -24,6 +24,7 @@ from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search, Sharpness
 from plnerf.detect.segments import Segments, linked, segments_of
+from plnerf.detect.structures import ended_where_they_meet
 from plnerf.detect.surroundings import Surroundings, projected
 from plnerf.detect.to_wire import certain_stretch, known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
@@ -78,7 +79,8 @@ def detect_wires(
         known.others = known.taken.copy()
         report(images + (images + 2 * most) * len(searched) // most)
     report(steps)
-    return tuple(replace(wire, id=number) for number, wire in enumerate(known.wires, 1))
+    wires = ended_where_they_meet(known.wires, config.meet)
+    return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
 
 
 def compile_kernels() -> None:
