@@ -38,14 +38,22 @@ def replace_result(folder: Path) -> None:
         write(new, NEW)
 
 
-def killed_at(step: int, monkeypatch: pytest.MonkeyPatch, call: Callable[[], None]) -> bool:
-    """Whether the call was killed before its k-th change of the disk; all later ones fail as well."""
+def killed_at(
+    step: int,
+    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[[], None],
+    end: type[BaseException] = Killed,
+) -> bool:
+    """Whether the call was ended before its k-th change of the disk.
+
+    A kill lets all later changes fail as well; Ctrl-C (KeyboardInterrupt) comes once.
+    """
     done = itertools.count()
 
     def guarded(change: Callable[..., Any]) -> Callable[..., Any]:
         def one(*args: Any, **kwargs: Any) -> Any:
-            if next(done) >= step:
-                raise Killed
+            if (number := next(done)) == step or (number > step and end is Killed):
+                raise end
             return change(*args, **kwargs)
 
         return one
@@ -56,7 +64,7 @@ def killed_at(step: int, monkeypatch: pytest.MonkeyPatch, call: Callable[[], Non
         patch.setattr(shutil, "rmtree", guarded(shutil.rmtree))
         try:
             call()
-        except Killed:
+        except end:
             return True
     return False
 
@@ -79,6 +87,25 @@ def test_killed_at_any_moment_it_is_one_result_or_the_other(
         assert files_in(folder) == NEW | OTHERS
         assert not [path for path in folder.iterdir() if path.name.startswith(".")]
         if not killed:
+            break
+    assert len(seen) > 20 and seen == sorted(seen) and 5 < sum(seen) < len(seen) - 5
+
+
+def test_interrupted_at_any_moment_no_file_is_between_two_places(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C lets a process put things in order."""
+    seen = []
+    for step in itertools.count():
+        folder = tmp_path / str(step)
+        write(folder, OLD | OTHERS)
+        interrupted = killed_at(
+            step, monkeypatch, lambda folder=folder: replace_result(folder), KeyboardInterrupt
+        )
+        found = {name: text for name, text in files_in(folder).items() if not name.startswith(".new")}
+        assert found in (OLD | OTHERS, NEW | OTHERS), step
+        seen.append(found == NEW | OTHERS)
+        if not interrupted:
             break
     assert len(seen) > 20 and seen == sorted(seen) and 5 < sum(seen) < len(seen) - 5
 

@@ -49,10 +49,13 @@ def whole_result(folder: Path, patterns: Sequence[str]) -> Iterator[Path]:
             names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
             (new / LIST).write_text(json.dumps(asdict(_List(tuple(patterns), tuple(names)))))
             new.rename(folder / COMPLETE)
+            _move(folder)
+    except KeyboardInterrupt:
+        with _writing(folder):
+            _move(folder)  # what is complete counts, and is not left between two places
+        raise
     finally:
         shutil.rmtree(new, ignore_errors=True)
-    with _writing(folder):
-        _move(folder)
 
 
 @contextmanager
