@@ -442,6 +442,35 @@ def test_sigterm_does_as_ctrl_c(
     assert signal.getsignal(signal.SIGTERM) == before
 
 
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_where_nothing_can_be_raised_comes_again(
+    number: signal.Signals,
+    status: int,
+    tiny_scene: Path,
+    tmp_path: Path,
+    plnerf: Call,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In a destructor: Python prints a traceback there, and goes on."""
+
+    class Destroyed:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), number)
+
+    def train(*_: object, **__: object) -> None:
+        Destroyed()
+        time.sleep(20)
+
+    monkeypatch.setattr("plnerf.pipeline.train_loop", train)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
+    try:
+        done = plnerf("train", tiny_scene, "-o", tmp_path / "run", "--steps", "1", *SET)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done.status == status and "Traceback" not in done.err
+    assert done.err.endswith("ed. The run goes on with --resume.\n")
+
+
 def test_the_real_command_too(tmp_path: Path) -> None:
     done = run_plnerf("eval", tmp_path)
     assert_one_paragraph(Result(done.returncode, done.stdout, done.stderr))

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 import plnerf.cli.view as command
-from plnerf.cli.main import Terminated, main
+from plnerf.cli.main import main
+from plnerf.cli.stop import Terminated
 from plnerf.errors import ConfigError
 
 

@@ -7,7 +7,6 @@ defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 143 o
 
 import os
 import re
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -23,6 +22,7 @@ from plnerf.cli.change import change
 from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
+from plnerf.cli.stop import Terminated, stoppable
 from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.train import demo, eval, render, train
 from plnerf.cli.view import view
@@ -108,14 +108,6 @@ def about_defect(error: Exception, arguments: Sequence[str]) -> str:
     return f"plnerf met an error that it should have handled: {type(error).__name__}, {message}. {do}"
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM, which ends a command as Ctrl-C does: what is half-written is removed."""
-
-
-def _terminate(*_: object) -> None:
-    raise Terminated
-
-
 def main() -> None:
     """Entry point of the `plnerf` command."""
     # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the
@@ -135,9 +127,8 @@ def main() -> None:
         console.print(f"note: {one_line(str(message))}", markup=False, highlight=False, soft_wrap=True)
 
     arguments, results = sys.argv[1:], {}
-    before = signal.signal(signal.SIGTERM, _terminate)
     try:
-        with warnings.catch_warnings():
+        with stoppable(), warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
             for preset, settings in starts(arguments).items():  # the same options on top of each
@@ -160,8 +151,6 @@ def main() -> None:
             sys.exit(1)
         fail("Defect", about_defect(error, sys.argv[1:]))
         sys.exit(DEFECT)
-    finally:
-        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,52 @@
+"""Ctrl-C and SIGTERM end a command alike, and neither is lost.
+
+Python raises what a signal's handler raises wherever the main thread is.  In a destructor, after a fork or
+in a callback of native code nothing can be raised: Python prints a traceback there, and goes on as if no
+signal had come.
+"""
+
+import _thread
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+AGAIN_S = 0.02
+"""After a signal that Python could not raise, it comes once more."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a command as Ctrl-C does: what is half-written is removed."""
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """While the block runs, SIGTERM raises `Terminated`, and a signal that is not raised comes again."""
+    before, hook = signal.signal(signal.SIGTERM, _terminate), sys.unraisablehook
+    sys.unraisablehook = _again_before(hook)
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def _terminate(*_: object) -> None:
+    raise Terminated
+
+
+def _again_before(hook: Callable[[Any], object]) -> Callable[[Any], object]:
+    def heard(unraisable: Any) -> None:
+        stop = unraisable.exc_value
+        if not isinstance(stop, KeyboardInterrupt):
+            hook(unraisable)
+            return
+        number = signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT
+        # By another thread: here, too, nothing can be raised.
+        once_more = threading.Timer(AGAIN_S, _thread.interrupt_main, (number,))
+        once_more.daemon = True
+        once_more.start()
+
+    return heard
