@@ -2,7 +2,7 @@
 
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,13 +32,22 @@ class Undisturbed:
         assert differing(result(out), self.result) == []
 
     def disturbed(
-        self, out: Path, fault: Fault, *, begun: Path | None = None, **limits: int
+        self,
+        out: Path,
+        fault: Fault,
+        *,
+        begun: Path | None = None,
+        command: Sequence[str] = (),
+        **limits: int,
     ) -> tuple[int, str]:
-        """Exit status and output of the command with a fault: in a new folder, or a copy of one begun."""
+        """Exit status and output of a command with a fault: in a new folder, or a copy of one begun.
+
+        command, limits: as of `start`.
+        """
         shutil.rmtree(out, ignore_errors=True)
         if begun is not None:
             shutil.copytree(begun, out)
-        status = run(self.source, out, fault, **limits)
+        status = run(self.source, out, fault, command, **limits)
         return status, log_of(out).read_text()
 
     def until(self, stage: str | None, out: Path) -> Path:

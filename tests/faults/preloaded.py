@@ -2,8 +2,11 @@
 
 # ruff: noqa: F401
 import imageio
+import scipy.signal
+import scipy.stats
 import tests.support.tiny_run
 import torch.utils.tensorboard
+import torchmetrics.image
 
 import plnerf.cli.main
 import plnerf.console

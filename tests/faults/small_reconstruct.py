@@ -1,8 +1,8 @@
-"""`plnerf reconstruct SOURCE -o OUT` in seconds and to the same bits, in processes that may be disturbed.
+"""`plnerf reconstruct SOURCE -o OUT`, and its stages by themselves, in seconds and to the same bits.
 
 The command line, its handling of signals and errors and all stages are those of users; the model is small,
 the budget is in steps in place of seconds, and the path has two frames.  Each process is forked from a server
-that has imported everything, and shares nothing else with the one that tests.
+that has imported everything, may be disturbed, and shares nothing else with the one that tests.
 """
 
 import multiprocessing
@@ -10,7 +10,7 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
@@ -24,22 +24,26 @@ ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OP
 LIMIT_S = 300.0
 
 
-def start(source: Path, out: Path, fault: Fault = NONE, **limits: int) -> ForkServerProcess:
+def start(
+    source: Path, out: Path, fault: Fault = NONE, command: Sequence[str] = (), **limits: int
+) -> ForkServerProcess:
     """Starts the command; what it prints goes to `log_of(out)`.
 
+    command: the arguments of plnerf in place of `reconstruct SOURCE -o OUT`.
     limits: by the names of `resource`, such as RLIMIT_FSIZE, in bytes.
     """
+    arguments = [*command] or ["reconstruct", str(source), "-o", str(out)]
     os.environ.update(ONE_THREAD)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.faults.preloaded"])
-    process = context.Process(target=_reconstruct, args=(str(source), str(out), fault, limits))
+    process = context.Process(target=_main, args=(arguments, str(out), fault, limits))
     process.start()
     return process
 
 
-def run(source: Path, out: Path, fault: Fault = NONE, **limits: int) -> int:
+def run(source: Path, out: Path, fault: Fault = NONE, command: Sequence[str] = (), **limits: int) -> int:
     """Exit status of the command, or minus the signal that ended it; arguments as of `start`."""
-    process = start(source, out, fault, **limits)
+    process = start(source, out, fault, command, **limits)
     process.join(LIMIT_S)
     if process.exitcode is None:
         process.kill()
@@ -64,7 +68,7 @@ def stages_of(out: Path) -> dict[str, range]:
     return {name: range(first, end) for (name, _), first, end in named if name != "end"}
 
 
-def _reconstruct(source: str, out: str, fault: Fault, limits: dict[str, int]) -> None:
+def _main(arguments: list[str], out: str, fault: Fault, limits: dict[str, int]) -> None:
     log = os.open(log_of(Path(out)), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     for stream in (1, 2):
         os.dup2(log, stream)
@@ -82,11 +86,13 @@ def _reconstruct(source: str, out: str, fault: Fault, limits: dict[str, int]) ->
         sys.addaudithook(changes)
         from plnerf.cli.main import main
 
-        sys.argv = ["plnerf", "reconstruct", source, "-o", out]
+        sys.argv = ["plnerf", *arguments]
         begun("start")
         try:
             main()
         finally:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_IGN)  # they come too late
             begun("end")
 
 

@@ -8,27 +8,36 @@ from pathlib import Path
 import pytest
 from tests.faults.changes import Fault
 from tests.faults.conftest import SOURCES, Undisturbed
-from tests.faults.small_reconstruct import log_of, run
+from tests.faults.small_reconstruct import log_of, run, stages_of
 
 pytestmark = pytest.mark.faults
 
-EVERY = {"full": 7, "read-only": 23}
-"""From one of so many changes of files on, the disk refuses them."""
+STAGES = [
+    ("posed", "start", 1), ("posed", "train", 1), ("posed", "eval", 1), ("posed", "render", 1),
+    ("posed", "survey", 1), ("photos", "start", 1), ("photos", "capture", 1), ("photos", "train", 20),
+    ("photos", "eval", 20), ("photos", "render", 20), ("photos", "survey", 20),
+]  # fmt: skip
+"""From each change of files on, or from one of so many, the disk is full."""
+READ_ONLY_EVERY = 20
 FILE_LIMITS = (100, 1_000, 5_000, 20_000, 60_000, 200_000)
 FREE_KB = (4, 16, 64, 128, 256, 400, 600, 800, 1_200)
 
 
-@pytest.mark.parametrize("source", SOURCES)
-@pytest.mark.parametrize("what", EVERY)
+@pytest.mark.parametrize(("source", "stage", "every"), STAGES)
 def test_a_disk_that_refuses_changes(
-    what: str, source: str, undisturbed: dict[str, Undisturbed], out: Path
+    source: str, stage: str, every: int, undisturbed: dict[str, Undisturbed], out: Path
 ) -> None:
-    last = max(changes.stop for changes in undisturbed[source].stages.values())
-    for at in range(1, last, EVERY[what]):
-        status, printed = undisturbed[source].disturbed(out, Fault(at, what))
+    whole = undisturbed[source]
+    begun = None if stage == "start" else whole.until(stage, out)
+    end = len(whole.stages[stage]) + 1
+    faults = [Fault(at, "full", stage=stage) for at in range(1, end, every)]
+    faults += [Fault(at, "read-only", stage=stage) for at in range(1, end, READ_ONLY_EVERY)]
+    for fault in faults:
+        status, printed = whole.disturbed(out, fault, begun=begun)
         # What cannot be written may also be what nobody needs: who holds the folder.
-        assert status in {0, 1} and "Traceback" not in printed, (at, printed)
-        undisturbed[source].check_again(out)
+        assert status in {0, 1} and "Traceback" not in printed, (fault, printed)
+        assert stage in stages_of(out)
+        whole.check_again(out)
 
 
 @pytest.mark.parametrize("source", SOURCES)

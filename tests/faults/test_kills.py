@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from tests.faults.changes import FAULTS, Fault
 from tests.faults.conftest import Undisturbed
-from tests.faults.small_reconstruct import stages_of
+from tests.faults.results import differing, result
+from tests.faults.small_reconstruct import log_of, run, stages_of
 
 pytestmark = pytest.mark.faults
 
@@ -15,6 +16,9 @@ TRAINED = ("train", "eval", "render", "survey")
 STAGES = {"posed": TRAINED, "photos": ("capture", *TRAINED)}
 KILLS = {"posed": 10, "photos": 12}
 """In each stage: 100 in all."""
+SAID = {"terminate": "Terminated.", "interrupt": "Interrupted."}
+STOPS = 3
+"""Of each kind, in each stage."""
 LATEST_S = 0.2
 """Of half of the signals, after a change of files; the others come with it."""
 
@@ -49,9 +53,41 @@ def test_a_command_that_is_stopped_says_so_and_goes_on(
     assert what in FAULTS
     whole = undisturbed[source]
     begun = whole.until(stage, out)
-    for fault in moments(whole, stage, what, 2):
+    for fault in moments(whole, stage, what, STOPS):
         status, printed = whole.disturbed(out, fault, begun=begun)
         assert status in {expected, 0} and (status or fault.after_s), (fault, printed)
         assert "Traceback" not in printed and "***" not in printed, printed
         assert not status or "The same command goes on from what is done." in printed
         whole.check_again(out)
+
+
+@pytest.mark.parametrize(("what", "expected"), [("terminate", 143), ("interrupt", 130)])
+@pytest.mark.parametrize("stage", ["capture", "render", "survey"])
+def test_one_stage_by_itself_is_stopped(
+    what: str, expected: int, stage: str, undisturbed: dict[str, Undisturbed], out: Path
+) -> None:
+    """Pictures and surveys are then whole or not there; captures go on from what is done."""
+    whole, goes_on = undisturbed["photos"], stage == "capture"
+    command, folder, status_at_end = {
+        "capture": (["capture", str(whole.source), "-o", str(out / "scene")], "scene/", 0),
+        "render": (["render", str(out / "run"), "--frames", "2"], "run/renders/", 0),
+        "survey": (["survey", str(out / "run")], "run/survey/", 3),  # no wire is found
+    }[stage]
+    wanted = inside(folder, whole.result)
+    begun = whole.until(stage, out)
+    for fault in moments(whole, stage, what, STOPS):
+        status, printed = whole.disturbed(out, fault, begun=begun, command=command)
+        assert status == expected or (fault.after_s and status == status_at_end), (fault, printed)
+        assert "Traceback" not in printed and "***" not in printed, printed
+        if status == expected:
+            more = " The same command goes on from what is done." if goes_on else ""
+            assert f"{SAID[what]}{more}" in printed.splitlines(), printed
+            left = inside(folder, result(out))
+            assert goes_on or not left or differing(left, wanted) == [], (fault, sorted(left))
+        assert run(whole.source, out, command=command) == status_at_end, log_of(out).read_text()
+        assert differing(inside(folder, result(out)), wanted) == [], fault
+
+
+def inside(folder: str, files: dict[str, bytes]) -> dict[str, bytes]:
+    """Those of a folder."""
+    return {name: content for name, content in files.items() if name.startswith(folder)}
