@@ -24,12 +24,15 @@ from pathlib import Path
 from types import ModuleType
 
 ROOT = Path(__file__).resolve().parent.parent
-INSTRUMENTED = ["plnerf.scene", "plnerf.line.files", "plnerf.score", "plnerf.capture", "plnerf.train.run",
-                "plnerf.train.report", "plnerf.train.scene_record", "plnerf.survey.thresholds",
-                "plnerf.survey.lidar.point_cloud", "laspy"]  # fmt: skip
+INSTRUMENTED = ["plnerf.scene", "plnerf.line.files", "plnerf.score", "plnerf.capture",
+                "plnerf.mechanics.loads", "plnerf.mechanics.conductor", "plnerf.train.run",
+                "plnerf.train.report", "plnerf.train.scene_record", "plnerf.train.checkpoint",
+                "plnerf.train.true_pictures", "plnerf.survey.thresholds", "plnerf.survey.rule_file",
+                "plnerf.survey.map_objects", "plnerf.survey.lidar.point_cloud", "plnerf.view.points",
+                "laspy"]  # fmt: skip
 RESTARTS = 20
 """Of a reader whose process ended: more say nothing new."""
-LONGEST = 1 << 16
+LONGEST = 1 << 17
 """Bytes of an input."""
 
 

@@ -4,15 +4,18 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import imageio
 import numpy as np
+import torch
 from PIL import ExifTags, Image
 from tests.conftest import write_tiny_scene
 from tests.score.test_clouds import LINE, POINTS, text_of, write_las
 from tests.support.catenary_surveys import corridor
 from tests.support.tiny_run import SMALL, tiny_config
+from tests.survey.test_rules import FRAME, write_map
 
 from plnerf.capture.capture import _Chosen, _chosen_before, _Inputs
 from plnerf.capture.control import read_gcp_list
@@ -22,6 +25,8 @@ from plnerf.capture.references import read_geo_txt
 from plnerf.capture.summary import read_report
 from plnerf.capture.video import video_pictures
 from plnerf.line.files import read_survey, read_wires, write_survey_json, write_wires
+from plnerf.mechanics.conductor import load_conductor
+from plnerf.mechanics.loads import load_states
 from plnerf.pipeline import _read_state, bundled_span
 from plnerf.scene.decode import read_rgb
 from plnerf.scene.formats import read_listing
@@ -31,10 +36,16 @@ from plnerf.scene.scene import load_scene
 from plnerf.score.clouds import read_points
 from plnerf.score.truth import read_truth
 from plnerf.survey.lidar.point_cloud import read_cloud
+from plnerf.survey.map_objects import read_objects
+from plnerf.survey.rule_file import load_matrix
 from plnerf.survey.thresholds import TABLES, load_table
+from plnerf.train.checkpoint import load_checkpoint, save_checkpoint
+from plnerf.train.optimizer import TableAdam
 from plnerf.train.report import read_log
 from plnerf.train.run import read_config, write_run
 from plnerf.train.scene_record import read_record
+from plnerf.train.true_pictures import read_depth_mm, read_wire_mask
+from plnerf.view.points import read_survey_points
 
 NAMES = [f"{i:04d}.png" for i in range(12)]
 GCP = "EPSG:25832\n" + "\n".join(
@@ -118,6 +129,11 @@ def _pictures(folder: Path) -> Iterator[Reader]:
         path = folder / f"photo.{kind}"
         image.save(path, exif=exif)
         yield _reader(path, lambda path=path: read_rgb(path))
+    wires, depth = folder / "wires.png", folder / "depth.png"
+    image.convert("L").save(wires)
+    Image.fromarray(pixels[..., 0].astype(np.uint16)).save(depth)
+    yield _reader(wires, lambda: read_wire_mask(wires))
+    yield _reader(depth, lambda: read_depth_mm(depth))
     photo = folder / "facts.jpg"
     image.resize((320, 240)).save(photo, exif=exif, quality=30)
     yield _reader(photo, lambda: read_facts(photo))
@@ -145,6 +161,7 @@ def _points(folder: Path) -> Iterator[Reader]:
         write_las(folder / f"points.{kind}", POINTS, [14, 14, 2])
     ply = folder / "cloud.ply"
     yield Reader("points/ply", ply, lambda: read_ply(ply), (ply.read_bytes(),))
+    yield Reader("points/viewed", ply, lambda: read_survey_points(ply, FRAME), (ply.read_bytes(),))
     for path in sorted(folder.iterdir()):
         yield _reader(path, lambda path=path: read_points(path))
     for kind in ("las", "laz"):
@@ -166,6 +183,30 @@ def _surveys(folder: Path) -> Iterator[Reader]:
     yield _reader(folder / "wires.json", lambda: read_wires(folder / "wires.json"))
     yield _reader(folder / "truth.json", lambda: read_truth(folder / "truth.json"))
     yield _reader(folder / "clearances.toml", lambda: load_table(folder / "clearances.toml"))
+    yield from _tables(folder)
+    if find_spec("pyogrio") is not None:  # of the extra plnerf[gis]
+        yield from _maps(folder)
+
+
+def _tables(folder: Path) -> Iterator[Reader]:
+    """Rules, states and conductors, of which the package has some."""
+    of_kind: dict[str, tuple[str, Callable[[Path], object]]] = {
+        "rules": ("fac-003-5.toml", load_matrix),
+        "states": ("nesc-250b.toml", load_states),
+        "conductors": ("243-al1-39-st1a.toml", load_conductor),
+    }
+    for kind, (name, load) in of_kind.items():
+        path = folder / f"{kind}.toml"
+        shutil.copy(TABLES.parent / kind / name, path)
+        yield _reader(path, lambda load=load, path=path: load(path))
+
+
+def _maps(folder: Path) -> Iterator[Reader]:
+    for suffix in ("geojson", "gpkg"):
+        path = write_map(folder / f"map.{suffix}")
+        yield _reader(
+            path, lambda path=path: [one.shape.bounds for one in read_objects((path,), "class", FRAME)]
+        )
 
 
 def _runs(folder: Path) -> Iterator[Reader]:
@@ -179,6 +220,14 @@ def _runs(folder: Path) -> Iterator[Reader]:
     yield _reader(folder / "scene.json", lambda: read_record(folder))
     yield _reader(folder / "metrics.jsonl", lambda: read_log(folder / "metrics.jsonl"))
     yield _reader(folder / "reconstruct.json", lambda: _read_state(folder / "reconstruct.json"))
+    model = torch.nn.Linear(3, 2)
+    for value in model.parameters():
+        value.grad = torch.ones_like(value)
+    optimizer = TableAdam([{"params": [*model.parameters()]}], "numba")
+    optimizer.step()
+    kept = save_checkpoint(folder / "checkpoints", model, optimizer, step=1, seconds=1.5, frames={}).path
+    for path in (kept, kept.with_suffix(".safetensors")):
+        yield _reader(path, lambda: load_checkpoint(kept, model, optimizer))
 
 
 def _captures(folder: Path) -> Iterator[Reader]:

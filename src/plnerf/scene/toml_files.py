@@ -1,9 +1,11 @@
 """TOML files of the user's, or of the package by their names, with errors that name file and key."""
 
 import math
+import sys
 import tomllib
 from collections.abc import Collection, Mapping
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -26,15 +28,28 @@ def read_toml(path: Path, folder: str, what: str) -> dict[str, Any]:
             f"There is no {what} file {path}. Give the path of a TOML file, or one of the package: {known}."
         )
     try:
-        return tomllib.loads(place.read_text(encoding="utf-8"))
+        return toml_of(place)
     except OSError as error:
         raise ConfigError(f"The {what} file {path} cannot be read ({error.strerror or error}).") from error
     except ValueError as error:  # of TOML, or of the encoding
         raise ConfigError(f"{path} is not valid TOML ({error}).") from error
 
 
+def toml_of(path: Path | Traversable) -> dict[str, Any]:
+    """A TOML file's values.  Raises OSError where it cannot be read, ValueError where it is no TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("its values lie too deeply within each other") from None
+
+
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """A finite one, also as a float: a whole number may have any length."""
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max  # not of NaN
+    )
 
 
 class Fields:

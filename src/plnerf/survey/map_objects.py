@@ -97,8 +97,8 @@ def _layers(path: Path, field: str) -> list[_Layer]:
     try:
         names = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
         contents = [pyogrio.raw.read(path, layer=name) for name in names]
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
-        raise ConfigError(f"The map {path} cannot be read ({error}).") from error
+    except (RuntimeError, ValueError) as error:  # GDAL's are the former; a text that is not UTF-8
+        raise ConfigError(f"The map {path} cannot be read ({error}). Write it again.") from error
     found = [layer for content in contents if (layer := _layer(path, content, field)) is not None]
     if not found:
         raise ConfigError(
@@ -141,16 +141,24 @@ def _width(kind: MapClass, width: Any) -> float:
 def _of_file(path: Path, field: str, frame: LineFrame) -> list[MapObject]:
     import shapely
 
+    layers = _layers(path, field)
+    try:
+        return [one for layer in layers for one in _of_layer(layer, _onto(frame, layer.crs, path))]
+    except shapely.errors.ShapelyError as error:
+        raise ConfigError(f"The map {path} has a shape that is none ({error}). Repair it.") from error
+
+
+def _of_layer(layer: _Layer, to_line: Callable[[Flat], Flat]) -> list[MapObject]:
+    import shapely
+
     found = []
-    for layer in _layers(path, field):
-        to_line = _onto(frame, layer.crs, path)
-        for kind, wkb, width in zip(layer.kinds, layer.wkb, layer.widths_m, strict=True):
-            shape = shapely.transform(shapely.force_2d(shapely.from_wkb(wkb)), to_line)
-            if not shape.area:
-                shape = shapely.buffer(shape, width / 2, cap_style="flat" if shape.length else "round")
-            if not shape.is_empty:
-                shapely.prepare(shape)
-                found.append(MapObject(kind, shape))
+    for kind, wkb, width in zip(layer.kinds, layer.wkb, layer.widths_m, strict=True):
+        shape = shapely.transform(shapely.force_2d(shapely.from_wkb(wkb)), to_line)
+        if not shape.area:
+            shape = shapely.buffer(shape, width / 2, cap_style="flat" if shape.length else "round")
+        if not shape.is_empty:
+            shapely.prepare(shape)
+            found.append(MapObject(kind, shape))
     return found
 
 

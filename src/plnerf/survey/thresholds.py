@@ -5,7 +5,6 @@ and band of altitude.  Classes are never interpolated, because insulation is des
 """
 
 import math
-import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 from plnerf.errors import SurveyError
 from plnerf.line.clearances import GROUPS, Group, Requirement
 from plnerf.line.survey import Survey
+from plnerf.scene.toml_files import toml_of
 from plnerf.survey.altitude import Altitude, altitude_of
 
 METRES = {"ft": 0.3048, "m": 1.0}
@@ -162,7 +162,7 @@ def load_table(path: Path | None = None) -> Table:
     if path is not None and not path.exists() and (TABLES / path.name).is_file():
         place = TABLES / path.name
     try:
-        data = tomllib.loads(place.read_text(encoding="utf-8"))
+        data = toml_of(place)
     except OSError as error:
         raise SurveyError(
             f"The table {place} cannot be read ({error.strerror or error}). Check its path."
