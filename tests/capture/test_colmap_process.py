@@ -52,6 +52,12 @@ def crashes(tell: Tell) -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
+def throws(tell: Tell) -> None:
+    text = "terminate called after throwing an instance of 'E'\n  what():  disk I/O error\n*** Aborted\n"
+    os.write(2, text.encode())
+    os.abort()
+
+
 def hangs(tell: Tell) -> None:
     tell("hang", 0, 1)
     time.sleep(600)
@@ -98,6 +104,17 @@ def test_a_crash_is_an_error_and_an_interrupt_ends_the_call() -> None:
         signal.signal(signal.SIGINT, before)
     assert colmap._process is not None and colmap._process.returncode == -signal.SIGKILL
     assert time.perf_counter() - clock < 60
+
+
+def test_what_c_plus_plus_throws_is_in_the_error_and_no_stack_is_printed(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with (
+        ColmapProcess() as colmap,
+        pytest.raises(CaptureError, match=r"result \(SIGABRT, disk I/O error\): the disk may be full"),
+    ):
+        colmap.call(throws, tell=silent)
+    assert capfd.readouterr().err == ""
 
 
 def test_what_the_other_process_cannot_load_is_an_error(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -12,9 +13,10 @@ from tests.conftest import look_at
 
 from plnerf.capture.exif import read_facts
 from plnerf.capture.pairs import PairConfig, choose_pairs
-from plnerf.capture.sfm import SfmConfig, SfmResult, reconstruct, tolerance_px
+from plnerf.capture.sfm import SfmConfig, SfmResult, _camera, _number_of, reconstruct, tolerance_px
 from plnerf.capture.similarity import fit_similarity
 from plnerf.errors import CaptureError, ConfigError
+from plnerf.scene.colmap import pycolmap
 
 W, H, FOCAL, COUNT = 320, 240, 300.0, 9
 PER_METRE = 120.0  # texture pixels
@@ -104,6 +106,23 @@ def test_it_goes_on_where_it_was_cut_off(cut: str, tmp_path: Path) -> None:
     assert len(found.registered) == COUNT
     assert told[0] == ("features 8/9" if cut == "features 8/9" else "features 9/9")
     assert ("matches 0/36" in told) == (cut != "model 3/9")
+
+
+def test_a_camera_that_was_left_without_images_is_taken_again(tmp_path: Path) -> None:
+    """Cut off between the two, a run would number its cameras otherwise."""
+    Image.new("RGB", (64, 48)).save(tmp_path / "a.png")
+    facts = read_facts(tmp_path / "a.png")
+
+    def camera(model: Literal["PINHOLE", "OPENCV"] = "OPENCV") -> Any:
+        return _camera(facts, SfmConfig(model))
+
+    with pycolmap.Database.open(tmp_path / "database.db") as db:
+        numbers = [db.write_camera(camera()), db.write_camera(camera())]
+        unused = db.read_all_cameras()
+        other = _number_of(camera("PINHOLE"), db, unused)
+        assert other not in numbers
+        assert [_number_of(camera(), db, unused) for _ in numbers] == numbers and unused == []
+        assert _number_of(camera(), db, unused) not in {*numbers, other}
 
 
 def test_photos_that_share_nothing_are_told(tmp_path: Path) -> None:

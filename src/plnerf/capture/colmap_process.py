@@ -12,10 +12,12 @@ ends itself where its parent is gone.
 import os
 import pickle
 import queue
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +28,8 @@ from plnerf.capture.mapping import Tell
 from plnerf.errors import CaptureError
 
 _HEARD = "heard"
+_THROWN = re.compile(rb"what\(\):\s*([^\n]{1,200})")
+"""What the C++ library says of an exception that nobody caught, which ends the process."""
 
 
 class ColmapProcess:
@@ -33,6 +37,7 @@ class ColmapProcess:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
+        self._printed = tempfile.TemporaryFile()  # noqa: SIM115 (closed at the end)
 
     def __enter__(self) -> "ColmapProcess":
         return self
@@ -46,6 +51,7 @@ class ColmapProcess:
             for pipe in (self._process.stdin, self._process.stdout):
                 if pipe is not None:
                     pipe.close()
+        self._printed.close()
 
     def call(self, function: Callable[..., Any], *arguments: object, tell: Tell) -> Any:
         """What the function returns, called with the arguments and then a `Tell`, whose reports come here.
@@ -53,7 +59,7 @@ class ColmapProcess:
         Its errors are raised here.  Raises CaptureError for those of COLMAP and SQLite, and where the process
         ends without a result.
         """
-        process = self._process = self._process or _start()
+        process = self._process = self._process or _start(self._printed)
         assert process.stdin is not None and process.stdout is not None
         try:
             _send(process.stdin, (function, arguments))
@@ -67,10 +73,22 @@ class ColmapProcess:
                 _send(process.stdin, _HEARD)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError) as error:
             raise CaptureError(
-                f"COLMAP's process ended without a result ({_end(process.wait())}): the system may have been "
+                f"COLMAP's process ended without a result ({self._end()}): the disk may be full, the system "
                 "short of memory, or a photo damaged in a way that COLMAP does not survive. What was done is "
                 "kept: the same command goes on from there."
             ) from error
+
+    def _end(self) -> str:
+        """How the process ended, and of what exception; stacks of native code say nothing to users."""
+        assert self._process is not None
+        code = self._process.wait()
+        self._printed.seek(0)
+        thrown = _THROWN.search(self._printed.read())
+        try:
+            ended = signal.Signals(-code).name if code < 0 else f"status {code}"
+        except ValueError:
+            ended = f"signal {-code}"
+        return ended if thrown is None else f"{ended}, {thrown[1].decode(errors='replace')}"
 
 
 def _in_words(error: Exception) -> Exception:
@@ -92,24 +110,21 @@ def _not_loaded(error: Exception) -> CaptureError:
     )
 
 
-def _start() -> "subprocess.Popen[bytes]":
-    """A process in a group of its own, so that Ctrl-C reaches the parent alone, which then ends it."""
+def _start(printed: IO[bytes]) -> "subprocess.Popen[bytes]":
+    """A process in a group of its own, so that Ctrl-C reaches the parent alone, which then ends it.
+
+    printed: a file for what it prints.
+    """
     source = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, (source, os.environ.get("PYTHONPATH"))))
     return subprocess.Popen(
         [sys.executable, "-m", "plnerf.capture.colmap_process"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
+        stderr=printed,
         env={**os.environ, "PYTHONPATH": path},
         process_group=0,
     )
-
-
-def _end(code: int) -> str:
-    try:
-        return signal.Signals(-code).name if code < 0 else f"status {code}"
-    except ValueError:
-        return f"signal {-code}"
 
 
 def _send(pipe: IO[bytes], content: object) -> None:

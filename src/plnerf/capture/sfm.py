@@ -168,9 +168,10 @@ def _extract(
         left = [name for name in facts if name not in there or not db.exists_keypoints(there[name].image_id)]
         shared: dict[str, int] = {facts[name].camera: lens[name] for name in lens if name in facts}
         camera: dict[str, int] = {}
+        unused = [one for one in db.read_all_cameras() if one.camera_id not in lens.values()]
         for name in left:
             known = shared.get(facts[name].camera) if config.intrinsics == "shared" else None
-            camera[name] = db.write_camera(_camera(facts[name], config)) if known is None else known
+            camera[name] = _number_of(_camera(facts[name], config), db, unused) if known is None else known
             shared[facts[name].camera] = camera[name]
     extraction = pycolmap.FeatureExtractionOptions(
         max_image_size=config.max_image_px, num_threads=config.threads, use_gpu=pycolmap.has_cuda
@@ -187,6 +188,16 @@ def _extract(
         )
         done += len(batch)
         tell("features", done, len(facts))
+
+
+def _number_of(camera: Any, db: Any, unused: list[Any]) -> int:
+    """Of a camera in the database: one that a run left there before its first image, or else a new one."""
+    for other in unused:
+        camera.camera_id = other.camera_id
+        if camera == other:
+            unused.remove(other)
+            return int(other.camera_id)
+    return int(db.write_camera(camera))
 
 
 def _camera(facts: PhotoFacts, config: SfmConfig) -> Any:
