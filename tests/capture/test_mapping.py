@@ -13,10 +13,12 @@ from tests.capture.test_sfm import COUNT, steps
 
 from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.lens_fit import lens_problem
-from plnerf.capture.mapping import MOST_ERROR_PX, Try, judged, map_until_plausible, tries
+from plnerf.capture.mapping import MOST_ERROR_PX, Try, judged, kept_models, map_until_plausible, tries
 from plnerf.capture.pairs import PairConfig, choose_pairs
 from plnerf.capture.sfm import SfmConfig, reconstruct
 from plnerf.capture.summary import summary
+from plnerf.scene.formats import read_listing
+from plnerf.scene.formats_colmap import write_colmap
 
 GOOD, BENT = (440.0, 440.5), (606.0, 291.0)
 
@@ -177,3 +179,17 @@ def test_tries_are_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(KeyboardInterrupt):
         run()
     assert not any(work.glob("models*"))
+
+
+@pytest.mark.parametrize("name", ["cameras", "frames", "images", "points3D", "rigs"])
+def test_models_that_lack_a_file_or_a_part_of_one_are_not_kept(name: str, tiny_scene: Path) -> None:
+    folder = tiny_scene / "models"
+    write_colmap(read_listing(tiny_scene), folder / "0")
+    path = folder / "0" / f"{name}.bin"
+    (model,) = kept_models(folder) or []
+    assert model.num_reg_images() == 12
+    path.write_bytes(path.read_bytes()[:-3])
+    assert kept_models(folder) is None
+    path.unlink()
+    assert kept_models(folder) is None
+    assert kept_models(tiny_scene / "other") is None

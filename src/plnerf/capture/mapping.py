@@ -15,8 +15,10 @@ from typing import Any
 from plnerf.capture.exif import PhotoFacts
 from plnerf.capture.lens_fit import lens_problem
 from plnerf.capture.pair_lists import listed_pairs
+from plnerf.errors import SceneError
 from plnerf.findings import Finding
 from plnerf.scene.colmap import pycolmap
+from plnerf.scene.colmap_files import check_model
 
 LEAST_IMAGES = 3
 MOST_ERROR_PX = 4.0
@@ -130,6 +132,18 @@ def map_once(job: MapJob, tell: Tell) -> None:
 def read_models(folder: Path) -> list[Any]:
     """The models that were mapped into a folder."""
     return [pycolmap.Reconstruction(model) for model in sorted(folder.iterdir()) if model.is_dir()]
+
+
+def kept_models(folder: Path) -> list[Any] | None:
+    """Those of an earlier run; None where it was not finished, or a file of theirs is gone or damaged."""
+    if not folder.is_dir():
+        return None
+    try:
+        for model in folder.iterdir():
+            check_model(model)
+        return read_models(folder)
+    except (SceneError, LookupError, ValueError, RuntimeError):  # the latter are COLMAP's
+        return None
 
 
 def verification(way: Try) -> Any:

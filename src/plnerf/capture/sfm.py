@@ -24,6 +24,7 @@ from plnerf.capture.mapping import (
     MapJob,
     Tell,
     Try,
+    kept_models,
     map_once,
     map_until_plausible,
     read_models,
@@ -252,12 +253,15 @@ def _map(
 ) -> list[Any]:  # fmt: skip
     """Models of the k-th try, from the disk where they are there; the first has the matches' tolerance."""
     stage, folder = ("model", MODELS) if k == 0 else (f"model, try {k + 1}", f"{MODELS}-{k + 1}")
-    if not (work / folder).is_dir():
+    models = kept_models(work / folder)
+    if models is None:
+        shutil.rmtree(work / folder, ignore_errors=True)
         database = work / DATABASE
         job = MapJob(stage, database, images, work / folder, way, config.threads, count, verify=k > 0)
         colmap.call(map_once, job, tell=tell)
+        models = read_models(work / folder)
     tell(stage, count, count)
-    return read_models(work / folder)
+    return models
 
 
 def _result(
