@@ -5,7 +5,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from tests.faults.changes import FAULTS, Fault
+from tests.faults.changes import Fault
 from tests.faults.conftest import Undisturbed
 from tests.faults.results import differing, result
 from tests.faults.small_reconstruct import log_of, run, stages_of
@@ -50,7 +50,6 @@ def test_a_killed_command_is_given_again(
 def test_a_command_that_is_stopped_says_so_and_goes_on(
     what: str, expected: int, source: str, stage: str, undisturbed: dict[str, Undisturbed], out: Path
 ) -> None:
-    assert what in FAULTS
     whole = undisturbed[source]
     begun = whole.until(stage, out)
     for fault in moments(whole, stage, what, STOPS):

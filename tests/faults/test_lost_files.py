@@ -20,8 +20,8 @@ def cut(path: Path) -> None:
 LOSSES: dict[str, Callable[[Path], object]] = {"removed": Path.unlink, "cut": cut}
 OUTPUTS = re.compile(r"run/(eval|renders|survey)/|scene/capture\.json")
 """What no stage reads: where it is damaged, and not absent, it is left as it is."""
-SPARE = re.compile(r"run/checkpoints/step-18\.|run/metrics\.jsonl|/?\.lock")
-"""The log, and the checkpoint before the newest one: a run is whole without them."""
+SPARE = re.compile(r"run/checkpoints/step-18\.|run/metrics\.jsonl|scene/sfm/pairs\.txt|/?\.lock")
+"""The log, the checkpoint before the newest one and the pairs last matched: nothing needs them any more."""
 
 
 @pytest.mark.parametrize("source", SOURCES)
