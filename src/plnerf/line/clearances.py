@@ -104,8 +104,10 @@ class WireClearance:
     places: dict[Group, tuple[Place, ...]]
     """Distinct places, the nearest first; empty where the group has no points near."""
     vertical: Place | None
-    """The least height above the ground; None: no ground is known below."""
+    """The least height above the ground; None: no ground is known below, or it may be less elsewhere."""
     profile: Profile
+    no_vertical: str | None = None
+    """Why no least height is stated although ground is known below some of the wire."""
 
     def least(self, group: Group) -> Place | None:
         """The least distance."""

@@ -277,6 +277,7 @@ def _clearances_row(found: Clearances) -> dict[str, Any]:
                     group: [_place_row(place, found) for place in one.places[group]] for group in GROUPS
                 },
                 "vertical": None if one.vertical is None else _place_row(one.vertical, found),
+                "no_vertical": one.no_vertical,
                 "profile": asdict(one.profile),
             }
             for one in found.wires
@@ -319,6 +320,7 @@ def _wire_clearance(row: Mapping[str, Any]) -> WireClearance:
         profile=Profile(
             wire=int(profile["wire"]), points=_array(profile["points"], -1, 3), distance_m=distances, **arrays
         ),
+        no_vertical=row.get("no_vertical"),
     )
 
 

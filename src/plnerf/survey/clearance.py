@@ -46,6 +46,7 @@ from plnerf.survey.obstacles import (
 from plnerf.survey.possible import about_possible, find_possible, possible_points
 from plnerf.survey.sampling import end_sigma_m
 from plnerf.survey.thresholds import AboveTableError, requirement
+from plnerf.survey.unseen_ground import about_unknown_heights, may_be_less_m
 
 STATE, KIND, CROSSES = "state of the line", "clearances", "crossing lines"
 REQUIRED = "required clearance"
@@ -111,9 +112,12 @@ def _measure(
         vegetation_z=_highest(wire, at, cloud, found["vegetation"], config.corridor_m),
         distance_m={group: np.where(one.index < 0, np.nan, one.distance_m) for group, one in near.items()},
     )
-    vertical = None
-    if np.isfinite(ground_z).any():
-        lowest = int(np.nanargmin(points[:, 2] - ground_z))
+    vertical, no_vertical, height = None, None, points[:, 2] - ground_z
+    unknown_m = may_be_less_m(at, height, points[:, 2], config.ground)
+    if unknown_m > 0:
+        no_vertical = f"ground was not seen below {unknown_m:.1f} m of it, where it may be less"
+    elif np.isfinite(height).any():
+        lowest = int(np.nanargmin(height))
         vertical = Place(
             wire.id, span.id, wire.kind, "ground", GROUND, "vertical",
             distance_m=float(points[lowest, 2] - ground_z[lowest]),
@@ -123,7 +127,7 @@ def _measure(
             on_obstacle=np.array([*points[lowest, :2], ground_z[lowest]]),
         )  # fmt: skip
     places = {group: _places(span, wire, cloud, group, near[group], found[group], config) for group in GROUPS}
-    return WireClearance(wire.id, span.id, wire.kind, places, vertical, profile)
+    return WireClearance(wire.id, span.id, wire.kind, places, vertical, profile, no_vertical)
 
 
 def _places(
@@ -201,6 +205,7 @@ def _findings(
             )
         )
     findings += [*about_possible(clearances.possible), *_left_out(survey.cloud, found, doubted, config)]
+    findings += about_unknown_heights(clearances)
     absent = [IN_WORDS[group] for group in GROUPS if not len(found[group])]
     if absent:
         findings.append(

@@ -49,6 +49,7 @@ from plnerf.survey.structure_kinds import with_structure_kinds
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
 from plnerf.survey.thresholds import check_altitude
+from plnerf.survey.unseen_ground import without_unseen_ground
 from plnerf.survey.wire_evidence import counts, with_evidence
 from plnerf.survey.wire_points import wire_points
 from plnerf.train.run import TrainedRun
@@ -200,12 +201,13 @@ def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()
     if survey.frame.unit != "m" or not survey.wires:
         return survey
     coverage = coverage_of(survey, sights, config.coverage)
+    survey, doubted = without_unseen_ground(survey, coverage, config.clearance.ground)
     unseen = about_coverage(coverage, several_lines=len(survey.lines) > 1)
     clearances, findings = measure_clearances(survey, config.clearance)
     states, about = compute_states(survey.lines, config.temperature_c, config.mechanics)
     survey = replace(survey, coverage=coverage, clearances=clearances, states=states)
     rules, by_rule = judge_rules(survey, config.clearance, config.rules)
-    findings = (*survey.findings, *unseen, *findings, *about, *by_rule)
+    findings = (*survey.findings, *unseen, *doubted, *findings, *about, *by_rule)
     return replace(survey, rules=rules, findings=findings)
 
 

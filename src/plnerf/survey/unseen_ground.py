@@ -1,0 +1,106 @@
+"""What is known of the ground where images did not see it, and of heights above it.
+
+Where images show little of the ground, the lowest that they show may be the tops of plants: such points are
+no ground there.  A wire's least height above the ground is known only if it cannot be less over what was not
+seen.
+
+Letters: n points, k stations along a wire; LineFrame, metres.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from plnerf.findings import Finding, harms
+from plnerf.line.clearances import SIGMAS, Clearances
+from plnerf.line.cloud import GROUND, UNCLASSIFIED
+from plnerf.line.coverage import Coverage
+from plnerf.line.stations import Stretch, chains
+from plnerf.line.survey import Survey
+from plnerf.survey.config_ground import GroundSectionConfig
+
+UNSEEN = "ground"
+"""Kind of the findings."""
+
+
+def without_unseen_ground(
+    survey: Survey, coverage: Sequence[Coverage], config: GroundSectionConfig
+) -> tuple[Survey, tuple[Finding, ...]]:
+    """A survey of images whose points count as unclassified, in place of ground, below and beside stretches
+    of which too little ground was seen; other surveys as they are."""
+    if not survey.from_images or survey.cloud.sigma_m is None:
+        return survey, ()
+    stretches = {
+        (line.id, one.span.id): one for line in survey.lines for chain in chains(line) for one in chain
+    }
+    label = survey.cloud.label.copy()
+    index = np.flatnonzero(label == GROUND)
+    xyz = survey.cloud.xyz[index]
+    sure, doubted = np.zeros(len(index), np.bool_), np.zeros(len(index), np.bool_)
+    for one in coverage:
+        of = _stretch_of(stretches[one.line, one.span], one, xyz, config.side_m)
+        doubted |= (of >= 0) & one.no_ground[of]
+        sure |= (of >= 0) & ~one.no_ground[of]
+    doubted &= ~sure  # what another span's stretch shows well
+    if not doubted.any():
+        return survey, ()
+    label[index[doubted]] = UNCLASSIFIED
+    finding = harms(
+        UNSEEN,
+        f"{doubted.sum():,} points where too little ground was seen to tell it from the tops of plants are "
+        "unclassified.",
+        "See under Coverage, and take more images there.",
+    )
+    return replace(survey, cloud=replace(survey.cloud, label=label)), (finding,)
+
+
+def _stretch_of(
+    span: Stretch, coverage: Coverage, xyz: Float[np.ndarray, "n 3"], side_m: float
+) -> Int[np.ndarray, " n"]:
+    """Index of the stretch of a span that each point is below or beside; -1 of none."""
+    ys = [span.base.local(wire.points(np.array([0.0, wire.base.length_m])))[:, 1] for wire in span.span.wires]
+    local = span.base.local(xyz)
+    of = np.searchsorted(coverage.from_m, span.from_m + local[:, 0], side="right") - 1
+    beside = (local[:, 1] >= np.min(ys) - side_m) & (local[:, 1] <= np.max(ys) + side_m)
+    beside &= span.from_m + local[:, 0] <= coverage.to_m[-1]
+    return np.where(beside, of, -1)
+
+
+def may_be_less_m(
+    s: Float[np.ndarray, " k"],
+    height: Float[np.ndarray, " k"],
+    points_z: Float[np.ndarray, " k"],
+    config: GroundSectionConfig,
+) -> float:
+    """Length of a wire over which its height above the ground is not known (NaN) and may be less than the
+    least that is known; 0 where none is.
+
+    points_z: of the wire.  There the ground may be as high as at the nearest station where it is known, and
+    `unseen_slope` higher by the metre, in two standard deviations.
+    """
+    known = np.isfinite(height)
+    if not known.any():
+        return 0.0
+    nearest = np.abs(s[:, None] - s[known]).argmin(1)
+    away = np.abs(s - s[known][nearest])
+    ground = (points_z - height)[known][nearest] + SIGMAS * config.unseen_slope * away
+    less = ~known & (points_z - ground < height[known].min())
+    return float(less.sum() * (s[-1] - s[0]) / max(len(s) - 1, 1))
+
+
+def about_unknown_heights(clearances: Clearances) -> list[Finding]:
+    """Which wires have no least height above the ground, and why."""
+    unknown = [one for one in clearances.wires if one.no_vertical is not None]
+    if not unknown:
+        return []
+    parts = "; ".join(f"wire {one.wire}: {one.no_vertical}" for one in unknown)
+    return [
+        harms(
+            UNSEEN,
+            f"The least height above the ground is not stated of {len(unknown)} of {len(clearances.wires)} "
+            f"wires ({parts}).",
+            "Take images that show the ground there.",
+        )
+    ]
