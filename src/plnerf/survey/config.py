@@ -7,7 +7,7 @@ from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, CoverageConfig, FieldConfig
 from plnerf.survey.config_rules import RulesConfig
-from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
+from plnerf.survey.config_spans import ChainConfig, StructureKindConfig, TensionStringConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.refine.config import RefineConfig
@@ -32,6 +32,8 @@ class SurveyConfig:
     """Structures that hold the wires, of images."""
     structure_kinds: StructureKindConfig = field(default_factory=StructureKindConfig)
     """Suspension, strain or terminal structures, of images."""
+    strings: TensionStringConfig = field(default_factory=TensionStringConfig)
+    """Tension strings, which hold wires short of their structures, of images."""
     refine: RefineConfig = field(default_factory=RefineConfig)
     """The refit of wires to the images."""
     evidence: WireEvidenceConfig = field(default_factory=WireEvidenceConfig)

@@ -104,3 +104,57 @@ class StructureKindConfig:
     """Images that must show each of these places, as a share of those that show the wires as far before."""
     near: float = 2.0
     """An image shows a place as well as the nearest shows the wires if it is at most so many times as far."""
+
+
+@dataclass(frozen=True)
+class TensionStringConfig:
+    """When images show that tension strings hold the wires, and how long these are."""
+
+    step_m: float = 0.1
+    """Between the places along a wire, counted from its structure."""
+    sample_m: float = 0.01
+    """Between the samples across it."""
+    core_m: float = 0.021
+    """Samples so near to the wire's axis show the wire itself."""
+    near_m: tuple[float, float] = (0.045, 0.085)
+    """Samples between these distances from its axis show a string, but no wire."""
+    far_m: tuple[float, float] = (0.18, 0.28)
+    """Samples between these show what is behind: the other conductors of a bundle are farther."""
+    noise: float = 3.0
+    """Deviation of grey values, of 255, that says nothing."""
+    end_on: float = 0.3
+    """Least sine of the angle between a wire and the ray that it is seen by."""
+    least_px_per_m: float = 25.0
+    """Pixels that a metre across the wire must have."""
+    window_m: tuple[float, float] = (0.1, 0.4)
+    """Where strings are told from wires: no tension string is shorter."""
+    beyond_m: float = 2.0
+    """The wire is compared with itself over so much beyond the longest string."""
+    min_samples: int = 40
+    """Places, of all images and conductors, that each of both must have."""
+    string_ratio: float = 1.5
+    """From this ratio of q there and beyond on, strings hold the wires."""
+    bare_ratio: float = 1.25
+    """Up to this ratio the wire goes on up to the structure."""
+    sigma_m: float = 0.15
+    """Standard deviation of the length of a string that images show."""
+    spacing_share: float = 0.8
+    """Greatest length of a string as a share of the least distance between phases: strings as long hang at
+    other structures, above the next arm."""
+    bundle_m: float = 0.65
+    """Wires so near to each other are one phase."""
+    longest_m: float = 5.0
+    """Greatest length of a string of any voltage."""
+
+    def __post_init__(self) -> None:
+        offsets = (0.0, self.core_m, *self.near_m, *self.far_m)
+        if list(offsets) != sorted(set(offsets)) or not 0 < self.step_m < self.window_m[1]:
+            raise ConfigError(
+                "Tension strings need 0 < core_m < near_m < far_m, rising, and 0 < step_m < window_m, "
+                f"but got {self.core_m}, {self.near_m}, {self.far_m}, {self.step_m} and {self.window_m}."
+            )
+        if not 1 <= self.bare_ratio <= self.string_ratio or self.min_samples < 1:
+            raise ConfigError(
+                "Tension strings need 1 <= bare_ratio <= string_ratio and min_samples of 1 or more, but got "
+                f"{self.bare_ratio}, {self.string_ratio} and {self.min_samples}."
+            )

@@ -48,6 +48,7 @@ from plnerf.survey.stereo.witnesses import Sight, with_witnesses
 from plnerf.survey.structure_kinds import with_structure_kinds
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
+from plnerf.survey.tension_strings import with_tension_strings
 from plnerf.survey.thresholds import check_altitude
 from plnerf.survey.unseen_ground import without_unseen_ground
 from plnerf.survey.wire_evidence import counts, with_evidence
@@ -142,6 +143,7 @@ def _of_images(
     ground = ground_of(surface, wires_of(hung), supports.points, config.classify)
     lines = lines_of(hung, supports, standing_on(ground, supports.seen))
     lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
+    lines = with_tension_strings(lines, photos, config.strings)
     every = [wire for line in lines for wire in line.wires]
     as_detected = [replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)]
     cloud, more = classified(surface, ground, every, supports.points, config.classify)

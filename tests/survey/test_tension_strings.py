@@ -1,0 +1,147 @@
+"""Tension strings drawn into pictures are found with their length; wires without one stay as they are."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from tests.support.drawn import pinhole_cameras
+
+from plnerf.errors import ConfigError
+from plnerf.line.ends import TWO_SIDED_95, Attached
+from plnerf.line.frame import LineFrame
+from plnerf.line.hang import hang
+from plnerf.line.line import Line, Span, Structure, StructureKind
+from plnerf.line.wire import Kind, Wire
+from plnerf.scene.cameras import Cameras, project
+from plnerf.survey.config_spans import TensionStringConfig
+from plnerf.survey.posed_photos import Photos
+from plnerf.survey.tension_strings import with_tension_strings
+
+CONFIG = TensionStringConfig()
+THICK_M, STRING_M = 0.03, 0.2
+"""Diameters."""
+PHASES = 2.0
+"""Distance between wires."""
+
+
+class Drawn:
+    """Pictures in memory."""
+
+    has_masks = False
+
+    def __init__(self, pictures: list[np.ndarray]) -> None:
+        self.pictures = pictures
+
+    def image(self, i: int) -> np.ndarray:
+        return self.pictures[i]
+
+    def valid(self, i: int) -> np.ndarray:
+        return np.ones(self.pictures[i].shape[:2], np.bool_)
+
+
+def wires(kind: Kind = "phase") -> list[Wire]:
+    """Two side by side, whose first end structure 1 holds."""
+    found = []
+    for k, y in enumerate((-PHASES / 2, PHASES / 2)):
+        wire = hang((0.0, y, 10.0), (30.0, y, 10.0), 0.6)
+        a, b = wire.points(np.array([0.0, 30.0]))
+        found.append(replace(wire, id=k + 1, kind=kind, ends=(Attached(1, a, 0.05), Attached(2, b, 0.05))))
+    return found
+
+
+def line_with(kind: StructureKind = "unknown", of: Kind = "phase") -> Line:
+    both = [Structure(k, np.array([30.0 * (k - 1), 0.0, 0.0]), 12.0, 0.05, "test", kind) for k in (1, 2)]
+    return Line(1, tuple(both), (Span(1, (1, 2), tuple(wires(of))),))
+
+
+def filmed(string_m: float, count: int = 12) -> Photos:
+    """The first five metres from both sides, over ground with some texture."""
+    random = np.random.default_rng(3)
+    x = np.linspace(0.5, 4.0, count)
+    centres = np.stack([x, np.where(np.arange(count) % 2, 3.5, -3.5), np.full(count, 11.5)], 1)
+    frame = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", None, scene_per_unit=1.0)
+    cameras = frame.cameras(pinhole_cameras(centres, np.stack([x, 0 * x, np.full(count, 9.8)], 1)))
+    pictures = []
+    for i in range(count):
+        w, h = (int(side) for side in cameras.size_px[i])
+        picture = cv2.resize(random.uniform(110, 170, (h // 6, w // 6)).astype(np.float32), (w, h))
+        for wire in wires():
+            for low, high, thick in ((string_m, 12.0, THICK_M), (0.0, string_m, STRING_M)):
+                if high > low:
+                    _bar(picture, cameras[[i]], wire.points(np.linspace(low, high, 100)), thick)
+        noisy = np.clip(picture + random.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+        pictures.append(np.repeat(noisy[..., None], 3, -1))
+    every, images = tuple(range(count)), Drawn(pictures)
+    box = np.array([[-5.0, -5.0, 0.0], [35.0, 5.0, 15.0]])
+    names = tuple(str(i) for i in every)
+    return Photos(frame, cameras, images, images, cameras.size_px.numpy(), names, every, box)
+
+
+def _bar(picture: np.ndarray, camera: Cameras, line: np.ndarray, thick_m: float) -> None:
+    """Dark, eight times as fine as a pixel across."""
+    pixels, depths = project(camera, torch.from_numpy(line))
+    at, depth = pixels[0].numpy(), depths[0].numpy()
+    if (depth < 0.3).any():
+        at, depth = at[depth >= 0.3], depth[depth >= 0.3]
+    fine = cv2.resize(picture, None, fx=8, fy=8, interpolation=cv2.INTER_NEAREST)
+    for k in range(len(at) - 1):
+        wide = max(1, round(thick_m * float(camera.focal_px[0, 0]) / depth[k] * 8))
+        ends = [tuple(int(v) for v in np.clip(8 * one, -9000, 9000)) for one in at[k : k + 2]]
+        cv2.line(fine, ends[0], ends[1], 40.0, wide)
+    picture[:] = cv2.resize(fine, picture.shape[::-1], interpolation=cv2.INTER_AREA)
+
+
+def first_ends(line: Line) -> list[Attached]:
+    ends = [wire.ends[0] for wire in line.wires]
+    assert all(isinstance(end, Attached) for end in ends)
+    return ends  # type: ignore[return-value]
+
+
+def test_wires_end_at_the_clamps_of_tension_strings_that_images_show() -> None:
+    (found,) = with_tension_strings([line_with()], filmed(0.9), CONFIG)
+    for end, wire in zip(first_ends(found), found.wires, strict=True):
+        assert end.point[0] == pytest.approx(0.9, abs=0.2) and end.sigma_m == pytest.approx(0.158, abs=0.001)
+        assert wire.points(np.zeros(1))[0] == pytest.approx(end.point)  # the curve ends there too
+        assert wire.points(np.array([wire.base.length_m]))[0, 0] == pytest.approx(30.0)
+        assert any("tension string of about" in text for text in wire.notes)
+    assert [one.kind for one in found.structures] == ["strain", "unknown"]
+
+
+def test_wires_that_are_thin_up_to_the_structure_end_there() -> None:
+    (found,) = with_tension_strings([line_with()], filmed(0.0), CONFIG)
+    for end, wire in zip(first_ends(found), wires(), strict=True):
+        held = wire.ends[0]
+        assert isinstance(held, Attached) and end.sigma_m == held.sigma_m
+        assert end.point == pytest.approx(held.point)
+
+
+def test_where_images_do_not_show_it_the_interval_holds_a_tension_string() -> None:
+    """Of the second structure there is no image."""
+    (found,) = with_tension_strings([line_with()], filmed(0.9), CONFIG)
+    (other,) = with_tension_strings([line_with()], filmed(0.9, count=1), CONFIG)
+    longest = CONFIG.spacing_share * PHASES
+    for wire, k in [(wire, 1) for wire in found.wires] + [(wire, 0) for wire in other.wires]:
+        end = wire.ends[k]
+        assert isinstance(end, Attached) and end.point[0] == pytest.approx(30.0 * k)
+        assert TWO_SIDED_95 * end.sigma_m >= longest
+        assert any("may lie up to 1.6 m nearer" in text for text in wire.notes)
+    for sag in [wire.sag for wire in found.wires]:  # its interval holds the string too
+        assert sag is not None and sag.half_95 > 2 * sag.value / 30 * longest
+
+
+def test_shields_and_suspension_structures_have_none() -> None:
+    photos = filmed(0.9)
+    for line in (line_with("suspension"), line_with(of="shield")):
+        (found,) = with_tension_strings([line], photos, CONFIG)
+        assert [one.kind for one in found.structures] == [one.kind for one in line.structures]
+        for wire, before in zip(found.wires, line.wires, strict=True):
+            assert wire.ends == before.ends
+
+
+def test_settings_that_contradict_each_other_are_refused() -> None:
+    with pytest.raises(ConfigError, match="rising"):
+        TensionStringConfig(core_m=0.1)
+    with pytest.raises(ConfigError, match="bare_ratio"):
+        TensionStringConfig(bare_ratio=2.0)
