@@ -1,11 +1,14 @@
 """How far obstacles reach between their points: half a spacing, whatever the points are of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from tests.support.catenary_surveys import cloud
 
 from plnerf.errors import ConfigError
 from plnerf.survey.config_ground import SamplingConfig
-from plnerf.survey.sampling import sampling_sigma_m
+from plnerf.survey.sampling import end_sigma_m, sampling_sigma_m
 
 CONFIG = SamplingConfig(point_m=1e-9, share=1.0, bar_share=1.0, max_spacing_m=5.0, reach_m=6.0)
 
@@ -52,6 +55,17 @@ def test_few_points_are_the_least_certain() -> None:
     few, none = (sampling_sigma_m(xyz, np.arange(n), 0, CONFIG, crown=False) for n in (6, 1))
     assert few == none == 5.0
     assert sampling_sigma_m(xyz, np.arange(9), 0, SamplingConfig(), crown=False) > SamplingConfig().point_m
+
+
+def test_plants_of_images_are_as_uncertain_as_their_points_and_their_spacing() -> None:
+    """The twig that is nearest lies between points, however well each is known; the ground does not."""
+    xyz = lattice(3, 0.5)
+    middle, index = int(np.linalg.norm(xyz, axis=1).argmin()), np.arange(len(xyz))
+    points = replace(cloud({5: xyz}), sigma_m=np.full(len(xyz), 0.3))
+    groups = ("vegetation", "ground")
+    plant, ground = (end_sigma_m(points, index, middle, CONFIG, group=one, towards=UP) for one in groups)
+    assert ground == pytest.approx(0.3)
+    assert plant == pytest.approx(np.hypot(0.3, sigma(xyz, crown=True)))
 
 
 def test_settings_that_measure_nothing_are_refused() -> None:

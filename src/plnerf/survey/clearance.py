@@ -3,9 +3,9 @@
 Letters: k stations along a wire; s along the wire's base from its first end; LineFrame, metres, z up.
 
 The variance of a distance is that of the wire along the line to the obstacle, from the covariance of its
-curve, plus that of the obstacle's point: as the cloud states it, else by how far apart its points are
-(`sampling.py`).  A shift along the wire does not change the distance to first order, since the line to the
-obstacle is square to the wire.
+curve, plus that of the obstacle's point: as the cloud states it, and by how far apart its points are where it
+states none or a plant is the obstacle (`sampling.py`).  A shift along the wire does not change the distance
+to first order, since the line to the obstacle is square to the wire.
 """
 
 import numpy as np

@@ -1,8 +1,9 @@
-"""How much nearer than its nearest measured point an obstacle may be, in clouds that state no deviations.
+"""How much nearer than its nearest measured point an obstacle may be.
 
-A scanner samples what it sees: the twig or the roof's edge that is nearest to a wire lies between points, or
-beyond the last of them.  How far apart points are there depends on what they are of: n neighbours within r
-lie 2 r / n apart on a bar, r sqrt(pi / n) on a surface, and r (4 pi / 3 n)^(1/3) in a crown.
+A scanner samples what it sees, and so does stereo: the twig or the roof's edge that is nearest to a wire lies
+between points, or beyond the last of them.  How far apart points are there depends on what they are of: n
+neighbours within r lie 2 r / n apart on a bar, r sqrt(pi / n) on a surface, and r (4 pi / 3 n)^(1/3) in a
+crown.
 """
 
 import math
@@ -21,15 +22,17 @@ def end_sigma_m(
     cloud: Cloud, index: Int[np.ndarray, " m"], of: int, config: SamplingConfig,
     *, group: str, towards: Float[np.ndarray, "3"],
 ) -> float:  # fmt: skip
-    """Standard deviation of where an obstacle ends, at one of its points: as the cloud states it, else of
-    `sampling_sigma_m`.
+    """Standard deviation of where an obstacle ends, at one of its points: of `sampling_sigma_m`, or as the
+    cloud states it, of plants with the former.
 
     group: of the obstacles; towards: unit vector from the point to the wire.
     """
-    if cloud.sigma_m is not None:
-        return float(cloud.sigma_m[of])
+    crown = group == "vegetation"
+    stated = None if cloud.sigma_m is None else float(cloud.sigma_m[of])
+    if stated is not None and not crown:
+        return stated
     bar = towards if group == "other" else None
-    return sampling_sigma_m(cloud.xyz, index, of, config, crown=group == "vegetation", towards=bar)
+    return math.hypot(stated or 0.0, sampling_sigma_m(cloud.xyz, index, of, config, crown=crown, towards=bar))
 
 
 def sampling_sigma_m(
