@@ -17,7 +17,7 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.tension_strings import with_tension_strings
+from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
 
 CONFIG = TensionStringConfig()
 THICK_M, STRING_M = 0.03, 0.2
@@ -138,6 +138,20 @@ def test_shields_and_suspension_structures_have_none() -> None:
         assert [one.kind for one in found.structures] == [one.kind for one in line.structures]
         for wire, before in zip(found.wires, line.wires, strict=True):
             assert wire.ends == before.ends
+
+
+def test_where_a_line_of_a_cloud_turns_the_interval_holds_a_tension_string() -> None:
+    straight = line_with()
+    one, other = straight.structures
+    turns = (replace(one, line_angle_deg=20.0), replace(other, line_angle_deg=2.0))
+    turning = replace(straight, structures=turns)
+    (found,) = with_possible_strings([turning], CONFIG)
+    for wire, before in zip(found.wires, turning.wires, strict=True):
+        first, last = wire.ends
+        assert isinstance(first, Attached) and TWO_SIDED_95 * first.sigma_m >= CONFIG.spacing_share * PHASES
+        assert last == before.ends[1] and len(wire.notes) == 1
+    (same,) = with_possible_strings([straight], CONFIG)
+    assert [wire.ends for wire in same.wires] == [wire.ends for wire in straight.wires]
 
 
 def test_settings_that_contradict_each_other_are_refused() -> None:

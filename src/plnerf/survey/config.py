@@ -33,7 +33,7 @@ class SurveyConfig:
     structure_kinds: StructureKindConfig = field(default_factory=StructureKindConfig)
     """Suspension, strain or terminal structures, of images."""
     strings: TensionStringConfig = field(default_factory=TensionStringConfig)
-    """Tension strings, which hold wires short of their structures, of images."""
+    """Tension strings, which hold wires short of their structures."""
     refine: RefineConfig = field(default_factory=RefineConfig)
     """The refit of wires to the images."""
     evidence: WireEvidenceConfig = field(default_factory=WireEvidenceConfig)

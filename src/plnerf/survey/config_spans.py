@@ -145,6 +145,8 @@ class TensionStringConfig:
     """Wires so near to each other are one phase."""
     longest_m: float = 5.0
     """Greatest length of a string of any voltage."""
+    turned_deg: float = 5.0
+    """Of point clouds: a line that turns by more may be held by tension strings."""
 
     def __post_init__(self) -> None:
         offsets = (0.0, self.core_m, *self.near_m, *self.far_m)

@@ -48,7 +48,7 @@ from plnerf.survey.stereo.witnesses import Sight, with_witnesses
 from plnerf.survey.structure_kinds import with_structure_kinds
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
-from plnerf.survey.tension_strings import with_tension_strings
+from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
 from plnerf.survey.thresholds import check_altitude
 from plnerf.survey.unseen_ground import without_unseen_ground
 from plnerf.survey.wire_evidence import counts, with_evidence
@@ -107,8 +107,9 @@ def survey_cloud(
     given = cloud.attributes
     if given is not None:
         given = replace(given, keep_classes=config.keep_classes)
+    lines = with_possible_strings(found.lines, config.strings)
     survey = Survey(
-        frame, found.lines, replace(found.cloud, attributes=given), str(cloud.path), made,
+        frame, lines, replace(found.cloud, attributes=given), str(cloud.path), made,
         findings=(*cloud.findings, *found.findings),
     )  # fmt: skip
     return _finished(survey, config)

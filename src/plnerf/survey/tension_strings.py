@@ -12,7 +12,7 @@ conductors, since one structure holds all of them alike; where it falls, the str
 Letters: k places from the structure inwards, d offsets across the wire, i images.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -52,17 +52,42 @@ def with_tension_strings(
     return tuple(_of_line(line, full, config) for line in lines)
 
 
-def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
-    hanging = {one.id for one in line.structures if one.kind == "suspension"}
+def with_possible_strings(lines: Sequence[Line], config: TensionStringConfig) -> tuple[Line, ...]:
+    """The lines of a point cloud, with attachments as uncertain as tension strings are long where the line
+    turns by more than strings of suspension let it: of how such strings lie points show too little."""
+    found = []
+    for line in lines:
+        turned = {one.id for one in line.structures if (one.line_angle_deg or 0.0) > config.turned_deg}
+        ends = {id_: some for id_, some in _held(line).items() if id_ in turned}
+        strings = {
+            id_: Strings(None, longest_string_m(line.spans, some, config)) for id_, some in ends.items()
+        }
+        found.append(_with_strings(line, strings, config))
+    return tuple(found)
+
+
+def _held(line: Line) -> dict[int, list[_End]]:
+    """The ends of the conductors that each structure holds; shield wires are clamped to it."""
     held: dict[int, list[_End]] = {}
     for wire in line.wires:
         for k, end in enumerate(wire.ends):
-            if isinstance(end, Attached) and wire.kind != "shield" and end.structure not in hanging:
+            if isinstance(end, Attached) and wire.kind != "shield":
                 held.setdefault(end.structure, []).append((wire, k))
+    return held
+
+
+def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
+    hanging = {one.id for one in line.structures if one.kind == "suspension"}
     strings = {
         id_: shown_strings(ends, photos, longest_string_m(line.spans, ends, config), config)
-        for id_, ends in held.items()
+        for id_, ends in _held(line).items()
+        if id_ not in hanging
     }
+    return _with_strings(line, strings, config)
+
+
+def _with_strings(line: Line, strings: Mapping[int, Strings], config: TensionStringConfig) -> Line:
+    """The line whose structures' strings are known; a structure with tension strings is no suspension."""
 
     def changed(wire: Wire) -> Wire:
         for k, end in enumerate(wire.ends):
@@ -89,8 +114,8 @@ def _ended(wire: Wire, k: int, end: Attached, strings: Strings, config: TensionS
     if strings.length_m is None:
         sigma = float(np.hypot(end.sigma_m, strings.longest_m / TWO_SIDED_95))
         note = (
-            f"The images do not show whether a tension string holds its {name} end: its attachment may lie "
-            f"up to {strings.longest_m:.1f} m nearer."
+            f"Nothing shows whether a tension string holds its {name} end: its attachment may lie up to "
+            f"{strings.longest_m:.1f} m nearer."
         )
         moved = wire
     else:
