@@ -13,10 +13,10 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
 from plnerf.line.survey import Survey
 from plnerf.survey.clearance import measure_clearances
-from plnerf.survey.config_ground import ClearanceConfig, GroundSectionConfig
+from plnerf.survey.config_ground import ClearanceConfig, GroundConfig, GroundSectionConfig
 from plnerf.survey.unseen_ground import may_be_less_m, without_unseen_ground
 
-CONFIG = GroundSectionConfig()
+CONFIG, FILTER = GroundSectionConfig(), GroundConfig()
 WIRE = hang((0.0, 0.0, 20.0), (100.0, 0.0, 20.0), 4.0)
 """16 m high at mid-span."""
 
@@ -39,16 +39,18 @@ def coverage(seen: tuple[float, ...]) -> Coverage:
     return Coverage(1, 1, edges[:-1], edges[1:], np.array(seen), one, 5 * one, 0.5)
 
 
-def test_ground_below_stretches_that_were_not_seen_is_unclassified() -> None:
-    survey = survey_of(plain(-5.0, 105.0))
-    found, (finding,) = without_unseen_ground(survey, [coverage((1.0, 0.3, 1.0, 0.9))], CONFIG)
+def test_what_is_lowest_below_stretches_that_were_not_seen_is_no_ground() -> None:
+    """Bushes 3 m high; ground that continues what was seen stays ground."""
+    survey = survey_of(np.concatenate([plain(-5.0, 25.0), plain(25.0, 50.0, 3.0), plain(50.0, 105.0)]))
+    found, (finding,) = without_unseen_ground(survey, [coverage((1.0, 0.3, 1.0, 0.9))], CONFIG, FILTER)
     x, y, _ = survey.cloud.xyz.T
     doubted = (x >= 25.0) & (x < 50.0) & (np.abs(y) <= CONFIG.side_m)
     assert np.array_equal(found.cloud.label, np.where(doubted, UNCLASSIFIED, GROUND))
     assert f"{doubted.sum():,} points" in finding.what
-    assert without_unseen_ground(survey, [coverage((1.0, 0.6))], CONFIG) == (survey, ())
-    lidar = replace(survey, from_images=False)
-    assert without_unseen_ground(lidar, [coverage((1.0, 0.3))], CONFIG) == (lidar, ())
+    assert without_unseen_ground(survey, [coverage((1.0, 0.6))], CONFIG, FILTER) == (survey, ())
+    lidar, bare = replace(survey, from_images=False), survey_of(plain(-5.0, 105.0))
+    for other in (lidar, bare):
+        assert without_unseen_ground(other, [coverage((1.0, 0.3, 1.0, 0.9))], CONFIG, FILTER) == (other, ())
 
 
 def test_a_height_is_less_elsewhere_only_where_the_ground_may_be_as_near() -> None:
@@ -83,7 +85,7 @@ def test_plants_whose_ground_is_hidden_are_no_ground() -> None:
     survey = survey_of(np.concatenate([plain(-5.0, 40.0), bushes, plain(60.0, 105.0)]))
     (before,) = measure_clearances(survey, ClearanceConfig())[0].wires
     assert before.vertical is not None and before.vertical.distance_m < 13.5  # they were the ground
-    doubted, _ = without_unseen_ground(survey, [coverage((1.0, 1.0, 0.2, 1.0, 1.0))], CONFIG)
+    doubted, _ = without_unseen_ground(survey, [coverage((1.0, 1.0, 0.2, 1.0, 1.0))], CONFIG, FILTER)
     (one,) = measure_clearances(doubted, ClearanceConfig())[0].wires
     assert one.vertical is not None and abs(one.vertical.distance_m - 16.0) < 2 * one.vertical.sigma_m + 0.01
     place = one.least("other")

@@ -204,7 +204,8 @@ def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()
     if survey.frame.unit != "m" or not survey.wires:
         return survey
     coverage = coverage_of(survey, sights, config.coverage)
-    survey, doubted = without_unseen_ground(survey, coverage, config.clearance.ground)
+    ground = (config.clearance.ground, config.classify.ground)
+    survey, doubted = without_unseen_ground(survey, coverage, *ground)
     unseen = about_coverage(coverage, several_lines=len(survey.lines) > 1)
     clearances, findings = measure_clearances(survey, config.clearance)
     states, about = compute_states(survey.lines, config.temperature_c, config.mechanics)

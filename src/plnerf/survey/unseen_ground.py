@@ -1,8 +1,8 @@
 """What is known of the ground where images did not see it, and of heights above it.
 
 Where images show little of the ground, the lowest that they show may be the tops of plants: such points are
-no ground there.  A wire's least height above the ground is known only if it cannot be less over what was not
-seen.
+ground only where they continue the ground that was seen around.  A wire's least height above the ground is
+known only if it cannot be less over what was not seen.
 
 Letters: n points, k stations along a wire; LineFrame, metres.
 """
@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms
 from plnerf.line.clearances import SIGMAS, Clearances
@@ -19,17 +20,21 @@ from plnerf.line.cloud import GROUND, UNCLASSIFIED
 from plnerf.line.coverage import Coverage
 from plnerf.line.stations import Stretch, chains
 from plnerf.line.survey import Survey
-from plnerf.survey.config_ground import GroundSectionConfig
+from plnerf.survey.config_ground import GroundConfig, GroundSectionConfig
+from plnerf.survey.ground import find_ground
 
 UNSEEN = "ground"
 """Kind of the findings."""
 
 
 def without_unseen_ground(
-    survey: Survey, coverage: Sequence[Coverage], config: GroundSectionConfig
+    survey: Survey, coverage: Sequence[Coverage], config: GroundSectionConfig, filter_: GroundConfig
 ) -> tuple[Survey, tuple[Finding, ...]]:
     """A survey of images whose points count as unclassified, in place of ground, below and beside stretches
-    of which too little ground was seen; other surveys as they are."""
+    of which too little ground was seen, unless they continue what was seen; other surveys as they are.
+
+    filter_: what finds the ground through points that are sure.
+    """
     if not survey.from_images or survey.cloud.sigma_m is None:
         return survey, ()
     stretches = {
@@ -44,6 +49,7 @@ def without_unseen_ground(
         doubted |= (of >= 0) & one.no_ground[of]
         sure |= (of >= 0) & ~one.no_ground[of]
     doubted &= ~sure  # what another span's stretch shows well
+    doubted[doubted] = ~_continues(xyz[~doubted], xyz[doubted], config, filter_)
     if not doubted.any():
         return survey, ()
     label[index[doubted]] = UNCLASSIFIED
@@ -66,6 +72,22 @@ def _stretch_of(
     beside = (local[:, 1] >= np.min(ys) - side_m) & (local[:, 1] <= np.max(ys) + side_m)
     beside &= span.from_m + local[:, 0] <= coverage.to_m[-1]
     return np.where(beside, of, -1)
+
+
+def _continues(
+    sure: Float[np.ndarray, "n 3"],
+    points: Float[np.ndarray, "m 3"],
+    config: GroundSectionConfig,
+    filter_: GroundConfig,
+) -> Bool[np.ndarray, " m"]:
+    """Which points are no further from the ground through those that are sure than the ground may rise or
+    fall, `unseen_slope` by the metre from the nearest of these."""
+    ground = find_ground(sure, filter_) if len(sure) and len(points) else None
+    if ground is None:
+        return np.zeros(len(points), np.bool_)
+    away = cKDTree(sure[:, :2]).query(points[:, :2])[0]
+    near: Bool[np.ndarray, " m"] = np.abs(ground.above(points)) <= filter_.near_m + config.unseen_slope * away
+    return near
 
 
 def may_be_less_m(
