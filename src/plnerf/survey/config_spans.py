@@ -136,6 +136,10 @@ class TensionStringConfig:
     """From this ratio of q there and beyond on, strings hold the wires."""
     bare_ratio: float = 1.25
     """Up to this ratio the wire goes on up to the structure."""
+    string_q: float = 0.4
+    """Least q of strings, whatever it is beyond: of a wire that stands out well there it is less."""
+    bare_q: float = 0.3
+    """Up to this q it is a wire."""
     sigma_m: float = 0.15
     """Standard deviation of the length of a string that images show."""
     spacing_share: float = 0.8

@@ -166,12 +166,17 @@ def shown_strings(
     inside = (at >= config.window_m[0]) & (at <= config.window_m[1])
     beyond = at > longest_m + config.step_m
     samples = np.isfinite(every).sum(0)
-    if not beyond.any() or min(samples[inside].sum(), samples[beyond].sum()) < config.min_samples:
+    if samples[inside].sum() < config.min_samples:
         return Strings(None, longest_m)
-    ratio = np.nanmedian(every[:, inside]) / np.nanmedian(every[:, beyond])
+    here = float(np.nanmedian(every[:, inside]))
+    if here <= config.bare_q:
+        return Strings(0.0, longest_m)
+    if samples[beyond].sum() < config.min_samples:
+        return Strings(None, longest_m)
+    ratio = here / float(np.nanmedian(every[:, beyond]))
     if ratio <= config.bare_ratio:
         return Strings(0.0, longest_m)
-    if ratio < config.string_ratio:
+    if ratio < config.string_ratio or here < config.string_q:
         return Strings(None, longest_m)
     good = samples >= config.min_samples / inside.sum()
     return Strings(_end_of_string(at[good], np.nanmedian(every[:, good], 0), longest_m, config), longest_m)
