@@ -12,6 +12,12 @@ from plnerf.capture.heights import heights_of
 from plnerf.export.cloud_ply import write_cloud_ply, write_wires_ply
 from plnerf.export.crs import CrsTransform, crs_transform
 from plnerf.export.dxf import Drawn, write_dxf
+from plnerf.export.encroachment_rows import (
+    ENCROACHMENTS,
+    PLACED_ENCROACHMENTS,
+    encroachment_features,
+    encroachment_rows,
+)
 from plnerf.export.gis import Feature, write_geojson
 from plnerf.export.las import write_las
 from plnerf.export.rows import (
@@ -42,7 +48,8 @@ GEOJSON, PROJECTED, NEAR_PLACES = "conductors.geojson", "conductors-projected.ge
 
 FILES = (
     LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES, STRUCTURES,
-    PLACED_STRUCTURES, CROSSINGS, STATES, RULES,
+    PLACED_STRUCTURES, CROSSINGS, STATES, RULES, ENCROACHMENTS,
+    PLACED_ENCROACHMENTS,
 )  # fmt: skip
 """All that may be written of a survey."""
 
@@ -84,6 +91,7 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
     for name, some in (
         (STRUCTURES, structure_rows(survey, transform)), (CROSSINGS, crossing_rows(survey, transform)),
         (STATES, state_rows(survey)), (RULES, rule_rows(survey, transform)),
+        (ENCROACHMENTS, encroachment_rows(survey, transform)),
     ):  # fmt: skip
         if some:
             write_csv(folder / name, some, list(some[0]))
@@ -129,6 +137,9 @@ def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: lis
     if masts:
         write_geojson(folder / PLACED_STRUCTURES, masts, *on_earth)
         written.append(PLACED_STRUCTURES)
+    if near := encroachment_features(survey):
+        write_geojson(folder / PLACED_ENCROACHMENTS, near, *on_earth)
+        written.append(PLACED_ENCROACHMENTS)
     if _places(survey):
         rows = clearance_rows(survey, transform)
         points = [

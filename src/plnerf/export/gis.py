@@ -24,10 +24,11 @@ METRE_DECIMALS = 4
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """A line or a point in the LineFrame, and what is known of it."""
+    """A line, a point or an area in the LineFrame, and what is known of it."""
 
-    kind: Literal["LineString", "Point"]
+    kind: Literal["LineString", "Point", "Polygon"]
     points: Float[np.ndarray, "_ 3"]
+    """Of an area its closed ring, counterclockwise."""
     properties: Row
 
 
@@ -72,11 +73,9 @@ def _feature(
         [round(value, digits) for value, digits in zip(vertex, decimals, strict=True)]
         for vertex in coordinates.tolist()
     ]
+    shaped = {"LineString": vertices, "Point": vertices[0], "Polygon": [vertices]}
     return {
         "type": "Feature",
-        "geometry": {
-            "type": feature.kind,
-            "coordinates": vertices if feature.kind == "LineString" else vertices[0],
-        },
+        "geometry": {"type": feature.kind, "coordinates": shaped[feature.kind]},
         "properties": feature.properties,
     }

@@ -27,6 +27,7 @@ from plnerf.line.clearances import (
 )
 from plnerf.line.cloud import Cloud
 from plnerf.line.coverage import Coverage
+from plnerf.line.encroachments_json import encroachments_of, encroachments_row
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
@@ -41,10 +42,10 @@ from plnerf.scene.whole_result import finish_exchange
 
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
-SURVEY_VERSION = 6
-"""5 had no possible obstacles, coverage, other states and clearances by rule; 4 named a wire's lowest point
-differently; 3 had no crossings; 2 had conductors in place of lines, and no frame; 1 was written before
-conductors were fitted."""
+SURVEY_VERSION = 7
+"""6 had no encroachments; 5 had no possible obstacles, coverage, other states and clearances by rule; 4 named
+a wire's lowest point differently; 3 had no crossings; 2 had conductors in place of lines, and no frame; 1 was
+written before conductors were fitted."""
 WIRES_VERSION = 1
 
 
@@ -99,6 +100,9 @@ def read_survey(path: Path) -> Survey:
             temperature_c=data["temperature_c"],
             rules=None if data["rules"] is None else rules_of(data["rules"]),
             states=None if data["states"] is None else states_of(data["states"]),
+            encroachments=(
+                None if data["encroachments"] is None else encroachments_of(data["encroachments"])
+            ),
             detected=tuple(_wire(row) for row in data["detected"]),
             from_images=data["from_images"],
         )
@@ -127,6 +131,9 @@ def survey_json(survey: Survey) -> dict[str, Any]:
         "coverage": [asdict(one) | {"silent": one.silent} for one in survey.coverage],
         "rules": None if survey.rules is None else rules_row(survey.rules),
         "states": None if survey.states is None else states_row(survey.states),
+        "encroachments": (
+            None if survey.encroachments is None else encroachments_row(survey.encroachments)
+        ),
         "detected": [_wire_row(wire) for wire in survey.detected],
         "settings": dict(survey.settings),
     })

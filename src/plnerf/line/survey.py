@@ -11,6 +11,7 @@ from plnerf.findings import Finding
 from plnerf.line.clearances import Clearances
 from plnerf.line.cloud import Cloud
 from plnerf.line.coverage import Coverage
+from plnerf.line.encroachments import Encroachments
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
 from plnerf.line.rules import RuleReport
@@ -33,7 +34,7 @@ class Crop:
     """The part of a photo around a possible obstacle."""
 
     of: int
-    """Index of the obstacle in `Clearances.possible`."""
+    """Index of the obstacle in `Clearances.possible`, or in `Encroachments.records`."""
     name: str
     rgb: UInt8[np.ndarray, "h w 3"]
     at: Float[np.ndarray, "2"]
@@ -79,12 +80,16 @@ class Survey:
     """The line at other temperatures and loads; None: none was asked for, or what is needed is missing."""
     rules: RuleReport | None = None
     """Verdicts by a matrix of rules; None: none was given."""
+    encroachments: Encroachments | None = None
+    """Every object that comes too near; None: nothing is required."""
     detected: tuple[Wire, ...] = ()
     """The wires as they were detected, before they were refitted, with the same ids; none of clouds."""
     wire_points: WirePoints | None = None
     """None: there is no field."""
     pictures: tuple[Picture, ...] = ()
     crops: tuple[Crop, ...] = ()
+    """Of possible obstacles."""
+    encroachment_crops: tuple[Crop, ...] = ()
     from_images: bool = False
     """Whether the cloud's points come from images rather than a laser."""
 

@@ -13,6 +13,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from plnerf.line.survey import Survey
 from plnerf.report.coverage_view import coverage_tables
+from plnerf.report.encroachment_table import (
+    about_encroachments,
+    encroachment_crops,
+    encroachment_summary,
+    encroachment_tables,
+)
 from plnerf.report.line_tables import crossing_table, span_table, structure_table
 from plnerf.report.nearest import by_need, check_parts
 from plnerf.report.overlay import shown_picture
@@ -32,6 +38,7 @@ SECTIONS = {
     "plan": "Plan",
     "profiles": "Profiles",
     "coverage": "Coverage",
+    "encroachments": "Encroachments",
     "clearances": "Clearances",
     "states": "Other states",
     "wires": "Wires",
@@ -73,6 +80,10 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         spans=span_table(survey),
         drawings=profiles(survey, rows),
         coverage=coverage_tables(survey),
+        encroached=encroachment_summary(survey),
+        encroachments=encroachment_tables(survey),
+        about_encroachments=about_encroachments(survey),
+        encroachment_crops=encroachment_crops(survey),
         clearances=clearance_tables(survey, rows),
         possible=possible_table(survey),
         crops=possible_crops(survey),

@@ -61,7 +61,7 @@ def possible_crops(survey: Survey) -> list[Looked]:
     found = survey.clearances.possible if survey.clearances is not None else ()
     units = Units(survey.frame.unit)
     return [
-        Looked(_title(k, one, units), tuple(_shown(crop) for crop in survey.crops if crop.of == k - 1))
+        Looked(_title(k, one, units), tuple(shown_crop(crop) for crop in survey.crops if crop.of == k - 1))
         for k, one in enumerate(found, 1)
     ]
 
@@ -70,7 +70,8 @@ def _title(number: int, one: Possible, units: Units) -> str:
     return f"{number}: {units.with_unit(one.place.distance_m)} from wire {one.place.wire}, if it is there"
 
 
-def _shown(crop: Crop) -> Shown:
+def shown_crop(crop: Crop) -> Shown:
+    """As the page shows it."""
     height, width = crop.rgb.shape[:2]
     factor = CROP_PX / max(height, width)
     size = (max(1, round(width * factor)), max(1, round(height * factor)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
+from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, CoverageConfig, FieldConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig, TensionStringConfig
@@ -50,6 +51,8 @@ class SurveyConfig:
     """The same line at other temperatures, in wind and under ice."""
     rules: RulesConfig = field(default_factory=RulesConfig)
     """Clearances by a matrix of rules."""
+    encroachments: EncroachmentConfig = field(default_factory=EncroachmentConfig)
+    """Every object that comes too near."""
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
     use_classes: bool = False

@@ -1,4 +1,4 @@
-"""Parts of photos that show possible obstacles, by which a reader can judge what is there.
+"""Parts of photos that show encroachments and possible obstacles, by which a reader can judge what is there.
 
 Letters: t training images.
 """
@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from plnerf.line.clearances import Possible
 from plnerf.line.survey import Crop
 from plnerf.scene.cameras import project
 from plnerf.survey.posed_photos import Photos
@@ -22,12 +21,17 @@ MARGIN = 0.05
 """An obstacle nearer to the photo's edge than this share of its side is not shown well."""
 
 
-def crops_of(photos: Photos, possible: Sequence[Possible]) -> tuple[Crop, ...]:
-    """Of each obstacle the photo that is nearest to it, and those that see it from the most other sides."""
+def crops_of(
+    photos: Photos, places: Sequence[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]]
+) -> tuple[Crop, ...]:
+    """Of each obstacle the photo that is nearest to it, and those that see it from the most other sides.
+
+    places: of each the obstacle and the place on the wire that is nearest to it.
+    """
     found = []
-    for k, one in enumerate(possible):
-        for i in _chosen(photos, one.place.on_obstacle):
-            at, wire = _pixels(photos, i, np.stack([one.place.on_obstacle, one.place.on_wire]))
+    for k, (obstacle, on_wire) in enumerate(places):
+        for i in _chosen(photos, obstacle):
+            at, wire = _pixels(photos, i, np.stack([obstacle, on_wire]))
             found.append(_crop(photos, i, k, at, wire))
     return tuple(found)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Int
 
+from plnerf.line.clearances import Group
 from plnerf.line.ends import Quantity
 from plnerf.line.line import Line
 from plnerf.line.rules import Rule, RuleObject, StateKind
@@ -71,6 +72,22 @@ def kinds_of(load: Load) -> tuple[StateKind, ...]:
     return (*kinds, "ice") if load.ice_mm else tuple(kinds)
 
 
+def objects_by_class(
+    survey: Survey, groups: Mapping[Group, Int[np.ndarray, " _"]], houses: Sequence[MapObject]
+) -> dict[RuleObject, Int[np.ndarray, " _"]]:
+    """Indices of the points of each class of objects; what stands on a building of the maps is one."""
+    plants, other = groups["vegetation"], groups["other"]
+    plant_on_house, other_on_house = (
+        inside_any(survey.cloud.xyz[some, :2], houses) for some in (plants, other)
+    )
+    return {
+        "ground": groups["ground"],
+        "building": np.concatenate([groups["structures"], plants[plant_on_house], other[other_on_house]]),
+        "vegetation": plants[~plant_on_house],
+        "other": other[~other_on_house],
+    }
+
+
 class RuleScene:
     """What wires come near to, by class of objects."""
 
@@ -85,17 +102,7 @@ class RuleScene:
         for one in maps:
             self._maps.setdefault(one.kind, []).append(one)
         groups = obstacles(survey, clearance.obstacles)
-        houses = self._maps.get("building", [])
-        plants, other = groups["vegetation"], groups["other"]
-        plant_on_house, other_on_house = (
-            inside_any(survey.cloud.xyz[some, :2], houses) for some in (plants, other)
-        )
-        index: dict[RuleObject, Int[np.ndarray, " _"]] = {
-            "ground": groups["ground"],
-            "building": np.concatenate([groups["structures"], plants[plant_on_house], other[other_on_house]]),
-            "vegetation": plants[~plant_on_house],
-            "other": other[~other_on_house],
-        }
+        index = objects_by_class(survey, groups, self._maps.get("building", []))
         self._points = {
             name: ObjectPoints(survey.cloud, some, name) for name, some in index.items()
         }

@@ -39,7 +39,7 @@ def judge_rules(
     if config.matrix is None:
         return None, ()
     matrix, kv = load_matrix(config.matrix), config.kv
-    maps, given, unplaced = _maps(survey, clearance.obstacles.reach_m, config)
+    maps, given, unplaced = maps_near(survey, clearance.obstacles.reach_m, config)
     rules, not_judged = _applicable(matrix, kv, survey, config)
     states = rule_states(survey)
     lower_m: dict[RuleObject, float] = {}
@@ -64,7 +64,7 @@ def judge_rules(
     return report, (*unplaced, *_findings(report))
 
 
-def _maps(
+def maps_near(
     survey: Survey, reach_m: float, config: RulesConfig
 ) -> tuple[list[MapObject], set[str], list[Finding]]:
     """The maps' objects near the line, and of what classes there are any at all; none, and a finding, where

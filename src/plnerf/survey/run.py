@@ -3,7 +3,7 @@
     images    wires -> spans, lines -> surfaces (field, stereo) -> structures -> refit -> structures again,
               from the refined curves -> evidence -> ground, classes
     cloud     ground -> lines -> structures -> wires -> classes
-    both      -> clearances, other states, clearances by rule
+    both      -> clearances, other states, clearances by rule, encroachments
 
 Nothing is printed and no file is written here: `plnerf.write_survey` does that.
 """
@@ -33,6 +33,7 @@ from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.crops import crops_of
+from plnerf.survey.encroachments import find_encroachments
 from plnerf.survey.field_surface import field_surface
 from plnerf.survey.kinds import with_kinds
 from plnerf.survey.known_kinds import with_stated
@@ -41,7 +42,7 @@ from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.no_wires import why_none
 from plnerf.survey.posed_photos import Photos, photos_of
-from plnerf.survey.rules import judge_rules
+from plnerf.survey.rules import judge_rules, maps_near
 from plnerf.survey.span_refits import refine_spans
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.stereo.witnesses import Sight, with_witnesses
@@ -158,7 +159,14 @@ def _of_images(
     )  # fmt: skip
     survey = _finished(survey, config, sights)
     possible = survey.clearances.possible if survey.clearances is not None else ()
-    return replace(survey, crops=crops_of(photos, possible))
+    near = survey.encroachments.records if survey.encroachments is not None else ()
+    return replace(
+        survey,
+        crops=crops_of(photos, [(one.place.on_obstacle, one.place.on_wire) for one in possible]),
+        encroachment_crops=crops_of(
+            photos, [(one.on_object, one.on_wire) for one in near[: config.encroachments.pictures]]
+        ),
+    )
 
 
 def _with_heights(photos: Photos, config: SurveyConfig) -> Photos:
@@ -212,7 +220,10 @@ def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()
     survey = replace(survey, coverage=coverage, clearances=clearances, states=states)
     rules, by_rule = judge_rules(survey, config.clearance, config.rules)
     findings = (*survey.findings, *unseen, *doubted, *findings, *about, *by_rule)
-    return replace(survey, rules=rules, findings=findings)
+    survey = replace(survey, rules=rules, findings=findings)
+    maps, *_ = maps_near(survey, config.clearance.obstacles.reach_m, config.rules)
+    found = find_encroachments(survey, maps, config.clearance, config.rules, config.encroachments)
+    return replace(survey, encroachments=found)
 
 
 def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:
