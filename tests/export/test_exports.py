@@ -39,6 +39,7 @@ RD = np.array([155_000.0, 463_000.0, 0.0])
 ALL = {
     "cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "conductors-projected.geojson",
     "conductors.geojson", "clearances.geojson", "clearances.csv", "structures.csv", "structures.geojson",
+    "spans.csv", "phases.csv", "attachments.csv",
 }  # fmt: skip
 
 

@@ -26,6 +26,7 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
     states: Path | None = None,
     rules: Path | None = None,
     objects: tuple[Path, ...] = (),
+    names: Path | None = None,
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
     """Wires as catenaries, sag, clearances, a classified cloud, a report; status 3 if there are no wires.
@@ -48,6 +49,8 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
             gb-50545, fac-003-5 (examples); also needs --voltage-kv.
         objects: Maps of roads, rail, water and buildings for it: GeoJSON or GeoPackage; needs
             pip install "plnerf[gis]".
+        names: Names of structures, phases and circuits by place: a CSV, or a KML or GeoPackage with
+            pip install "plnerf[gis]".
         settings: Settings of the survey.
     """
     by_rule = settings.rules
@@ -61,11 +64,12 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
     mechanics = replace(
         mechanics, conductor=conductor or mechanics.conductor, states=states or mechanics.states
     )
+    named = replace(settings.names, places=names or settings.names.places)
     said = {"voltage_kv": voltage_kv, "thresholds": thresholds, "clearance_m": clearance_m}
     given = {name: value for name, value in said.items() if value is not None}
     clearance = replace(settings.clearance, **given)  # type: ignore[arg-type]  # each by its name
     config = replace(
-        settings, clearance=clearance, mechanics=mechanics, rules=by_rule,
+        settings, clearance=clearance, mechanics=mechanics, rules=by_rule, names=named,
         detect=settings.detect.along(line_azimuth),
     )  # fmt: skip
     if not survey_shown(Terminal(), source, out, config):

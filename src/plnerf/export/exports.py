@@ -20,7 +20,18 @@ from plnerf.export.encroachment_rows import (
 )
 from plnerf.export.gis import Feature, write_geojson
 from plnerf.export.las import write_las
+from plnerf.export.line_rows import (
+    ATTACHMENTS,
+    PHASES,
+    SPANS,
+    STRINGS,
+    attachment_rows,
+    phase_rows,
+    span_rows,
+    string_rows,
+)
 from plnerf.export.rows import (
+    Row,
     clearance_rows,
     crossing_rows,
     structure_properties,
@@ -49,7 +60,7 @@ GEOJSON, PROJECTED, NEAR_PLACES = "conductors.geojson", "conductors-projected.ge
 FILES = (
     LAS, PLY, WIRE_POINTS, DXF, WIRES, CLEARANCES, GEOJSON, PROJECTED, NEAR_PLACES, STRUCTURES,
     PLACED_STRUCTURES, CROSSINGS, STATES, RULES, ENCROACHMENTS,
-    PLACED_ENCROACHMENTS,
+    PLACED_ENCROACHMENTS, SPANS, PHASES, ATTACHMENTS, STRINGS,
 )  # fmt: skip
 """All that may be written of a survey."""
 
@@ -91,7 +102,7 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
     for name, some in (
         (STRUCTURES, structure_rows(survey, transform)), (CROSSINGS, crossing_rows(survey, transform)),
         (STATES, state_rows(survey)), (RULES, rule_rows(survey, transform)),
-        (ENCROACHMENTS, encroachment_rows(survey, transform)),
+        (ENCROACHMENTS, encroachment_rows(survey, transform)), *_line_tables(survey, transform),
     ):  # fmt: skip
         if some:
             write_csv(folder / name, some, list(some[0]))
@@ -104,6 +115,16 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
     else:
         about.append(f"There are no clearances: {CLEARANCES} and {NEAR_PLACES} are left out.")
     return Exports({name: folder / name for name in written}, tuple(about))
+
+
+def _line_tables(survey: Survey, transform: CrsTransform) -> tuple[tuple[str, list[Row]], ...]:
+    """Of a scaled survey: the tables of what the lines are made of."""
+    if survey.frame.unit == "unscaled":
+        return ()
+    return (
+        (SPANS, span_rows(survey, transform)), (PHASES, phase_rows(survey)),
+        (ATTACHMENTS, attachment_rows(survey, transform)), (STRINGS, string_rows(survey, transform)),
+    )  # fmt: skip
 
 
 def _write_gis(survey: Survey, transform: CrsTransform, folder: Path, about: list[str]) -> list[str]:

@@ -31,6 +31,7 @@ from plnerf.line.encroachments_json import encroachments_of, encroachments_row
 from plnerf.line.ends import Attached, End, Evidence, Open, Quantity
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.phases import InsulatorString
 from plnerf.line.rules_json import rules_of, rules_row
 from plnerf.line.states_json import states_of, states_row
 from plnerf.line.survey import Survey
@@ -43,9 +44,9 @@ from plnerf.scene.whole_result import finish_exchange
 SURVEY_FILE = "survey.json"
 """Its name in a survey folder."""
 SURVEY_VERSION = 7
-"""6 had no encroachments; 5 had no possible obstacles, coverage, other states and clearances by rule; 4 named
-a wire's lowest point differently; 3 had no crossings; 2 had conductors in place of lines, and no frame; 1 was
-written before conductors were fitted."""
+"""6 had no encroachments and strings; 5 had no possible obstacles, coverage, other states and clearances by
+rule; 4 named a wire's lowest point differently; 3 had no crossings; 2 had conductors in place of lines, and
+no frame; 1 was written before conductors were fitted."""
 WIRES_VERSION = 1
 
 
@@ -103,6 +104,7 @@ def read_survey(path: Path) -> Survey:
             encroachments=(
                 None if data["encroachments"] is None else encroachments_of(data["encroachments"])
             ),
+            strings=tuple(_string(row) for row in data["strings"]),
             detected=tuple(_wire(row) for row in data["detected"]),
             from_images=data["from_images"],
         )
@@ -131,6 +133,7 @@ def survey_json(survey: Survey) -> dict[str, Any]:
         "coverage": [asdict(one) | {"silent": one.silent} for one in survey.coverage],
         "rules": None if survey.rules is None else rules_row(survey.rules),
         "states": None if survey.states is None else states_row(survey.states),
+        "strings": [asdict(one) for one in survey.strings],
         "encroachments": (
             None if survey.encroachments is None else encroachments_row(survey.encroachments)
         ),
@@ -183,6 +186,7 @@ def _wire_row(wire: Wire) -> dict[str, Any]:
     return {
         "id": wire.id,
         "name": wire.name,
+        "circuit": wire.circuit,
         "kind": wire.kind,
         "bundle": wire.bundle,
         "diameter": wire.diameter_m,
@@ -219,6 +223,7 @@ def _wire(row: Mapping[str, Any]) -> Wire:
         bundle=row["bundle"],
         diameter_m=row["diameter"],
         name=row["name"],
+        circuit=row.get("circuit"),
         notes=tuple(row["notes"]),
     )
 
@@ -336,6 +341,10 @@ def _coverage(row: Mapping[str, Any]) -> Coverage:
         _gappy(row[key], -1) for key in ("from_m", "to_m", "ground", "air", "images")
     )
     return Coverage(row["line"], row["span"], from_m, to_m, ground, air, images, row["least"])
+
+
+def _string(row: Mapping[str, Any]) -> InsulatorString:
+    return InsulatorString(**(dict(row) | {"wires": tuple(row["wires"]), "ends": _array(row["ends"], 2, 3)}))
 
 
 def _place(row: Mapping[str, Any]) -> Place:

@@ -14,6 +14,7 @@ from plnerf.line.coverage import Coverage
 from plnerf.line.encroachments import Encroachments
 from plnerf.line.frame import LineFrame
 from plnerf.line.line import Line, Span, Structure
+from plnerf.line.phases import InsulatorString
 from plnerf.line.rules import RuleReport
 from plnerf.line.states import States
 from plnerf.line.wire import Wire
@@ -80,6 +81,7 @@ class Survey:
     """The line at other temperatures and loads; None: none was asked for, or what is needed is missing."""
     rules: RuleReport | None = None
     """Verdicts by a matrix of rules; None: none was given."""
+    strings: tuple[InsulatorString, ...] = ()
     encroachments: Encroachments | None = None
     """Every object that comes too near; None: nothing is required."""
     detected: tuple[Wire, ...] = ()

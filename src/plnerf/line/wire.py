@@ -53,8 +53,11 @@ class Wire:
     """Number of the bundle that it belongs to; None: it hangs alone."""
     diameter_m: float | None = None
     name: str | None = None
+    """Of its phase, where somebody knows it."""
     notes: tuple[str, ...] = ()
     """What a reader must know of this wire."""
+    circuit: str | None = None
+    """Name of its circuit, likewise."""
 
     def at(self, s: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
         """y and z at s; beyond its ends the curve goes on."""

@@ -7,6 +7,7 @@ from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
 from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, CoverageConfig, FieldConfig
+from plnerf.survey.config_names import NamesConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig, TensionStringConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
@@ -43,6 +44,8 @@ class SurveyConfig:
     """Which wires are shield wires."""
     classify: ClassifyConfig = field(default_factory=ClassifyConfig)
     """The ground, and classes of the points, of images."""
+    names: NamesConfig = field(default_factory=NamesConfig)
+    """Names of structures, phases, circuits and lines."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     """How much of the ground and the air around each span was seen."""
     clearance: ClearanceConfig = field(default_factory=ClearanceConfig)

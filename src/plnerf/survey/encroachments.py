@@ -128,7 +128,8 @@ class _Search:
                     if wire.kind == "phase" and wire.id in state.known:
                         self._pass_by(state, wire)
         for k, one in self.growing.items():
-            if not {"as surveyed", "sag", "blow-out"} & self.found.get(k, {}).keys():
+            before = [self.found.get(k, {}).get(way) for way in ("as surveyed", "sag", "blow-out")]
+            if not any(each is not None and each.verdict == "closer than required" for each in before):
                 self.found.setdefault(k, {})["grow-in"] = one
         return [self._record(k, tuple(self.found[k].values())) for k in sorted(self.found)]
 

@@ -17,7 +17,7 @@ from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -113,9 +113,7 @@ def same_along(spans: Sequence[Sequence[Wire]], config: KindsConfig = KindsConfi
     """
     wires = [wire for span in spans for wire in span]
     first = np.cumsum([0, *map(len, spans)])
-    one, other = np.array(_going_on(spans, config), np.int64).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(wires), len(wires)))
-    _, through = connected_components(graph, directed=False)
+    through = through_spans(spans, config)
     length = np.array([wire.base.length_m for wire in wires])
 
     def share(kind: Kind) -> Float[np.ndarray, " w"]:
@@ -130,6 +128,17 @@ def same_along(spans: Sequence[Sequence[Wire]], config: KindsConfig = KindsConfi
     named = np.select([is_shield, is_neutral, is_cable], ["shield", "neutral", "communication"], "phase")
     same = [replace(wire, kind=kind) for wire, kind in zip(wires, named.tolist(), strict=True)]
     return [same[a:b] for a, b in pairwise(first)]
+
+
+def through_spans(
+    spans: Sequence[Sequence[Wire]], config: KindsConfig = KindsConfig()
+) -> Int[np.ndarray, " w"]:
+    """A number for every wire, span by span; those of several spans that are one wire have the same."""
+    count = sum(map(len, spans))
+    one, other = np.array(_going_on(spans, config), np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    found: Int[np.ndarray, " w"] = connected_components(graph, directed=False)[1]
+    return found
 
 
 def _going_on(spans: Sequence[Sequence[Wire]], config: KindsConfig) -> list[tuple[int, int]]:

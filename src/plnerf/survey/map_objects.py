@@ -143,7 +143,7 @@ def _of_file(path: Path, field: str, frame: LineFrame) -> list[MapObject]:
 
     layers = _layers(path, field)
     try:
-        return [one for layer in layers for one in _of_layer(layer, _onto(frame, layer.crs, path))]
+        return [one for layer in layers for one in _of_layer(layer, onto_line(frame, layer.crs, path))]
     except shapely.errors.ShapelyError as error:
         raise ConfigError(f"The map {path} has a shape that is none ({error}). Repair it.") from error
 
@@ -162,7 +162,7 @@ def _of_layer(layer: _Layer, to_line: Callable[[Flat], Flat]) -> list[MapObject]
     return found
 
 
-def _onto(frame: LineFrame, crs: str, path: Path) -> Callable[[Flat], Flat]:
+def onto_line(frame: LineFrame, crs: str, path: Path) -> Callable[[Flat], Flat]:
     """From a map's coordinates to the LineFrame, in plan."""
     world = CRS.from_user_input(frame.crs)
     origin = frame.origin_lon_lat_height

@@ -27,6 +27,7 @@ from plnerf.mechanics.states import compute_states
 from plnerf.scene.scene import Scene
 from plnerf.survey.altitude import altitude_at
 from plnerf.survey.attach import hung_between, lines_of, numbered, trimmed
+from plnerf.survey.bundles_of_wires import with_bundles
 from plnerf.survey.chains import find_chains, wires_of, with_wires
 from plnerf.survey.classify import classified, ground_of, standing_on
 from plnerf.survey.clearance import measure_clearances
@@ -35,11 +36,13 @@ from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.crops import crops_of
 from plnerf.survey.encroachments import find_encroachments
 from plnerf.survey.field_surface import field_surface
+from plnerf.survey.insulator_strings import with_strings
 from plnerf.survey.kinds import with_kinds
 from plnerf.survey.known_kinds import with_stated
 from plnerf.survey.lidar.find import find_lines
 from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
+from plnerf.survey.names import with_names
 from plnerf.survey.no_wires import why_none
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.rules import judge_rules, maps_near
@@ -209,6 +212,8 @@ def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()
         made={**survey.made, "program": f"plnerf {version('plnerf')}"},
     )
     survey = with_stated(survey, config.kinds)
+    survey = replace(survey, lines=with_bundles(survey.lines, config.kinds))
+    survey = with_strings(with_names(survey, config.names, config.kinds), config.kinds)
     if survey.frame.unit != "m" or not survey.wires:
         return survey
     coverage = coverage_of(survey, sights, config.coverage)
