@@ -543,6 +543,7 @@ def test_without_a_crs_the_local_files_are_written_and_the_others_named(
     done = write_exports(reframed(survey, crs=None), tmp_path)
     assert set(done.files) == {
         "cloud.laz", "cloud.ply", "conductors.dxf", "conductors.csv", "clearances.csv", "structures.csv",
+        "spans.csv", "phases.csv", "attachments.csv",
     }  # fmt: skip
     said = " ".join(done.about)
     assert "conductors-projected.geojson is left out" in said
@@ -673,7 +674,7 @@ def test_a_real_cloud_of_lidar_is_exported_to_the_millimetre(shared_data: Path, 
     assert inlier.mean() > 0.99 and wire.base.length_m > 200 and wire.open is not None
     survey = replace(survey, clearances=measure_clearances(survey, ClearanceConfig())[0])
     files = write_exports(survey, tmp_path).files
-    assert set(files) == ALL - {"structures.csv", "structures.geojson"}
+    assert set(files) == ALL - {"structures.csv", "structures.geojson", "attachments.csv"}
     back = laspy.read(files["cloud.laz"])
     assert np.abs(back.xyz - cloud.xyz[some]).max() <= 1e-3
     assert np.array_equal(back.classification, label)

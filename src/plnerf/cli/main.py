@@ -19,6 +19,7 @@ import tyro
 from plnerf.bench.config import SPAN_PRESETS, for_the_span
 from plnerf.cli.capture import capture, reconstruct, synth
 from plnerf.cli.change import change
+from plnerf.cli.export import export
 from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
@@ -32,8 +33,8 @@ from plnerf.terminal import Terminal, one_line
 from plnerf.train.config import Settings
 
 COMMANDS: tuple[Callable[..., Any], ...] = (
-    demo, capture, reconstruct, train, eval, render, synth, hang, survey, change, view, score, doctor,
-    bench, compare,
+    demo, capture, reconstruct, train, eval, render, synth, hang, survey, export, change,
+    view, score, doctor, bench, compare,
 )  # fmt: skip
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70
