@@ -25,7 +25,7 @@ from plnerf.report.line_tables import span_table
 from plnerf.report.nearest import by_need, worst
 from plnerf.report.page import html_page, write_report
 from plnerf.report.scene_view import scene
-from plnerf.report.words import caveats, judged, merged
+from plnerf.report.words import caveats, judged, merged, sorted_caveats
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
 
@@ -376,11 +376,25 @@ def test_caveats_say_what_is_missing() -> None:
     assert "No ground is known, and so no height above ground." in bare
 
 
+def test_what_limits_the_figures_stands_open_and_notes_are_folded_by_matter() -> None:
+    found = (
+        note("b", "One note."), harms("a", "It harms."), note("b", "Another."), harms("a", "It harms too."),
+    )  # fmt: skip
+    survey = replace(report("short"), findings=found)
+    main, notes = sorted_caveats(survey)
+    assert [one.texts for one in main if one.about == "a"] == [("It harms.", "It harms too.")]
+    assert [(one.about, one.texts) for one in notes] == [("b", ("One note.", "Another."))]
+    text = html_page(survey)
+    folded = text[text.index("<details><summary>Notes") : text.index("</details>")]
+    assert "One note. Another." in folded and "It harms." not in folded and "It harms." in text
+
+
 def test_the_gravest_findings_come_first_and_each_once() -> None:
     survey, one = report("short"), note("a", "A note.")
     found = (one, harms("b", "Something harms.", "Do this."), one, Finding("c", "stops", "It stops."))
     texts = caveats(replace(survey, findings=found))
-    assert texts[1:4] == ["It stops.", "Something harms. Do this.", "A note."] and texts.count("A note.") == 1
+    at = [texts.index(one) for one in ("It stops.", "Something harms. Do this.", "A note.")]
+    assert at == sorted(at) and texts[1] == "It stops." and texts.count("A note.") == 1
 
 
 def test_that_figures_are_as_surveyed_is_said_once() -> None:

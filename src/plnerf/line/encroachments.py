@@ -24,9 +24,9 @@ POSSIBLE = 5
 IN_WORDS: dict[int, str] = {
     1: "too near as surveyed",
     2: "too near in another state",
-    3: "comes too near where it falls",
-    4: "grows too near",
-    5: "within its uncertainty",
+    3: "too near when falling",
+    4: "too near after growth",
+    5: "within the uncertainty",
 }
 
 

@@ -7,6 +7,7 @@ from plnerf.line.coverage import Coverage
 from plnerf.line.stations import Chain, Stretch
 from plnerf.line.survey import Survey
 from plnerf.report.figures import NOTHING, Units, share
+from plnerf.report.shown import units_of
 from plnerf.report.side import TOP, Scale
 from plnerf.report.tables import Table
 from plnerf.report.words import number_of, span_head
@@ -22,7 +23,7 @@ def coverage_tables(survey: Survey) -> list[Table]:
     """A row for each span, and folded one for each stretch; none where nothing is known of it."""
     if not survey.coverage:
         return []
-    units, numbers = Units(survey.frame.unit), _numbers(survey)
+    units, numbers = units_of(survey), _numbers(survey)
     spans = [
         [
             numbers[one.line, one.span], units.length(one.length_m, 1), _percent(_mean(one, one.ground)),
@@ -33,8 +34,8 @@ def coverage_tables(survey: Survey) -> list[Table]:
     ]  # fmt: skip
     rows = [
         [
-            numbers[one.line, one.span], f"{begin:.0f} to {end:.0f}", _percent(ground), _percent(air),
-            _count(images), _what(bool(no_ground), bool(no_air)),
+            numbers[one.line, one.span], f"{units.length(begin, 0)} to {units.length(end, 0)}",
+            _percent(ground), _percent(air), _count(images), _what(bool(no_ground), bool(no_air)),
         ]
         for one in survey.coverage
         for begin, end, ground, air, images, no_ground, no_air in zip(
@@ -63,7 +64,7 @@ def not_seen(survey: Survey, wire: int) -> str:
         for span in line.spans:
             if any(one.id == wire for one in span.wires):
                 found = [one for one in survey.coverage if (one.line, one.span) == (line.id, span.id)]
-                return _stations(found[0], Units(survey.frame.unit)) if found else ""
+                return _stations(found[0], units_of(survey)) if found else ""
     return ""
 
 
@@ -146,5 +147,5 @@ def _what(no_ground: bool, no_air: bool) -> str:
 
 
 def _stations(one: Coverage, units: Units) -> str:
-    parts = ", ".join(f"{begin:.0f} to {end:.0f}" for begin, end in one.silent)
+    parts = ", ".join(f"{units.length(begin, 0)} to {units.length(end, 0)}" for begin, end in one.silent)
     return f"{parts}\u00a0{units.short}" if parts else ""

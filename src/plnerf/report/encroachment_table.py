@@ -2,12 +2,12 @@
 
 from collections import Counter
 
-from plnerf.line.encroachments import IN_WORDS, Approach, Encroachment
+from plnerf.line.encroachments import IN_WORDS, Encroachment
 from plnerf.line.survey import Survey
-from plnerf.report.figures import CERTAIN, NOTHING, Units, counted, listed
+from plnerf.report.figures import AS_THEY_ARE, CERTAIN, NOTHING, counted, listed
 from plnerf.report.nearest import STANDINGS
 from plnerf.report.possible_view import Looked, shown_crop
-from plnerf.report.shown import shown
+from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Cell, Table, Verdict
 from plnerf.report.words import numbers_of_spans, span_head
 
@@ -54,7 +54,7 @@ def encroachment_crops(survey: Survey) -> list[Looked]:
     found = survey.encroachments
     if found is None:
         return []
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     return [
         Looked(
             f"{one.id}: {NAMES[one.object]}, {units.interval_with_unit(one.radial)} from wire {one.wire} as "
@@ -67,7 +67,7 @@ def encroachment_crops(survey: Survey) -> list[Looked]:
 
 
 def _table(survey: Survey, records: tuple[Encroachment, ...], folded: str) -> Table:
-    units, span = Units(survey.frame.unit), numbers_of_spans(survey)
+    units, span = units_of(survey), numbers_of_spans(survey)
     some_growth = any(each.years for one in records for each in one.approaches)
     rows: list[list[Cell]] = []
     for one in records:
@@ -75,12 +75,11 @@ def _table(survey: Survey, records: tuple[Encroachment, ...], folded: str) -> Ta
         names = f"{one.wire}, {one.other_wire}" if one.other_wire is not None else str(one.wire)
         years = next((each.years for each in one.approaches if each.years), None)
         rows.append([
-            str(one.id), Verdict(_way(first), STANDINGS[first.verdict]), NAMES[one.object],
-            span[one.wire], names, units.length(one.station_m, 1), units.length(one.height_m, 1),
+            str(one.id), Verdict(first.way, STANDINGS[first.verdict]), first.state, NAMES[one.object],
+            span[one.wire], names, units.length(one.station_m, 1), units.interval(first.distance),
+            units.length(first.required_m), *[AS_THEY_ARE.interval(years, 1)] * some_growth,
             units.interval(one.radial), units.interval(one.vertical), units.interval(one.horizontal),
-            units.interval(first.distance), units.length(first.required_m),
-            *[units.interval(years, 1)] * some_growth,
-            ", ".join(_way(each) for each in one.approaches[1:]) or NOTHING,
+            units.length(one.height_m, 1), ", ".join(one.ways[1:]) or NOTHING,
             units.place(shown(survey.frame, one.highest)),
         ])  # fmt: skip
     groups, last = {}, 0
@@ -88,23 +87,19 @@ def _table(survey: Survey, records: tuple[Encroachment, ...], folded: str) -> Ta
         if one.priority != last:
             groups[k], last = f"Priority {one.priority}: {IN_WORDS[one.priority]}", one.priority
     columns = [
-        "", "how", "what", span_head(survey), "wire", *units.heads("station", "height"),
-        *units.heads_95("in space", "vertical", "in plan", "comes to"), *units.heads("required"),
-        *[f"years until then ±\u00a0{CERTAIN}"] * some_growth, "also", f"highest point {XYZ}",
+        "", "how", "state", "what", span_head(survey), "wire", *units.heads("station"),
+        *units.heads_95("comes to"), *units.heads("required"),
+        *[f"years until then ±\u00a0{CERTAIN}"] * some_growth,
+        *units.heads_95("in space", "vertical", "in plan"), *units.heads("height"), "also",
+        f"highest point {XYZ}",
     ]  # fmt: skip
     also = len(columns) - 2
     return Table(
         columns, rows,
         "Every object that comes nearer to a phase conductor than required, or whose distance is within its "
-        "uncertainty of it, once, the most urgent first. In space, vertical, in plan: between it and its "
-        "nearest wire as surveyed. Comes to: the distance in the way named, below 0 where a falling tree "
-        "reaches beyond the wire. Fall-in: the tree tilts about its foot straight at the wire. Also: further "
-        "ways.",
-        frozenset({1, 2, also}), groups, folded,
+        "uncertainty of it (!), once, the most urgent first. Comes to: the distance in the way and the state "
+        "named, below 0 where a falling tree reaches beyond the wire. In space, vertical, in plan: between "
+        "it and its nearest wire as surveyed. Fall-in: the tree tilts about its foot straight at the wire. "
+        "Also: further ways.",
+        frozenset({1, 2, 3, also}), groups, folded,
     )  # fmt: skip
-
-
-def _way(one: Approach) -> str:
-    doubt = "" if one.verdict == "closer than required" else " (within its uncertainty)"
-    state = "" if one.way == "as surveyed" or one.state == "as surveyed" else f", {one.state}"
-    return f"{one.way}{state}{doubt}"

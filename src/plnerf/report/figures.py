@@ -9,6 +9,8 @@ from jaxtyping import Float
 from plnerf.line.ends import Quantity
 
 NOTHING = "–"
+FOOT_M = 0.3048
+"""The international foot."""
 FINEST = 3
 """Decimals at most, where fewer would round the width of an interval to nothing."""
 CERTAIN = "95\u00a0%"
@@ -18,19 +20,20 @@ PLUS_MINUS, MINUS = "\u202f±\u202f", "−"
 
 @dataclass(frozen=True)
 class Units:
-    """How lengths are written."""
+    """How lengths are written; values come in metres, or in units of an unscaled survey."""
 
-    unit: Literal["m", "unscaled"]
+    unit: Literal["m", "ft", "unscaled"]
 
     @property
     def short(self) -> str:
         """Behind a figure."""
-        return "m" if self.unit == "m" else "units"
+        return "units" if self.unit == "unscaled" else self.unit
 
     def length(self, value: float | None, digits: int = 2) -> str:
         """A length with so many decimals; a dash where there is none."""
         if value is None or not np.isfinite(value):
             return NOTHING
+        value = value / FOOT_M if self.unit == "ft" else value
         return f"{value:,.{digits}f}".replace("-", MINUS)
 
     def with_unit(self, value: float | None, digits: int = 2) -> str:
@@ -42,7 +45,8 @@ class Units:
         """A length and half the width of its 95 % interval; a dash where there is none."""
         if one is None:
             return NOTHING
-        while digits < FINEST and one.half_95 < 0.5 * 10.0**-digits:
+        half_95 = one.half_95 / FOOT_M if self.unit == "ft" else one.half_95
+        while digits < FINEST and half_95 < 0.5 * 10.0**-digits:
             digits += 1
         half = self.length(one.half_95, digits) if np.isfinite(one.half_95) else "?"
         return f"{self.length(one.value, digits)}{PLUS_MINUS}{half}"
@@ -63,6 +67,10 @@ class Units:
     def place(self, xyz: Float[np.ndarray, "3"]) -> str:
         """Coordinates of a point, without thousands separators so that they can be copied."""
         return ", ".join(f"{value:.2f}" for value in xyz)
+
+
+AS_THEY_ARE = Units("unscaled")
+"""Writes figures that are no lengths: angles, years."""
 
 
 def degrees(value: float | None, digits: int = 1) -> str:

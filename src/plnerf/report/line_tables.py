@@ -8,15 +8,15 @@ from plnerf.line.line import Line, Structure
 from plnerf.line.stations import Stretch, azimuth_deg, chains, structure_stations
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
-from plnerf.report.figures import CERTAIN, NOTHING, Units, degrees, listed, runs_of, wires_named
-from plnerf.report.shown import shown
+from plnerf.report.figures import AS_THEY_ARE, CERTAIN, NOTHING, Units, degrees, listed, runs_of, wires_named
+from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Table
 from plnerf.report.words import number_of, numbers_of_spans, span_head
 
 
 def span_table(survey: Survey) -> Table | None:
     """A row for each span; None without any."""
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     rows = [
         _span(survey, line, one, units) for line in survey.lines for chain in chains(line) for one in chain
     ]
@@ -47,7 +47,7 @@ def _span(survey: Survey, line: Line, one: Stretch, units: Units) -> list[str]:
         number_of(survey, line, one.span), f"{first} to {last}", units.length(one.from_m, 1),
         units.length(one.base.length_m, 1), degrees(azimuth_deg(survey.frame, one.base), 1),
         runs_of([wire.id for wire in wires]), value_range([wire.sag for wire in wires], units, 2) or NOTHING,
-        value_range(swings, units, 1) or NOTHING, open_ends(wires) or NOTHING,
+        value_range(swings, AS_THEY_ARE, 1) or NOTHING, open_ends(wires) or NOTHING,
     ]  # fmt: skip
 
 
@@ -74,7 +74,7 @@ def open_ends(wires: Sequence[Wire]) -> str:
 
 def structure_table(survey: Survey) -> Table | None:
     """Where the structures stand and what shows them; None without any."""
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     named = any(one.name for one in survey.structures)
     several = len(survey.lines) > 1
     rows = []
@@ -112,7 +112,7 @@ def crossing_table(survey: Survey) -> Table | None:
     least = least_crossings(survey)
     if not least:
         return None
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     number = numbers_of_spans(survey)
     rows = [
         [
@@ -156,7 +156,7 @@ def span_headings(survey: Survey) -> list[tuple[int, str]]:
     spans = [(line, span) for line in survey.lines for span in line.spans if span.wires]
     if len(spans) < 2:
         return []
-    units, found = Units(survey.frame.unit), []
+    units, found = units_of(survey), []
     stretches = {id(one.span): one for line in survey.lines for chain in chains(line) for one in chain}
     for line, span in spans:
         one = stretches[id(span)]

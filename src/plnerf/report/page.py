@@ -26,10 +26,11 @@ from plnerf.report.page_tables import cards, clearance_tables, protocol, wire_ta
 from plnerf.report.plan import plan
 from plnerf.report.possible_view import possible_crops, possible_table
 from plnerf.report.profile import profiles
+from plnerf.report.quality import quality_table
 from plnerf.report.rule_table import rule_summary, rule_tables
 from plnerf.report.scene_view import view
 from plnerf.report.state_table import state_tables
-from plnerf.report.words import caveats, found, judged, name_of, no_states, where
+from plnerf.report.words import found, judged, name_of, no_states, sorted_caveats, where
 from plnerf.scene.files import write_text
 
 SECTIONS = {
@@ -43,6 +44,7 @@ SECTIONS = {
     "states": "Other states",
     "wires": "Wires",
     "structures": "Structures",
+    "quality": "Quality",
     "pictures": "Fitted wires over the photos",
     "protocol": "Protocol",
 }
@@ -65,6 +67,7 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
     """The whole page, as `write_report` writes it."""
     check_parts(survey)
     rows = by_need(survey)
+    main, notes = sorted_caveats(survey)
     page: str = _environment().get_template("page.html").render(
         title=f"Survey of {name_of(survey)}",
         sections=SECTIONS,
@@ -74,7 +77,9 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
         where=where(survey),
         judged=judged(rows),
         cards=cards(survey, rows),
-        caveats=caveats(survey),
+        caveats=main,
+        notes=notes,
+        quality=quality_table(survey),
         view=view(survey, rows),
         plan=plan(survey),
         spans=span_table(survey),

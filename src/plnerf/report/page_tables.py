@@ -9,10 +9,10 @@ from plnerf.line.ends import Attached, End, Quantity
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.coverage_view import any_not_seen, not_seen
-from plnerf.report.figures import CERTAIN, NOTHING, Units, counted, listed, share
+from plnerf.report.figures import AS_THEY_ARE, CERTAIN, NOTHING, Units, counted, listed, share
 from plnerf.report.line_tables import least_crossings, span_headings, value_range
 from plnerf.report.nearest import Nearest, by_need, worst
-from plnerf.report.shown import height_shift, shown
+from plnerf.report.shown import height_shift, shown, units_of
 from plnerf.report.tables import XYZ, Cell, Table, Verdict, verdict_of
 from plnerf.report.words import kinds_of, numbers_of_spans, span_head, temperature, where
 
@@ -36,7 +36,7 @@ def wire_tables(survey: Survey) -> list[Table]:
     rows = [(wire, numbers[wire.id]) for wire in survey.wires]
     if not rows:
         return []
-    units, up = Units(survey.frame.unit), height_shift(survey.frame)
+    units, up = units_of(survey), height_shift(survey.frame)
     some_open = any(wire.open for wire, _ in rows)
     some_swing = any(wire.swing_deg for wire, _ in rows)
     groups, first = {}, 0
@@ -50,7 +50,7 @@ def wire_tables(survey: Survey) -> list[Table]:
          *[f"swing,\u00a0° ±\u00a0{CERTAIN}"] * some_swing,
          *["no sag, span length and p, because"] * some_open],
         [
-            [*_measured(wire, span, units, up), *[units.interval(wire.swing_deg, 1)] * some_swing,
+            [*_measured(wire, span, units, up), *[AS_THEY_ARE.interval(wire.swing_deg, 1)] * some_swing,
              *[wire.open or NOTHING] * some_open]
             for wire, span in rows
         ],
@@ -123,7 +123,7 @@ def clearance_tables(survey: Survey, rows: list[Nearest]) -> list[Table]:
 
 
 def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     span = numbers_of_spans(survey)
     judged, silent = any(one.standing != "open" for one in rows), any_not_seen(survey)
     order = "Nothing is required: give a voltage or a distance to have them judged."
@@ -162,6 +162,7 @@ def protocol(survey: Survey, files: Sequence[str], about_files: Sequence[str]) -
         ("source", survey.source),
         *survey.made.items(),
         ("unit and place", where(survey)),
+        *_in_feet(survey),
         ("conductor temperature", temperature(survey)),
     ]
     required = survey.clearances.requirement if survey.clearances is not None else None
@@ -183,9 +184,17 @@ def protocol(survey: Survey, files: Sequence[str], about_files: Sequence[str]) -
     return pairs
 
 
+def _in_feet(survey: Survey) -> list[tuple[str, str]]:
+    """What is in feet and what is not; nothing where all is in metres."""
+    if units_of(survey).unit != "ft":
+        return []
+    text = "tables and cards in feet (0.3048 m); drawings, coordinates, findings and files in metres"
+    return [("units of the report", text)]
+
+
 def cards(survey: Survey, rows: list[Nearest]) -> list[Card]:
     """The figures to remember: wires, spans, sags and the worst clearance to each group."""
-    units, wires = Units(survey.frame.unit), survey.wires
+    units, wires = units_of(survey), survey.wires
     found = [Card("wires", str(len(wires)), kinds_of(survey) if wires else "")]
     if wires:
         spans = _with_unit(value_range([wire.span_m for wire in wires], units, 1), units)

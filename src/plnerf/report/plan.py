@@ -21,6 +21,7 @@ from plnerf.line.wire import Wire
 from plnerf.report.colours import CLASSES, DASHED, KINDS, MARK
 from plnerf.report.coverage_view import GREY, any_not_seen, corridors
 from plnerf.report.figures import Units, degrees
+from plnerf.report.plan_encroachments import about_marks, encroachment_marks
 from plnerf.report.profile import LEAST_WIDTH, Drawing
 from plnerf.report.shown import shown, shows_world
 from plnerf.report.side import ticks
@@ -64,7 +65,7 @@ def plan(survey: Survey) -> Drawing | None:
     paper = _paper(np.concatenate([*curves, *feet])[:, :2], across[1, :2] - across[0, :2])
     crossings = survey.clearances.crossings if survey.clearances is not None else ()
     crosses = [paper.at(shown(frame, one.on_upper[None]))[0] for one in crossings]
-    parts = _not_seen(paper, survey)
+    parts = [*_not_seen(paper, survey), *encroachment_marks(survey, paper.at)]
     parts += [_wire(paper, wire, curve) for wire, curve in zip(survey.wires, curves, strict=True)]
     several, stretches, taken = len(survey.lines) > 1, [], [*crosses]
     for line in survey.lines:
@@ -104,6 +105,7 @@ def _about(survey: Survey, *, north: bool, several: bool, crossed: bool) -> str:
         + "; crosses: where wires of two lines cross" * crossed
         + "; grey: stretches of which too little ground or air was seen, darker where of both"
         * any_not_seen(survey)
+        + about_marks(survey)
         + "."
     )
 

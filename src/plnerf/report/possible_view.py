@@ -12,7 +12,7 @@ from plnerf.line.survey import Crop, Survey
 from plnerf.report.colours import MARK, rgb
 from plnerf.report.figures import Units
 from plnerf.report.overlay import Shown, jpeg_url
-from plnerf.report.shown import shown
+from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Table
 
 CROP_PX = 420
@@ -34,7 +34,7 @@ def possible_table(survey: Survey) -> Table | None:
     found = survey.clearances.possible if survey.clearances is not None else ()
     if not found:
         return None
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     rows = [
         [
             str(k), one.place.to, str(one.place.wire),
@@ -59,7 +59,7 @@ def possible_table(survey: Survey) -> Table | None:
 def possible_crops(survey: Survey) -> list[Looked]:
     """Each obstacle's parts of photos, with a ring around its place and a line from there to the wire."""
     found = survey.clearances.possible if survey.clearances is not None else ()
-    units = Units(survey.frame.unit)
+    units = units_of(survey)
     return [
         Looked(_title(k, one, units), tuple(shown_crop(crop) for crop in survey.crops if crop.of == k - 1))
         for k, one in enumerate(found, 1)

@@ -9,7 +9,7 @@ from plnerf.line.survey import Survey
 from plnerf.report.coverage_view import any_not_seen, not_seen
 from plnerf.report.figures import NOTHING, Units, counted, listed
 from plnerf.report.nearest import STANDINGS
-from plnerf.report.shown import shown
+from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Cell, Table, Verdict
 from plnerf.report.words import numbers_of_spans, span_head
 
@@ -34,7 +34,7 @@ def rule_tables(survey: Survey) -> list[Table]:
                 "What was not judged, or not in the states that it is for.", frozenset({0, 1}),
             )
         )  # fmt: skip
-    return [*tables, _rules(report)]
+    return [*tables, _rules(report, units_of(survey))]
 
 
 def rule_summary(survey: Survey) -> str:
@@ -54,7 +54,7 @@ def rule_summary(survey: Survey) -> str:
 
 
 def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], folded: str) -> Table:
-    units, span, silent = Units(survey.frame.unit), numbers_of_spans(survey), any_not_seen(survey)
+    units, span, silent = units_of(survey), numbers_of_spans(survey), any_not_seen(survey)
     rows: list[list[Cell]] = []
     for one in judged:
         rule, margin = report.rule(one.rule), report.margin(one)
@@ -77,8 +77,7 @@ def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], fo
     )  # fmt: skip
 
 
-def _rules(report: RuleReport) -> Table:
-    units = Units("m")
+def _rules(report: RuleReport, units: Units) -> Table:
     return Table(
         ["rule", "object", "direction", "states", *units.heads("required"), "made of", "read in", "compared",
          "note"],

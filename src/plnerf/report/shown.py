@@ -8,6 +8,16 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.line.frame import LineFrame
+from plnerf.line.survey import Survey
+from plnerf.report.figures import Units
+
+
+def units_of(survey: Survey) -> Units:
+    """Of the lengths in tables and cards: feet where the settings ask for them.  Drawings, coordinates and
+    findings are in metres."""
+    if survey.frame.unit == "m" and survey.settings.get("report_units") == "feet":
+        return Units("ft")
+    return Units(survey.frame.unit)
 
 
 def shows_world(frame: LineFrame) -> bool:

@@ -13,6 +13,7 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import KINDS
 from plnerf.report.figures import CERTAIN, MINUS, NOTHING, Units, share
+from plnerf.report.shown import units_of
 from plnerf.report.side import LEFT, Scale
 from plnerf.report.tables import Table
 from plnerf.report.words import numbers_of_spans, span_head
@@ -34,7 +35,7 @@ def state_tables(survey: Survey) -> list[Table]:
 
 
 def _table(survey: Survey, state: State) -> Table:
-    units, span = Units(survey.frame.unit), numbers_of_spans(survey)
+    units, span = units_of(survey), numbers_of_spans(survey)
     wires = {wire.id: wire for wire in survey.wires}
     blown = bool(state.load.wind_pa)
     rows = [

@@ -1,6 +1,8 @@
 """Sentences of a report: what was found, where it is, and what a reader must know."""
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 
 import numpy as np
@@ -14,7 +16,7 @@ from plnerf.line.wire import Wire
 from plnerf.report.colours import KINDS
 from plnerf.report.figures import CERTAIN, MINUS, Units, counted, listed, runs_of, share, wires_named
 from plnerf.report.nearest import Nearest, Standing
-from plnerf.report.shown import shows_world
+from plnerf.report.shown import shows_world, units_of
 
 LEAST_COVERAGE = 0.8
 """A wire with evidence on less of its length gets a caveat."""
@@ -108,9 +110,43 @@ def temperature(survey: Survey) -> str:
     return "not given" if survey.temperature_c is None else f"{survey.temperature_c:g} °C".replace("-", MINUS)
 
 
+@dataclass(frozen=True)
+class Caveat:
+    """What a reader must know of one matter."""
+
+    about: str
+    """The matter; empty: of the whole survey."""
+    texts: tuple[str, ...]
+
+
 def caveats(survey: Survey) -> list[str]:
     """What is missing or doubtful, a sentence or two each, what concerns all of the survey first."""
-    units = Units(survey.frame.unit)
+    main, notes = sorted_caveats(survey)
+    return [text for one in (*main, *notes) for text in one.texts]
+
+
+def sorted_caveats(survey: Survey) -> tuple[list[Caveat], list[Caveat]]:
+    """What limits the use of the figures, and notes on what they rest on; each matter once."""
+    of_all = _of_all(survey)
+    found = sorted(survey.findings, key=lambda one: DEGREES.index(one.degree))
+    limits = [(one.kind, one.text) for one in found if one.degree != "note" or one.kind == STATE]
+    notes = [(one.kind, one.text) for one in found if one.degree == "note" and one.kind != STATE]
+    main = _by_matter([*(("", text) for text in of_all), *limits, *_of_wires(survey)])
+    said = {text for one in main for text in one.texts}
+    return main, _by_matter([(kind, text) for kind, text in notes if text not in said])
+
+
+def _by_matter(pairs: Sequence[tuple[str, str]]) -> list[Caveat]:
+    """Texts of one matter together, in the order of the first of each."""
+    found: dict[str, list[str]] = {}
+    for about, text in pairs:
+        some = found.setdefault(about, [])
+        some += [text] if text not in some else []
+    return [Caveat(about, tuple(texts)) for about, texts in found.items()]
+
+
+def _of_all(survey: Survey) -> list[str]:
+    """What concerns all of the survey."""
     texts = []
     if survey.frame.unit == "unscaled":
         texts.append(
@@ -122,23 +158,26 @@ def caveats(survey: Survey) -> list[str]:
             "As surveyed: clearances and sags hold for the conductor temperature and wind at that time "
             f"(temperature: {temperature(survey)}). At their highest temperature conductors hang lower."
         )
-    texts += [
-        one.text for one in sorted(survey.findings, key=lambda one: DEGREES.index(one.degree))
-    ]  # fmt: skip
+    return texts
+
+
+def _of_wires(survey: Survey) -> list[tuple[str, str]]:
+    """What is not known of the ground below wires, and of the wires themselves."""
+    units, texts = units_of(survey), []
     profiles = [one.profile for one in survey.clearances.wires] if survey.clearances is not None else []
     bare = [one.wire for one in profiles if not np.isfinite(one.ground_z).any()]
     if survey.wires and not (survey.cloud.label == GROUND).any():
-        texts.append("No ground is known, and so no height above ground.")
+        texts.append(("ground", "No ground is known, and so no height above ground."))
     elif bare:
-        texts.append(f"No ground is known below {wires_named(sorted(bare))}.")
+        texts.append(("ground", f"No ground is known below {wires_named(sorted(bare))}."))
     doubts: dict[tuple[str, ...], list[tuple[int, str]]] = {}
     for wire in survey.wires:
         for text in _doubts(wire, units):
             doubts.setdefault(tuple(FIGURE.split(text)), []).append((wire.id, text))
     for alike in doubts.values():
         named = wires_named([number for number, _ in alike]).capitalize()
-        texts.append(f"{named}: {merged([text for _, text in alike])}.")
-    return list(dict.fromkeys(texts))
+        texts.append(("wires", f"{named}: {merged([text for _, text in alike])}."))
+    return texts
 
 
 def merged(texts: list[str]) -> str:

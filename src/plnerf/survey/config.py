@@ -1,6 +1,7 @@
 """Everything that decides a survey, as one value that is written into survey.json."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
@@ -68,6 +69,8 @@ class SurveyConfig:
     EPSG:7837."""
     temperature_c: float | None = None
     """Of the conductors when they were surveyed, in degrees Celsius, if it is known."""
+    report_units: Literal["metres", "feet"] = "metres"
+    """Of the lengths in the report's tables; drawings, coordinates and files are in metres."""
     pictures: int = 4
     """Photos that the report shows with the wires drawn over them."""
 
