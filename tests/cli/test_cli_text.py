@@ -24,6 +24,7 @@ COMMANDS = (
     "synth",
     "hang",
     "survey",
+    "export",
     "change",
     "view",
     "score",
