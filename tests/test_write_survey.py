@@ -24,6 +24,7 @@ ALWAYS = {"report.html", "survey.json", "cloud.laz", "cloud.ply", "conductors.dx
 ALL = ALWAYS | {
     "conductors.csv", "conductors.geojson", "conductors-projected.geojson", "clearances.csv",
     "clearances.geojson", "structures.csv", "structures.geojson",
+    "spans.csv", "phases.csv", "attachments.csv",
 }  # fmt: skip
 MADE = {
     "short": ALL,

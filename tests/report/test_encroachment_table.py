@@ -59,7 +59,7 @@ def with_swing(survey: Survey) -> Survey:
 
 def test_lengths_are_in_feet_where_they_are_asked_for() -> None:
     survey = with_encroachments(surveys.short(0.1))
-    survey = replace(survey, settings={**survey.settings, "report_units": "feet"})
+    survey = replace(survey, report_units="feet")
     (table,) = encroachment_tables(survey)
     cells = dict(zip(table.columns, table.rows[0], strict=True))
     assert cells["required,\u00a0ft"] == "9.84" and cells["station,\u00a0ft"] == "68.9"
@@ -70,7 +70,7 @@ def test_lengths_are_in_feet_where_they_are_asked_for() -> None:
     cells = dict(zip(table.columns, table.rows[0], strict=True))
     assert cells["swing,\u00a0° ±\u00a095\u00a0%"] == "5.7\u202f±\u202f1.1"  # degrees stay degrees
     assert "sag,\u00a0ft" in page and "in feet" in page
-    assert "sag,\u00a0ft" not in html_page(replace(survey, settings={}))
+    assert "sag,\u00a0ft" not in html_page(replace(survey, report_units="metres"))
 
 
 def test_the_plan_marks_them_by_priority() -> None:

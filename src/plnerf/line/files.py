@@ -95,6 +95,7 @@ def read_survey(path: Path) -> Survey:
             source=data["source"],
             made=data["made"],
             settings=data["settings"],
+            report_units=data["settings"].get("report_units", "metres"),
             clearances=None if data["clearances"] is None else _clearances(data["clearances"]),
             coverage=tuple(_coverage(row) for row in data["coverage"]),
             findings=tuple(Finding(**(row | {"where": tuple(row["where"])})) for row in data["findings"]),

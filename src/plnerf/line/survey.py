@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -75,6 +75,8 @@ class Survey:
     coverage: tuple[Coverage, ...] = ()
     """Of every span that has wires; none without scale."""
     findings: tuple[Finding, ...] = ()
+    report_units: Literal["metres", "feet"] = "metres"
+    """Of the lengths in a report's tables and cards."""
     temperature_c: float | None = None
     """Of the conductors when they were surveyed, if it is known."""
     states: States | None = None

@@ -15,7 +15,7 @@ from plnerf.report.figures import Units
 def units_of(survey: Survey) -> Units:
     """Of the lengths in tables and cards: feet where the settings ask for them.  Drawings, coordinates and
     findings are in metres."""
-    if survey.frame.unit == "m" and survey.settings.get("report_units") == "feet":
+    if survey.frame.unit == "m" and survey.report_units == "feet":
         return Units("ft")
     return Units(survey.frame.unit)
 

@@ -209,6 +209,7 @@ def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()
         survey,
         temperature_c=config.temperature_c,
         settings=to_json(config),
+        report_units=config.report_units,
         made={**survey.made, "program": f"plnerf {version('plnerf')}"},
     )
     survey = with_stated(survey, config.kinds)
