@@ -163,9 +163,12 @@ def test_wind_at_a_survey_is_not_taken_for_its_temperature() -> None:
 
 
 def measured(survey: Survey) -> Survey:
-    """With points known to a centimetre: without, the spacing of these few would hide what wires do."""
+    """With points known to a centimetre, and nothing between them: the spacing of these few would hide what
+    wires do."""
     known = replace(survey.cloud, sigma_m=np.full(len(survey.cloud.xyz), 0.01))
-    found, _ = measure_clearances(replace(survey, cloud=known), ClearanceConfig())
+    config = ClearanceConfig()
+    config = replace(config, sampling=replace(config.sampling, point_m=0.01, share=0.001))
+    found, _ = measure_clearances(replace(survey, cloud=known), config)
     return replace(survey, clearances=found)
 
 

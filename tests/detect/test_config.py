@@ -10,6 +10,7 @@ from plnerf.detect.config import (
     CertaintyConfig,
     DetectConfig,
     JoinConfig,
+    MeetConfig,
     OddsConfig,
     RefitConfig,
     SearchConfig,
@@ -85,6 +86,8 @@ from plnerf.train.settings import from_json, to_json
         (EvidenceConfig, {"most_px": 8}),
         (SearchConfig, {"stretches": 0}),
         (JoinConfig, {"min_overlap": 0.0}),
+        (MeetConfig, {"about": 0.5}),
+        (MeetConfig, {"sigmas": 0.0}),
     ],
 )
 def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -> None:
@@ -98,7 +101,8 @@ def test_every_part_has_a_name_in_the_error_texts() -> None:
     parts = {field.name for field in fields(DetectConfig)}
     assert parts == {
         "evidence", "odds", "chains", "refit", "search", "select", "certainty", "ridges",
-        "lines", "directions", "windows", "join", "surroundings", "segments",
+        "lines", "directions", "windows", "join", "meet", "surroundings",
+        "segments",
     }  # fmt: skip
 
 

@@ -8,7 +8,6 @@ import pytest
 import torch
 from tests.support.drawn import pinhole_cameras, scene_of
 
-from plnerf.line.clearances import Place, Possible
 from plnerf.line.hang import hang
 from plnerf.survey import marked_photos
 from plnerf.survey.crops import EACH, SIDE, crops_of
@@ -68,9 +67,7 @@ def test_crops_show_a_possible_obstacle_from_several_sides(photos: Photos) -> No
     """The nearest photo first; the place lies inside of each crop, where the photo shows it; none of what no
     photo shows."""
     at, on_wire = np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.1])
-    near = Place(1, 1, "phase", "vegetation", 5, "distance", 0.1, 0.01, 0.5, on_wire, at)
-    far = replace(near, on_obstacle=np.array([50.0, 0.0, 0.0]))
-    found = crops_of(photos, [Possible(near, 2, 5), Possible(far, 2, 5)])
+    found = crops_of(photos, [(at, on_wire), (np.array([50.0, 0.0, 0.0]), on_wire)])
     assert len(found) == EACH == len({one.name for one in found}) and {one.of for one in found} == {0}
     distances = photos.distances(at[None])[:, 0]
     assert found[0].name == photos.names[photos.train[int(distances.argmin())]]

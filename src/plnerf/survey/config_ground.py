@@ -146,7 +146,8 @@ class ObstacleConfig:
 
 @dataclass(frozen=True)
 class SamplingConfig:
-    """How uncertain the place of an obstacle is in clouds that state no standard deviations."""
+    """How uncertain the place of an obstacle is for lying between points: of plants, and of everything in
+    clouds that state no standard deviations."""
 
     point_m: float = 0.03
     """Standard deviation of a point: range, beam and the matching of strips."""
