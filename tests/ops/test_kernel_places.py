@@ -53,7 +53,7 @@ def kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     file.parent.mkdir(exist_ok=True)
     file.write_text(KERNEL)
     monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path / "package")
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"__name__": "kernels"}
     exec(compile(KERNEL, str(file), "exec"), names)
     return names["twice"]
 
