@@ -109,6 +109,20 @@ def test_wires_end_at_the_clamps_of_tension_strings_that_images_show() -> None:
     assert [one.kind for one in found.structures] == ["strain", "unknown"]
 
 
+def test_so_they_do_where_their_last_end_is_held() -> None:
+    held = []
+    for wire in wires():
+        a, b = wire.points(np.array([0.0, 30.0]))
+        held.append(replace(wire, base=hang(tuple(b), tuple(a), 0.6).base, ends=wire.ends[::-1]))
+    line = replace(line_with(), spans=(Span(1, (2, 1), tuple(held)),))
+    (found,) = with_tension_strings([line], filmed(0.9), CONFIG)
+    for wire in found.wires:
+        first, last = wire.points(np.array([0.0, wire.base.length_m]))
+        end = wire.ends[1]
+        assert isinstance(end, Attached) and end.point == pytest.approx(last)
+        assert last[0] == pytest.approx(0.9, abs=0.2) and first[0] == pytest.approx(30.0)
+
+
 def test_wires_that_are_thin_up_to_the_structure_end_there() -> None:
     (found,) = with_tension_strings([line_with()], filmed(0.0), CONFIG)
     for end, wire in zip(first_ends(found), wires(), strict=True):

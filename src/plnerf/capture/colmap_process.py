@@ -29,7 +29,7 @@ from plnerf.errors import CaptureError
 
 _HEARD = "heard"
 _THROWN = re.compile(rb"what\(\):\s*([^\n]{1,200})")
-"""What the C++ library says of an exception that nobody caught, which ends the process."""
+"""What is printed of the C++ exception that ended the process."""
 
 
 class ColmapProcess:
@@ -37,7 +37,7 @@ class ColmapProcess:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._printed = tempfile.TemporaryFile()  # noqa: SIM115 (closed at the end)
+        self._printed = tempfile.TemporaryFile()  # noqa: SIM115 (closed by __exit__)
 
     def __enter__(self) -> "ColmapProcess":
         return self
@@ -79,7 +79,7 @@ class ColmapProcess:
             ) from error
 
     def _end(self) -> str:
-        """How the process ended, and of what exception; stacks of native code say nothing to users."""
+        """How the process ended and by which exception; its native stack says nothing to users."""
         assert self._process is not None
         code = self._process.wait()
         self._printed.seek(0)

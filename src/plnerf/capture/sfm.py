@@ -192,7 +192,7 @@ def _extract(
 
 
 def _number_of(camera: Any, db: Any, unused: list[Any]) -> int:
-    """Of a camera in the database: one that a run left there before its first image, or else a new one."""
+    """The camera's number in the database: of its like that an earlier run left unused, or a new one."""
     for other in unused:
         camera.camera_id = other.camera_id
         if camera == other:

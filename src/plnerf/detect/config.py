@@ -241,7 +241,7 @@ class MeetConfig:
     sigmas: float = 3.0
     """They pass each other by so many standard deviations of both at most."""
     most_sigma: float = 0.005
-    """Where a wire is less certain than this, in units of its length, nothing is known to meet it."""
+    """Where the standard deviation of a wire, in units of its length, is larger, no meeting is looked for."""
     most_turn_rad: float = math.radians(65.0)
     """A line turns by this angle at most."""
     step: float = 0.001

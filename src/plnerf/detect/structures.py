@@ -30,7 +30,7 @@ class About:
     sigma: Float[np.ndarray, " m"]
     """Standard deviation there in the less certain of y and z."""
     length: float
-    """Of the wire."""
+    """Length of the wire's base."""
 
     @property
     def onward(self) -> Float[np.ndarray, "3"]:
@@ -75,7 +75,7 @@ def _about(wire: Wire, k: int, last: bool, config: MeetConfig) -> About:
 
 
 def _meeting(a: About, b: About, config: MeetConfig) -> Meeting | None:
-    """Where one wire goes on in the other; None where they pass each other, or turn by too much."""
+    """The place where two wires meet; None where they pass each other, or the line turns by too much."""
     if -(a.onward @ b.onward) < np.cos(config.most_turn_rad):
         return None
     apart = np.linalg.norm(a.points[:, None] - b.points[None], axis=2)

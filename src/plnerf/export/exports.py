@@ -118,7 +118,7 @@ def write_exports(survey: Survey, folder: Path) -> Exports:
 
 
 def _line_tables(survey: Survey, transform: CrsTransform) -> tuple[tuple[str, list[Row]], ...]:
-    """Of a scaled survey: the tables of what the lines are made of."""
+    """Tables of spans, phases, attachments and strings, of surveys that have a scale."""
     if survey.frame.unit == "unscaled":
         return ()
     return (

@@ -34,7 +34,7 @@ SYMBOLS: dict[str, Symbol] = {
         (("color", "{faint}"), ("outline_color", "{rgb}"), ("outline_width", "0.4")),
     ),
 }  # fmt: skip
-"""Of QGIS 3: geometry type, symbol, its layer's class, and that one's options."""
+"""How QGIS 3 draws each geometry: its type, symbol and class of symbol layer, and the layer's options."""
 
 
 def write_gpkg(path: Path, layers: Sequence[Layer], to_map: To, crs: str) -> None:

@@ -193,7 +193,7 @@ def _findings(
                 if temperature is None
                 else f", with the conductors at {temperature:g} degrees Celsius."
             )
-            + " At the greatest temperature, under ice or in wind they are less.",
+            + " At the greatest temperature, under ice or in wind clearances are less.",
         )
     ]
     if survey.cloud.sigma_m is None:
