@@ -74,7 +74,9 @@ def reconstruct(
     downscale: int = 1,
     seed: int = 0,
 ) -> None:
-    """Photos or a video in, pictures and points on wires out; skips stages that are up to date.
+    """Photos or a video in; a first report, a field, a refined report and pictures out.
+
+    Reports: OUT/survey (images alone), OUT/run/survey (with the field). Skips what is up to date.
 
     Args:
         source: Folder of photos, a video file, or a scene with poses.
@@ -89,20 +91,29 @@ def reconstruct(
     from plnerf.cli.survey import survey_shown
     from plnerf.cli.train import eval_shown, render_shown, resume_shown, train_shown
     from plnerf.console import say
-    from plnerf.pipeline import Stages, Training
-    from plnerf.pipeline import reconstruct as run_stages
+    from plnerf.doctor.cost import in_words
+    from plnerf.reconstruct import Listener, Stages, Training
+    from plnerf.reconstruct import reconstruct as run_stages
 
     console = Terminal()
+
+    def begins(stage: str, seconds: float | None) -> None:
+        about = "" if seconds is None else f" (about {in_words(seconds)}, an estimate)"
+        say(console, f"{stage}{about}")
+
+    def surveyed(source: Path, out: Path, finder: Any) -> None:
+        survey_shown(console, source, out, finder=finder)
+
     stages = Stages(
         partial(capture_shown, console),
         partial(train_shown, console),
         partial(resume_shown, console),
         partial(eval_shown, console),
         partial(render_shown, console),
-        partial(survey_shown, console),
+        surveyed,
     )
-    training = Training(preset, seconds, downscale, seed)
-    run_stages(source, out, training, CaptureConfig(SfmConfig(seed=seed)), stages, partial(say, console))
+    training, listener = Training(preset, seconds, downscale, seed), Listener(partial(say, console), begins)
+    run_stages(source, out, training, CaptureConfig(SfmConfig(seed=seed)), stages, listener)
     say(console, f"reconstruction: {out}")
 
 

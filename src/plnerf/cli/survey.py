@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.cli.options import OptionalOut, PresetName
+from plnerf.errors import ConfigError
 from plnerf.presets._find import find_preset
 from plnerf.survey.config import SurveyConfig
 from plnerf.terminal import Terminal
@@ -77,7 +78,11 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
 
 
 def survey_shown(
-    console: Console, source: Path, out: Path | None = None, config: SurveyConfig | None = None
+    console: Console,
+    source: Path,
+    out: Path | None = None,
+    config: SurveyConfig | None = None,
+    **options: Any,
 ) -> bool:
     """`pipeline.survey` with a bar and a summary; returns whether wires were found."""
     from plnerf.console import bar, say
@@ -85,7 +90,7 @@ def survey_shown(
     from plnerf.pipeline import survey as survey_source
 
     with bar(console, "survey") as progress:
-        found, folder = survey_source(source, config, out, progress)
+        found, folder = survey_source(source, config, out, progress, **options)
     if not found.wires:
         say(console, "No wire was found.")
         for finding in found.findings:
@@ -128,8 +133,9 @@ def score_shown(console: Console, survey: Path, **options: Any) -> None:
 
 
 def doctor(
-    scene: tyro.conf.Positional[Path],
+    scene: tyro.conf.Positional[Path | None] = None,
     *,
+    machine: bool = False,
     out: OptionalOut = None,
     distance: float | None = None,
     line_azimuth: float | None = None,
@@ -141,6 +147,8 @@ def doctor(
 
     Args:
         scene: Scene with poses (transforms.json, COLMAP), or a folder of photos.
+        machine: Print what this machine brings instead: backend, cores, memory, compiled kernels and
+            where they are kept.
         out: JSON to write.
         distance: From cameras to wires in metres; when left out, that of what the images of a capture see, or
             10 m; of photos their height over the start (DJI).
@@ -156,6 +164,11 @@ def doctor(
     from plnerf.scene.formats import has_poses
 
     console = Terminal()
+    if machine:
+        _machine_shown(console, out)
+        return
+    if scene is None:
+        raise ConfigError("The doctor needs a scene or a folder of photos, or --machine. Give one of them.")
     if has_poses(scene):
         views = SceneDoctorConfig(wire_diameter_m=wire_diameter, sigma_px=sigma_px)
         seen = scene_doctor.examine_scene(scene, distance=distance, azimuth_deg=line_azimuth, config=views)
@@ -176,3 +189,15 @@ def doctor(
     if out is not None:
         say(console, f"diagnosis: {out}")
     sys.exit(0 if usable else 3)
+
+
+def _machine_shown(console: Console, out: Path | None) -> None:
+    """What this machine brings, and its JSON."""
+    from plnerf.console import say
+    from plnerf.doctor.machine import examine_machine, machine_text, write_machine
+
+    found = examine_machine()
+    say(console, machine_text(found))
+    if out is not None:
+        write_machine(out, found)
+        say(console, f"machine: {out}")

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.capture.heights import check_height_datum, with_heights
-from plnerf.detect.detect import detect_wires
+from plnerf.detect.detect import FindWires, detect_wires
 from plnerf.errors import ConfigError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.frame import LineFrame
@@ -68,14 +68,20 @@ LOW_SHARE = 20
 
 
 def survey_run(
-    run: TrainedRun, config: SurveyConfig | None = None, progress: Progress | None = None
+    run: TrainedRun,
+    config: SurveyConfig | None = None,
+    progress: Progress | None = None,
+    finder: FindWires | None = None,
 ) -> Survey:
-    """A survey of a trained run: its field shows points on wires, and supports hidden from stereo."""
+    """A survey of a trained run: its field shows points on wires, and supports hidden from stereo.
+
+    finder: finds the wires in place of `detect_wires` where the run was trained without.
+    """
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
     photos = _with_heights(photos_of(run.scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
-    found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
+    found = (finder or detect_wires)(run.scene, config.detect, None) if run.wires is None else run.wires
     points = wire_points(run, photos.frame, found, config.points, parts[0])
     field = field_surface(run, photos.frame, found, config.surface, parts[1])
     made = {"input": _images_in(run.scene), "preset": f"{run.config.preset}, step {run.step:,}"}
@@ -83,14 +89,20 @@ def survey_run(
 
 
 def survey_scene(
-    scene: Scene, config: SurveyConfig | None = None, progress: Progress | None = None
+    scene: Scene,
+    config: SurveyConfig | None = None,
+    progress: Progress | None = None,
+    finder: FindWires | None = None,
 ) -> Survey:
-    """A survey from images and poses alone: no training is needed."""
+    """A survey from images and poses alone: no training is needed.
+
+    finder: finds the wires in place of `detect_wires`.
+    """
     config = config or SurveyConfig()
     parts = _parts(progress, 3)
     photos = _with_heights(photos_of(scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
-    found = detect_wires(scene, config.detect, parts[0])
+    found = (finder or detect_wires)(scene, config.detect, parts[0])
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
     return _of_images(photos, found, None, config, parts[1:], str(scene.root), made)
 
