@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import torch
 
+from plnerf.capture.adjusted_poses import PosesConfig
 from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.mapping import Tell
 from plnerf.detect.config import DetectConfig
@@ -83,6 +84,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     model: SystemConfig | None = None,
     train: TrainConfig | None = None,
     detect: DetectConfig | None = None,
+    poses: PosesConfig | None = None,
     steps: int | None = None,
     seconds: float | None = None,
     downscale: int = 1,
@@ -94,10 +96,10 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
 ) -> Path:
     """Trains a radiance field on a scene, into a new run folder, which returns.
 
-    model, train, detect: settings; None: the preset's.  A grid's `finest` that is the preset's is fitted to
-    the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step; None: a log
-    in the run folder.  finder: finds the wires in place of `detect_wires`.  Raises PlnerfError where
-    another process writes into the folder.
+    model, train, detect, poses: settings; None: the preset's.  A grid's `finest` that is the preset's is
+    fitted to the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step;
+    None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  Raises PlnerfError
+    where another process writes into the folder.
     """
     scene, out = Path(scene), Path(out)
     with only_writer(out):
@@ -120,6 +122,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
             model=model or chosen.model,
             train=train or chosen.train,
             detect=detect or DetectConfig(),
+            poses=poses or PosesConfig(),
             steps=steps,
             seconds=seconds,
             seed=seed,

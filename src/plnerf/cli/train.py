@@ -58,9 +58,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
         budget = 300.0 if seconds is None and steps is None else seconds
         train_scene(
             scene, out, preset=preset, model=settings.model, train=settings.train,
-            detect=settings.detect.along(line_azimuth), steps=steps, seconds=budget, downscale=downscale,
-            seed=seed, device=device, backend=backend,
-            report=report,
+            detect=settings.detect.along(line_azimuth), poses=settings.poses, steps=steps, seconds=budget,
+            downscale=downscale, seed=seed, device=device, backend=backend, report=report,
         )  # fmt: skip
 
 

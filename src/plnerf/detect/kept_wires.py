@@ -36,7 +36,7 @@ class KeptWires:
         Detects them, and writes the file, where it is absent, damaged or of other inputs.  Errors as of
         `detect_wires`; raises PlnerfError where the file cannot be written.
         """
-        frame, settings = LineFrame.of_scene(scene.frames), self._settings(config)
+        frame, settings = LineFrame.of_scene(scene.frames), self._settings(config, scene)
         if self._written_with(settings):
             wires, written = read_wires(self.path)
             if written.same_as(frame):
@@ -55,9 +55,11 @@ class KeptWires:
             return False
         return True
 
-    def _settings(self, config: DetectConfig) -> dict[str, Any]:
+    def _settings(self, config: DetectConfig, scene: Scene) -> dict[str, Any]:
         plain: dict[str, Any] = json.loads(json.dumps(asdict(config), default=str))
-        whole = json.dumps([self.scene_sha256, plain, version("plnerf")])
+        cameras = scene.cameras  # their poses may have been adjusted
+        poses = [part.tolist() for part in (cameras.R_scene_camera, cameras.centre)]
+        whole = json.dumps([self.scene_sha256, poses, plain, version("plnerf")])
         return plain | {KEY: hashlib.sha256(whole.encode()).hexdigest()}
 
     def _written_with(self, settings: dict[str, Any]) -> bool:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from plnerf.capture.adjusted_poses import PosesConfig
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
@@ -21,6 +22,8 @@ from plnerf.survey.stereo.config import StereoConfig
 class SurveyConfig:
     """How a run, a scene or a cloud is surveyed."""
 
+    poses: PosesConfig = field(default_factory=PosesConfig)
+    """Whether the given poses of scenes are adjusted to tie points; runs keep the poses of their training."""
     detect: DetectConfig = field(default_factory=DetectConfig)
     """Wires of scenes, and of runs whose preset detected none."""
     points: WirePointsConfig = field(default_factory=WirePointsConfig)
