@@ -45,7 +45,8 @@ def test_poses_of_a_run_are_adjusted_once_and_stay(tmp_path: Path) -> None:
 def test_a_scene_whose_stated_poses_changed_is_refused(tmp_path: Path) -> None:
     write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
     run = tmp_path / "run"
-    train(replace(tiny_config(tmp_path / "s", "train.find_wires=true", steps=1), poses=FEW), run, SilentReport())
+    config = replace(tiny_config(tmp_path / "s", "train.find_wires=true", steps=1), poses=FEW)
+    train(config, run, SilentReport())
     (tmp_path / "other").mkdir()
     write_flight(tmp_path / "other" / "s", off_m=0.05, off_deg=0.15, seed=5)
     text = (tmp_path / "other" / "s" / "transforms.json").read_text()
@@ -62,6 +63,6 @@ def test_other_frames_keep_what_the_scene_states(tmp_path: Path) -> None:
     assert torch.equal(twice.stated_centre, scene.cameras.centre)
     frames = replace(scene.frames, scale=2 * scene.frames.scale, shift_world=scene.frames.shift_world + 1.0)
     other = moved.in_frames(frames, scene.box)
-    world = [frames.to_world(other.stated_centre.numpy()), scene.frames.to_world(scene.cameras.centre.numpy())]
-    assert abs(world[0] - world[1]).max() < 1e-4
+    stated = frames.to_world(other.stated_centre.numpy())
+    assert abs(stated - scene.frames.to_world(scene.cameras.centre.numpy())).max() < 1e-4
     assert SceneRecord.of(other).restored(scene).cameras.centre.equal(other.cameras.centre)

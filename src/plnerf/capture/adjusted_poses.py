@@ -52,8 +52,8 @@ class PosesConfig:
             or self.group_size < 3
         ):
             raise ConfigError(
-                "poses need a gain above 0 and at most 1, loose_px and agree_px above 0, groups and min_points "
-                f"of 1 or more and a group_size of 3 or more, but got {self}."
+                "poses need a gain above 0 and at most 1, loose_px and agree_px above 0, groups and "
+                f"min_points of 1 or more and a group_size of 3 or more, but got {self}."
             )
 
 
