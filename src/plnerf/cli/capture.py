@@ -25,7 +25,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     check_every: int = 0,
     seed: int = 0,
 ) -> None:
-    """Make a scene of photos or a video: poses by COLMAP, place by GPS; goes on where it was cut off.
+    """Make a scene of photos or a video: poses by COLMAP, place by GPS; resumes where it was cut off.
 
     Args:
         source: Folder of photos (EXIF and DJI positions are read, or a geo.txt in it), or a video file.
@@ -134,14 +134,15 @@ def synth(  # noqa: PLR0913 (an argument is an option)
     white_balance_drift: float | None = None,
     pose_noise_m: float | None = None,
     pose_noise_deg: float | None = None,
+    photos: bool = False,
 ) -> None:
     """Render a synthetic power line with its exact truth (needs the extra plnerf[synth]).
 
     Args:
         out: Scene folder to write; must not exist.
         scene: Which scene, whose own values stand for what is left out: span, double-circuit, bundle,
-            distribution, hills, forest, far, parallel, parallel-two-passes, exposure, noisy-poses,
-            three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything).
+            distribution, hills, forest, far, parallel, parallel-two-passes, same-way, exposure,
+            noisy-poses, three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything).
         seed: Decides terrain, vegetation, the flight and all noise (span: 7).
         samples: Samples per pixel of the path tracer (span: 64).
         width: Image width in pixels, with the same field of view (span: 480).
@@ -155,6 +156,8 @@ def synth(  # noqa: PLR0913 (an argument is an option)
         white_balance_drift: Slow drift of red against blue, relative standard deviation (span: 0).
         pose_noise_m: Standard deviation of the written camera centres along each axis, metres (span: 0).
         pose_noise_deg: Standard deviation of the written directions about each axis, degrees (span: 0).
+        photos: Also write OUT/photos for plnerf capture: the images without poses, the focal length in
+            EXIF, and geo.txt with positions that are off by 2 cm on each axis (standard deviation).
     """
     from plnerf.console import bar, say
     from plnerf.pipeline import synthesize_scene
@@ -168,5 +171,7 @@ def synth(  # noqa: PLR0913 (an argument is an option)
     )  # fmt: skip
     console = Terminal()
     with bar(console, "synth") as progress:
-        folder = synthesize_scene(out, scene, options, progress)
+        folder = synthesize_scene(out, scene, options, progress, photos)
     say(console, f"scene folder: {folder} ({summary(folder)})")
+    if photos:
+        say(console, f"photos without poses: {folder / 'photos'}")
