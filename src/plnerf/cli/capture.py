@@ -17,6 +17,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     out: Out,
     camera_model: Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"] = "OPENCV",
     intrinsics: Literal["shared", "per-image"] = "shared",
+    fit_lens: bool = True,
     image_px: int = 1600,
     features: int = 4096,
     overlap: float = 0.75,
@@ -32,6 +33,8 @@ def capture(  # noqa: PLR0913 (an argument is an option)
         out: Scene folder to write.
         camera_model: Lens model of COLMAP that is fitted.
         intrinsics: Whether images of one camera share their lens.
+        fit_lens: Whether the lens is fitted; with --no-fit-lens the focal length that EXIF states is kept,
+            without distortion: for photos that were undistorted, of a camera that is known well.
         image_px: Longer side, in pixels, of the images in which features are detected.
         features: Largest number of features of an image.
         overlap: Video only: minimum overlap of consecutive selected frames.
@@ -45,7 +48,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     from plnerf.capture.capture import CaptureConfig
     from plnerf.capture.sfm import SfmConfig
 
-    sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
+    sfm = SfmConfig(camera_model, intrinsics, fit_lens, image_px, features, seed=seed)
     config = CaptureConfig(
         sfm, least=overlap, masks=masks, height_datum=height_datum, check_every=check_every
     )
