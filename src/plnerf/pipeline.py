@@ -42,6 +42,7 @@ from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
 from plnerf.survey.run import survey_cloud, survey_run, survey_scene
 from plnerf.synth.hang_config import HangConfig
 from plnerf.synth.hang_scene import hang_in_photos
+from plnerf.synth.photos import write_photos
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
 from plnerf.train.checkpoint import list_checkpoints
@@ -185,13 +186,23 @@ def render(
 
 
 def synthesize_scene(
-    out: Path, scene: str = "span", options: SceneOptions | None = None, progress: Progress | None = None
+    out: Path,
+    scene: str = "span",
+    options: SceneOptions | None = None,
+    progress: Progress | None = None,
+    photos: bool = False,
 ) -> Path:
-    """Renders a named synthetic scene, changed by `options`, into a new scene folder, which returns."""
+    """Renders a named synthetic scene, changed by `options`, into a new scene folder, which returns.
+
+    photos: also writes `photos` in it, its images as a camera leaves them: without poses, with positions.
+    """
     options = options or SceneOptions()
     if scene == "span" and options.samples is None:
         options = replace(options, samples=64)
-    return synthesize(out, options.apply(find_scene(scene, options.seed)), progress=progress)
+    folder = synthesize(out, options.apply(find_scene(scene, options.seed)), progress=progress)
+    if photos:
+        write_photos(folder, folder / "photos", seed=options.seed or 0)
+    return folder
 
 
 def hang_wires(

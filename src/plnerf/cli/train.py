@@ -37,8 +37,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
         downscale: Integer factor by which images are made smaller.
         resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
         seed: Decides the initial weights and every random draw.
-        line_azimuth: Of the line, in degrees clockwise from north (the world's +y); found in the images
-            when left out.
+        line_azimuth: Direction of the line in degrees clockwise from north (the world's +y); found in the
+            images when left out.
         device: Where to train.
         backend: Implementation of the ops: numba on a CPU, triton on a CUDA device, plain torch anywhere.
         settings: Settings of the run.

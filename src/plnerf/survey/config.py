@@ -63,17 +63,17 @@ class SurveyConfig:
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
     use_classes: bool = False
-    """Of clouds: whether the input's classes count, for the ground, for noise, and for what wires are near
-    to; wires and structures are found without them."""
+    """Clouds only: whether the input's classes decide what is ground, noise, or near to wires; wires and
+    structures are found without them."""
     keep_classes: bool = False
-    """Of clouds: whether files hold the input's classes, with the survey's in `plnerf_class` beside them."""
+    """Clouds only: whether files keep the input's classes, with the survey's beside them (`plnerf_class`)."""
     height_datum: str | None = None
-    """What heights are above where the input's CRS does not say it: `ellipsoid`, or a vertical CRS such as
+    """What heights are above where the input's CRS does not state it: `ellipsoid`, or a vertical CRS such as
     EPSG:7837."""
     temperature_c: float | None = None
-    """Of the conductors when they were surveyed, in degrees Celsius, if it is known."""
+    """Temperature of the conductors when they were surveyed, in degrees Celsius, if it is known."""
     report_units: Literal["metres", "feet"] = "metres"
-    """Of the lengths in the report's tables; drawings, coordinates and files are in metres."""
+    """Unit of the lengths in the report's tables; drawings, coordinates and files are in metres."""
     pictures: int = 4
     """Photos that the report shows with the wires drawn over them."""
 
