@@ -72,7 +72,7 @@ def write_kml(path: Path, layers: Sequence[Layer], to_lon_lat: To) -> None:
 
 
 def qml(layer: Layer) -> str:
-    """The style of a layer for QGIS: one symbol, and labels where features have names."""
+    """The style of a layer for QGIS: one symbol, and labels by names, or else by numbers."""
     kind = layer.features[0].kind
     number, symbol, of, options = SYMBOLS[kind]
     red, green, blue = (int(layer.colour[k : k + 2], 16) for k in (1, 3, 5))
@@ -80,9 +80,11 @@ def qml(layer: Layer) -> str:
     listed = "".join(
         f'<Option name="{name}" type="QString" value="{value.format(**colours)}"/>' for name, value in options
     )
+    first = ", ".join(f"&quot;{name}&quot;" for name in layer.label)
     label = "" if not layer.label else (
-        '<labeling type="simple"><settings calloutType="simple"><text-style fieldName="'
-        f'{layer.label}" fontSize="8" namedStyle="Regular"/><placement placement="0"/></settings></labeling>'
+        '<labeling type="simple"><settings calloutType="simple"><text-style isExpression="1" '
+        f'fieldName="coalesce({first})" fontSize="8" namedStyle="Regular"/><placement placement="0"/>'
+        "</settings></labeling>"
     )  # fmt: skip
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
