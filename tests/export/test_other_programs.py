@@ -70,7 +70,7 @@ def features(path: Path, layer: str) -> list[dict[str, Any]]:
 @needs_gdal
 def test_gdal_opens_the_geopackage(folder: Path, survey: Survey) -> None:
     pytest.importorskip("pyogrio", reason="plnerf[gis] is not installed")
-    (path,) = export_survey(folder, ("gpkg",))
+    (path,) = export_survey(folder, ("gpkg",)).files.values()
     assert "ERROR" not in (about := printed("ogrinfo", "-al", "-so", path)) and 'ID["EPSG",25832]' in about
     found, to_map = features(path, "wires"), crs_transform(survey).to_map
     for feature, wire in zip(found, survey.wires, strict=True):
@@ -82,7 +82,7 @@ def test_gdal_opens_the_geopackage(folder: Path, survey: Survey) -> None:
 @needs_gdal
 def test_gdal_opens_the_kml(folder: Path, survey: Survey) -> None:
     pytest.importorskip("pyogrio", reason="plnerf[gis] is not installed")
-    (path,) = export_survey(folder, ("kml",))
+    (path,) = export_survey(folder, ("kml",)).files.values()
     found = np.array([one["geometry"]["coordinates"] for one in features(path, "structures")])
     feet = np.array([one.foot for one in survey.structures])
     assert np.abs(crs_transform(survey).from_lon_lat(found) - feet).max() < 2e-3
@@ -119,7 +119,7 @@ def test_pdal_opens_the_cloud(folder: Path, name: str) -> None:
 @needs_qgis
 def test_qgis_draws_the_geopackage_in_its_own_styles(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyogrio", reason="plnerf[gis] is not installed")
-    (path,) = export_survey(folder, ("gpkg",))
+    (path,) = export_survey(folder, ("gpkg",)).files.values()
     text = printed(SYSTEM_PYTHON, DRAW, path, tmp_path / "map.png")
     assert "wires: 5 features, #1565c0, labels 1 2 3 4 5, EPSG:25832" in text
     assert "structures: 2 features, #212121, labels 1 2, EPSG:25832" in text
