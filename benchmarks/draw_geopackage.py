@@ -2,8 +2,8 @@
 
 Needs the system's QGIS with its Python (Debian: `apt-get install python3-qgis`), no screen and nothing of
 plnerf.  Every layer is opened as a user's project opens it: with the style that the file holds for it.
-Prints for each its features, symbol's colour and labels; ends with status 1 where a layer cannot be opened or
-has not its style.
+Prints for each its features, symbol's colour and labels, and which labels had room; ends with status 1
+where a layer cannot be opened or has not its style.
 """
 
 import argparse
@@ -98,6 +98,10 @@ def draw(layers: list[QgsVectorLayer], picture: Path, size: QSize) -> None:
     job.waitForFinished()
     if job.errors() or not job.renderedImage().save(str(picture)):
         sys.exit(f"QGIS did not draw {picture}: {[error.message for error in job.errors()]}")
+    names, drawn = {layer.id(): layer.name() for layer in layers}, {layer.name(): [] for layer in layers}
+    for label in job.takeLabelingResults().allLabels():
+        drawn[names[label.layerID]].append(label.labelText)
+    print("labels drawn:", *(f"{name} {' '.join(sorted(texts))}," for name, texts in drawn.items() if texts))
 
 
 if __name__ == "__main__":

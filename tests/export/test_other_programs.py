@@ -57,7 +57,7 @@ def survey(folder: Path) -> Survey:
 
 def printed(*command: str | Path) -> str:
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0 and "Warning" not in done.stderr, done.stderr
     return done.stdout
 
 
@@ -69,9 +69,10 @@ def features(path: Path, layer: str) -> list[dict[str, Any]]:
 
 @needs_gdal
 def test_gdal_opens_the_geopackage(folder: Path, survey: Survey) -> None:
-    pytest.importorskip("pyogrio", reason="plnerf[gis] is not installed")
+    pyogrio = pytest.importorskip("pyogrio", reason="plnerf[gis] is not installed")
     (path,) = export_survey(folder, ("gpkg",)).files.values()
     assert "ERROR" not in (about := printed("ogrinfo", "-al", "-so", path)) and 'ID["EPSG",25832]' in about
+    assert len(features(path, "layer_styles")) == len(pyogrio.list_layers(path)) - 1
     found, to_map = features(path, "wires"), crs_transform(survey).to_map
     for feature, wire in zip(found, survey.wires, strict=True):
         at = np.array(feature["geometry"]["coordinates"])
@@ -124,4 +125,5 @@ def test_qgis_draws_the_geopackage_in_its_own_styles(folder: Path, tmp_path: Pat
     assert "wires: 5 features, #1565c0, labels 1 2 3 4 5, EPSG:25832" in text
     assert "structures: 2 features, #212121, labels 1 2, EPSG:25832" in text
     assert "encroachments: 1 features, #c62828, labels 1, EPSG:25832" in text
+    assert "structures 1 2," in text and "wires 1 2 3 4" in text and "encroachments 1," in text
     assert (tmp_path / "map.png").stat().st_size > 5000
