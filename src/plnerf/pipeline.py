@@ -23,8 +23,8 @@ from plnerf.capture.mapping import Tell
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.detect import FindWires
 from plnerf.errors import ConfigError
-from plnerf.export.exports import FILES, write_exports
-from plnerf.export.formats import FORMATS, Format, write_formats
+from plnerf.export.exports import FILES, Exports, write_exports
+from plnerf.export.formats import Format, write_formats
 from plnerf.line.files import SURVEY_FILE, read_survey, write_survey_json
 from plnerf.line.survey import Survey
 from plnerf.ops.backends import BackendChoice
@@ -263,11 +263,14 @@ def write_survey(survey: Survey, folder: Path | str) -> Path:
 
 
 def export_survey(
-    folder: Path, formats: Sequence[Format] = FORMATS, out: Path | None = None, codes: Path | None = None
-) -> list[Path]:
-    """Writes the survey of a folder in further formats, into `out` or the same folder; returns the files.
+    folder: Path,
+    formats: Sequence[Format] | None = None,
+    out: Path | None = None,
+    codes: Path | None = None,
+) -> Exports:
+    """Writes the survey of a folder in further formats, into `out` or the same folder.
 
-    codes: feature codes of PLS-CADD.  Raises PlnerfError as `write_formats`.
+    formats, codes, errors: as of `write_formats`.
     """
     root = folder.parent if folder.name == SURVEY_FILE else folder
     with only_writer(out or root):

@@ -14,7 +14,7 @@ Format = Literal["gpkg", "kml", "copc", "pls-cadd"]
 def export(
     survey: tyro.conf.Positional[Path],
     *,
-    formats: tuple[Format, ...] = ("gpkg", "kml", "copc", "pls-cadd"),
+    formats: tuple[Format, ...] | None = None,
     out: OptionalOut = None,
     codes: Path | None = None,
 ) -> None:
@@ -22,12 +22,13 @@ def export(
 
     Args:
         survey: Folder of a survey.
-        formats: Which ones; all when left out.
+        formats: Which ones; when left out, all but those for which the survey lacks something.
         out: Folder to write; the survey's own when left out.
         codes: Feature codes of PLS-CADD (TOML); 200 upwards when left out.
     """
     from plnerf.console import say
     from plnerf.pipeline import export_survey
 
-    for path in export_survey(survey, formats, out, codes):
-        say(Terminal(), str(path))
+    done = export_survey(survey, formats, out, codes)
+    for line in (*map(str, done.files.values()), *(f"Left out: {reason}" for reason in done.about)):
+        say(Terminal(), line)
