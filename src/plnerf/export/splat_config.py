@@ -32,4 +32,4 @@ class SplatConfig:
                 f"seed={self.seed}."
             )
         if not 0 <= self.degree <= 2:
-            raise ConfigError(f"Spherical harmonics have degree 0, 1 or 2 here, but got degree={self.degree}.")
+            raise ConfigError(f"Spherical harmonics here have degree 0 to 2, but got degree={self.degree}.")

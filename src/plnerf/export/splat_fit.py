@@ -1,7 +1,7 @@
 """Fits Gaussians to renders of the field: a few hundred steps of Adam, each on one render.
 
-Half of the Gaussians are laid out evenly (`splat_seed.py`); the others are added while the fit goes on, on the
-surface where the renders differ most.  Positions are counted in widths of each Gaussian, so that one rate
+Most of the Gaussians are laid out evenly (`splat_seed.py`); the others are added while the fit goes on, on
+the surface where the renders differ most.  Positions are counted in widths of each Gaussian, so that one rate
 serves near and far ones.  Those of wires keep their place and shape; their colours are fitted as well.
 """
 
@@ -77,7 +77,9 @@ class Fit:
         log_scale = torch.minimum(value["log_scale"][use], self.widest[use])
         dark = value["wire_dc"].new_zeros(len(wires), value["rest"].shape[1], 3)
         return Gaussians(
-            torch.cat([self.base[use] + self.width[use] * value["offset"][use], torch.from_numpy(wires.xyz).float()]),
+            torch.cat([
+                self.base[use] + self.width[use] * value["offset"][use], torch.from_numpy(wires.xyz).float()
+            ]),
             torch.cat([log_scale, torch.from_numpy(wires.scale).log()]),
             torch.cat([value["quaternion"][use], torch.from_numpy(wires.rotation)]),
             torch.cat([value["logit"][use], torch.from_numpy(wires.opacity).logit()]),
@@ -99,13 +101,13 @@ def fit_splats(
     start = seeds(views, at_first, config.degree, random)
     if not len(start):
         raise TrainingError(
-            f"The field shows no surface in any of {len(views)} renders, so that there is nothing to lay Gaussians "
-            "on. Train longer, and see what it shows: plnerf render RUN --views test."
+            f"The field shows no surface in any of {len(views)} renders, so that there is nothing to lay "
+            "Gaussians on. Train longer, and see what it shows: plnerf render RUN --views test."
         )
     fit = Fit(start, wires, config.count)
     groups = [
-        {"params": [value], "lr": RATES[name.removeprefix("wire_")], "name": name} for name, value in fit.values.items()
-    ]  # fmt: skip
+        {"params": [value], "lr": RATES[name.removeprefix("wire_")]} for name, value in fit.values.items()
+    ]
     optimiser = torch.optim.Adam(groups, eps=1e-12, foreach=True)
     starts = [group["lr"] for group in groups]
     last_growth = int(GROW_UNTIL * config.steps)
@@ -144,7 +146,9 @@ def _where_wrong(
     """Small Gaussians on the surface at pixels drawn by how much a render differs there."""
     wrong = (difference.square().sum(-1).numpy() * view.surface).reshape(-1).astype(np.float64)
     count = min(count, int((wrong > 0).sum()))
-    drawn = random.choice(len(wrong), count, replace=False, p=wrong / wrong.sum()) if count else np.zeros(0, int)
+    drawn = np.zeros(0, np.int64)
+    if count:
+        drawn = random.choice(len(wrong), count, replace=False, p=wrong / wrong.sum())
     width = (view.z_depth.reshape(-1)[drawn] / float(view.camera.focal_px.mean())).astype(np.float32)
     sh = np.zeros((count, (degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = (view.rgb.reshape(-1, 3)[drawn].astype(np.float32) / 255 - 0.5) / Y_0
@@ -160,8 +164,8 @@ def _where_wrong(
 def _as_splats(gaussians: Gaussians, wires: int) -> Splats:
     """As arrays, without those that are hardly seen."""
     opacity = gaussians.logit.sigmoid()
-    finite = torch.cat([gaussians.xyz, gaussians.log_scale, gaussians.quaternion, gaussians.sh.flatten(1)], 1).isfinite()
-    use = (opacity > FAINT) & finite.all(1)
+    values = [gaussians.xyz, gaussians.log_scale, gaussians.quaternion, gaussians.sh.flatten(1)]
+    use = (opacity > FAINT) & torch.cat(values, 1).isfinite().all(1)
     use[len(use) - wires :] = True
     quaternion = torch.nn.functional.normalize(gaussians.quaternion, dim=-1)
     rows = (gaussians.xyz.double(), gaussians.log_scale.exp(), quaternion, opacity, gaussians.sh)

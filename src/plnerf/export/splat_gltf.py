@@ -27,7 +27,7 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 def write_splat_glb(path: Path, splats: Splats, name: str, extras: Mapping[str, Any]) -> None:
     """Writes the GLB, complete or not at all.
 
-    splats: in y-up axes.  name: of the node.  extras: plain JSON values about the Gaussians, kept in the mesh.
+    splats: in y-up axes.  name: of the node.  extras: plain JSON values about the Gaussians, in the mesh.
     """
     columns = _attributes(splats)
     views, accessors, offset = [], [], 0

@@ -26,8 +26,8 @@ SIDECAR_VERSION = 1
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From local axes to glTF's."""
 DRAWN = (
-    "The last {count} Gaussians are wires, drawn for display along the curves that were fitted to them; they are "
-    "not what the field shows."
+    "The last {count} Gaussians are wires, drawn for display along the curves that were fitted to them; they "
+    "are not what the field shows."
 )
 
 
@@ -52,8 +52,8 @@ class Placement:
         """The rotation of the axes."""
         if not self.in_world:
             return np.eye(3)
-        found: Float[np.ndarray, "3 3"] = (self.frame.to_world(np.eye(3)) - self.frame.to_world(np.zeros(3))).T
-        return found
+        axes: Float[np.ndarray, "3 3"] = self.frame.to_world(np.eye(3)) - self.frame.to_world(np.zeros(3))
+        return axes.T
 
     def local(self, splats: Splats) -> Splats:
         """Gaussians of the LineFrame in local coordinates."""
@@ -71,7 +71,7 @@ class Placement:
         found: dict[str, Any] = {
             "unit": self.frame.unit,
             "axes": {
-                "ply, splat": "x, y, z of the world, z up" if self.in_world else "z up, of the run's own frame",
+                "ply, splat": "the world's, z up" if self.in_world else "of the run's own frame, z up",
                 "glb": "y up: x_gltf = x, y_gltf = z, z_gltf = -y",
             },
             "origin_world": world.tolist(),

@@ -50,9 +50,8 @@ def write_splat_ply(path: Path, splats: Splats, comments: Sequence[str] = ()) ->
 def write_splat(path: Path, splats: Splats) -> None:
     """Writes the `.splat`, complete or not at all: the largest and most opaque Gaussians first."""
     order = np.argsort(-splats.scale.prod(1, dtype=np.float64) * splats.opacity)
-    table = np.empty(
-        len(splats), np.dtype([("xyz", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("rotation", "u1", 4)])
-    )
+    row = np.dtype([("xyz", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("rotation", "u1", 4)])
+    table = np.empty(len(splats), row)
     table["xyz"], table["scale"] = splats.xyz[order], splats.scale[order]
     rgb = splats.sh[order, 0] * Y_0 + 0.5
     rgba = np.concatenate([rgb, splats.opacity[order, None]], 1)

@@ -16,7 +16,7 @@ from plnerf.export.splat_raster import rasterise
 from plnerf.export.splat_sh import degree_of, sh_colour
 
 LOW_PASS = 0.3
-"""Added to the covariance in square pixels: no Gaussian is narrower than about a pixel; as every viewer has it."""
+"""Added to the covariance in square pixels, as viewers do: no Gaussian is narrower than about a pixel."""
 BEYOND = 1.3
 """J is that of a mean no farther outside of the image than so many times its half width or height: far
 outside, the linear projection has no meaning."""
@@ -83,7 +83,10 @@ def _in_sight(gaussians: Gaussians, camera: Pinhole) -> Int[Tensor, " v"]:
 
 
 def image_covariance(
-    seen: Float[Tensor, "v 3"], log_scale: Float[Tensor, "v 3"], quaternion: Float[Tensor, "v 4"], camera: Pinhole
+    seen: Float[Tensor, "v 3"],
+    log_scale: Float[Tensor, "v 3"],
+    quaternion: Float[Tensor, "v 4"],
+    camera: Pinhole,
 ) -> Float[Tensor, "v 3"]:
     """Sigma' as its entries xx, xy, yy, in square pixels.  seen: means in camera axes."""
     x, y, z = seen.unbind(-1)

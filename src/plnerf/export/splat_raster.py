@@ -2,8 +2,8 @@
 
 3D Gaussian Splatting (Kerbl et al. 2023), eq. 3: at a pixel x, with Gaussians i from front to back,
 
-    alpha_i = min(MAX_ALPHA, o_i exp(-q_i)),   q_i = (x - m_i)^T A_i (x - m_i) / 2,   T_i = prod_{j<i} (1 - alpha_j)
-    colour = sum_i T_i alpha_i c_i,            transmittance = prod_i (1 - alpha_i)
+    q_i = (x - m_i)^T A_i (x - m_i) / 2,   alpha_i = min(MAX_ALPHA, o_i exp(-q_i)),
+    T_i = prod_{j<i} (1 - alpha_j),        colour = sum_i T_i alpha_i c_i,   transmittance = T_{n+1}
 
 A Gaussian ends at three standard deviations, as the kernel "ellipse" of KHR_gaussian_splatting does.  There
 are no tiles: the image is split into bands of rows, one for each thread, and a band goes through all
@@ -49,7 +49,7 @@ def _composite_band(splats, box, rgb, transmittance, last, first_row, stop_row):
             dy = real(y) + half - my
             for x in range(box[i, 0], box[i, 1]):
                 T = transmittance[y, x]
-                if T < opaque:
+                if opaque > T:
                     continue
                 dx = real(x) + half - mx
                 q = half * (a * dx * dx + c * dy * dy) + b * dx * dy
@@ -180,9 +180,10 @@ class _Rasterise(torch.autograd.Function):
 def rasterise(
     splats: Float[Tensor, "n 9"], box: Int[Tensor, "n 4"], size_px: tuple[int, int]
 ) -> tuple[Float[Tensor, "h w 3"], Float[Tensor, "h w"]]:
-    """Colour over black and transmittance of an image of `size_px` (width, height); differentiable by `splats`.
+    """Colour over black, and transmittance, of an image; differentiable by `splats`.
 
-    box: the pixels of each Gaussian, int32: first and end column, first and end row, inside of the image.
+    size_px: width and height.  box: the pixels of each Gaussian, int32: first and end
+    column, first and end row, inside of the image.
     """
     rgb, transmittance = _Rasterise.apply(splats.contiguous(), box.int().contiguous(), size_px)
     return rgb, transmittance

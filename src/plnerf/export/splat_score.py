@@ -1,4 +1,4 @@
-"""How well Gaussians agree with the field's renders and with the photos, on views that they were not fitted to."""
+"""How well Gaussians agree with the renders of a field and with photos, on views they were not fitted to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,9 @@ class Agreement:
     why_no_photos: str | None = None
 
 
-def agreement(run: TrainedRun, splats: Splats, held_out: Sequence[int], views: Sequence[TargetView]) -> Agreement:
+def agreement(
+    run: TrainedRun, splats: Splats, held_out: Sequence[int], views: Sequence[TargetView]
+) -> Agreement:
     """Agreement on held-out images, whose renders are given; splats in the LineFrame of the renders."""
     rendered = [rendered_view(splats, view) for view in views]
     fields = [view.rgb.astype(np.float32) / 255 for view in views]

@@ -26,8 +26,8 @@ _HALVINGS = 12
 def seeds(views: Sequence[TargetView], count: int, degree: int, random: np.random.Generator) -> Splats:
     """At most `count` Gaussians on the surfaces of renders; with none where no render shows a surface.
 
-    Space is divided into cubes whose edge is in proportion to a pixel's width on the surface, rounded to a power
-    of two; each cube keeps one pixel, and the proportion is the one that gives about `count`.
+    Space is divided into cubes whose edge is in proportion to a pixel's width on the surface, rounded to a
+    power of sqrt(2); each cube keeps one pixel, and the proportion is the one that gives about `count`.
     """
     each = max(1, MOST_PIXELS // max(1, len(views)))
     columns = [_pixels(view, each, random) for view in views]
@@ -42,7 +42,6 @@ def _pixels(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of pixels that show a surface: places, normals, colours in [0, 1], and a pixel's width there."""
     places = surface_points(view)
-    normal = np.zeros_like(places)
     across, down = np.gradient(places, axis=1), np.gradient(places, axis=0)
     normal = np.cross(across, down)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -62,7 +61,8 @@ def surface_points(view: TargetView) -> Float[np.ndarray, "h w 3"]:
     pixel = np.stack(np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5), -1)
     plane = (pixel - view.camera.principal_px.numpy()) / view.camera.focal_px.numpy()
     seen = np.concatenate([plane, np.ones((h, w, 1))], -1) * view.z_depth[..., None]
-    found: Float[np.ndarray, "h w 3"] = seen @ view.camera.R_local_camera.numpy().T + view.camera.centre.numpy()
+    turned = seen @ view.camera.R_local_camera.numpy().T
+    found: Float[np.ndarray, "h w 3"] = turned + view.camera.centre.numpy()
     return found
 
 

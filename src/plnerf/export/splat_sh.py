@@ -24,12 +24,15 @@ def sh_basis(direction: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n K
         columns += [-_Y_1 * y, _Y_1 * z, -_Y_1 * x]
     if degree >= 2:
         columns += [
-            _Y_2 * x * y, -_Y_2 * y * z, _Y_20 * (2 * z * z - x * x - y * y), -_Y_2 * x * z, _Y_22 * (x * x - y * y)
+            _Y_2 * x * y, -_Y_2 * y * z, _Y_20 * (2 * z * z - x * x - y * y), -_Y_2 * x * z,
+            _Y_22 * (x * x - y * y),
         ]  # fmt: skip
     return torch.stack(columns, -1)
 
 
-def sh_colour(sh: Float[Tensor, "n K 3"], direction: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n 3"]:
+def sh_colour(
+    sh: Float[Tensor, "n K 3"], direction: Float[Tensor, "n 3"], degree: int
+) -> Float[Tensor, "n 3"]:
     """Colours seen along unit directions, not below 0."""
     basis = sh_basis(direction, degree)
     return (0.5 + (basis[:, :, None] * sh[:, : basis.shape[1]]).sum(1)).clamp_min(0)
@@ -43,8 +46,8 @@ def degree_of(count: int) -> int:
 def sh_rotation(R: Float[np.ndarray, "3 3"], degree: int) -> Float[np.ndarray, "K K"]:
     """The matrix M with colour_new(R d) = colour(d) where c_new = M c.
 
-    Rotated harmonics are sums of harmonics of the same degree, so that a fit to more directions than functions
-    is exact.
+    Rotated harmonics are sums of harmonics of the same degree, so that a fit to more directions than
+    functions is exact.
     """
     direction = torch.from_numpy(np.random.default_rng(0).normal(size=(64, 3)))
     direction = direction / direction.norm(dim=1, keepdim=True)

@@ -11,7 +11,7 @@ from plnerf.export.splat_sh import degree_of, sh_rotation
 
 @dataclass(frozen=True, eq=False)
 class Splats:
-    """n Gaussians with covariance R diag(scale^2) R^T; float32, but positions float64 until they are written."""
+    """n Gaussians with covariance R diag(scale^2) R^T; float32, but positions float64."""
 
     xyz: Float[np.ndarray, "n 3"]
     scale: Float[np.ndarray, "n 3"]
