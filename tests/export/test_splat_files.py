@@ -65,7 +65,9 @@ def read_glb(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         piece = content["bufferViews"][accessor["bufferView"]]
         width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
         dtype = {5126: "<f4", 5121: "u1"}[accessor["componentType"]]
-        assert piece["byteOffset"] % 4 == 0 and piece["byteLength"] == accessor["count"] * width * int(dtype[-1])
+        assert piece["byteOffset"] % 4 == 0 and piece["byteLength"] == accessor["count"] * width * int(
+            dtype[-1]
+        )
         raw = body[piece["byteOffset"] : piece["byteOffset"] + piece["byteLength"]]
         values = np.frombuffer(raw, dtype).reshape(accessor["count"], width)
         found[name] = values / 255 if accessor.get("normalized") else values
@@ -126,7 +128,9 @@ def test_the_glb_holds_what_the_extension_asks_for(degree: int, tmp_path: Path) 
         own["COLOR_0"][:, :3] <= 0.0031308, own["COLOR_0"][:, :3] * 12.92,
         1.055 * own["COLOR_0"][:, :3] ** (1 / 2.4) - 0.055,
     )  # fmt: skip
-    np.testing.assert_allclose(shown, encoded, atol=0.03)  # 8 bits of linear light are coarse where it is dark
+    np.testing.assert_allclose(
+        shown, encoded, atol=0.03
+    )  # 8 bits of linear light are coarse where it is dark
 
 
 def test_a_splat_has_32_bytes_and_the_most_visible_first(tmp_path: Path) -> None:
@@ -143,9 +147,9 @@ def test_a_splat_has_32_bytes_and_the_most_visible_first(tmp_path: Path) -> None
 
 
 def seen(splats: Splats, R: np.ndarray, centre: np.ndarray) -> torch.Tensor:
+    R_local_camera, at = (torch.from_numpy(one.copy()).float() for one in (R, centre))
     eye = Pinhole(
-        torch.from_numpy(R.copy()).float(), torch.from_numpy(centre.copy()).float(), torch.tensor([40.0, 40.0]),
-        torch.tensor([20.0, 15.0]), (40, 30), 0.1,
+        R_local_camera, at, torch.tensor([40.0, 40.0]), torch.tensor([20.0, 15.0]), (40, 30), 0.1
     )  # fmt: skip
     return render(as_gaussians(splats), eye)[0]
 
@@ -155,7 +159,10 @@ def test_moved_gaussians_look_the_same_from_a_moved_camera() -> None:
     centre = -4 * R_camera[:, 2]
     before = seen(splats, R_camera, centre)
     assert before.max() > 0.3
-    for R, shift in ((Y_UP, np.zeros(3)), (Rotation.random(random_state=3).as_matrix(), np.array([3.0, -2.0, 1.0]))):
+    for R, shift in (
+        (Y_UP, np.zeros(3)),
+        (Rotation.random(random_state=3).as_matrix(), np.array([3.0, -2.0, 1.0])),
+    ):
         after = seen(splats.moved(R, shift), R @ R_camera, R @ centre + shift)
         torch.testing.assert_close(after, before, atol=2e-4, rtol=1e-3)
 
@@ -170,7 +177,7 @@ def test_the_sidecar_places_local_coordinates_in_the_world_and_the_crs() -> None
     gltf = local.moved(Y_UP, np.zeros(3)).xyz
     np.testing.assert_allclose(gltf @ T_gltf[:3, :3].T + T_gltf[:3, 3], world, atol=1e-9)
     assert np.linalg.det(T_gltf[:3, :3]) == pytest.approx(1)
-    np.testing.assert_allclose(about["origin_world"], np.round(about["origin_world"]), atol=1e-9)
+    np.testing.assert_allclose(about["origin_in_world"], np.round(about["origin_in_world"]), atol=1e-9)
     np.testing.assert_allclose(np.median(local.xyz, axis=0), [-5, 0, -2], atol=6)
     assert about["crs"] == "EPSG:25832" and about["unit"] == "m"
     east, north, height = about["origin_crs"]

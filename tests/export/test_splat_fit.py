@@ -30,7 +30,12 @@ def looking_down(x: float, y: float, surface: bool = True) -> TargetView:
     """The ground from straight above, exactly."""
     R = torch.tensor([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     eye = Pinhole(
-        R, torch.tensor([x, y, HEIGHT]), torch.tensor([FOCAL, FOCAL]), torch.tensor([W / 2, H / 2]), (W, H), 0.1
+        R,
+        torch.tensor([x, y, HEIGHT]),
+        torch.tensor([FOCAL, FOCAL]),
+        torch.tensor([W / 2, H / 2]),
+        (W, H),
+        0.1,
     )
     flat = np.full((H, W), HEIGHT, np.float32)
     bare = TargetView(eye, np.zeros((H, W, 3), np.uint8), flat, np.full((H, W), surface))
@@ -44,7 +49,9 @@ VIEWS = [looking_down(x, y) for x in (-1.0, 0.0, 1.0) for y in (-0.7, 0.7)]
 def test_points_of_a_render_lie_on_what_it_shows() -> None:
     points = surface_points(VIEWS[0])
     np.testing.assert_allclose(points[..., 2], 0, atol=1e-5)
-    np.testing.assert_allclose(points[0, 0, :2], [-1 + (0.5 - W / 2) / 10, -0.7 - (0.5 - H / 2) / 10], atol=1e-5)
+    np.testing.assert_allclose(
+        points[0, 0, :2], [-1 + (0.5 - W / 2) / 10, -0.7 - (0.5 - H / 2) / 10], atol=1e-5
+    )
 
 
 def test_seeds_are_spread_evenly_flat_on_the_surface_and_no_more_than_asked_for() -> None:
@@ -54,7 +61,7 @@ def test_seeds_are_spread_evenly_flat_on_the_surface_and_no_more_than_asked_for(
     apart = np.linalg.norm(found.xyz[:, None] - found.xyz, axis=-1) + 1e3 * np.eye(len(found))
     area = np.ptp(found.xyz[:, 0]) * np.ptp(found.xyz[:, 1])
     assert np.median(apart.min(1)) > 0.4 * np.sqrt(area / len(found))
-    w, x, y, z = found.rotation.T
+    _, x, y, _ = found.rotation.T
     np.testing.assert_allclose(np.abs(1 - 2 * (x**2 + y**2)), 1, atol=1e-4)  # their thin axis is upright
     assert (found.scale[:, 2] < found.scale[:, 0]).all()
     np.testing.assert_allclose(found.sh[:, 0] * Y_0 + 0.5, colour_at(found.xyz[:, :2]), atol=0.01)
@@ -66,7 +73,10 @@ def test_the_fit_comes_near_the_views_and_near_one_between_them() -> None:
     assert len(found) <= config.count
     between, before = looking_down(0.4, 0.1), fit_splats(VIEWS, NONE, SplatConfig(count=900, steps=0))
     whole = np.ones((H, W), bool)
-    scores = [psnr(rendered_view(one, between), between.rgb.astype(np.float32) / 255, whole) for one in (before, found)]
+    scores = [
+        psnr(rendered_view(one, between), between.rgb.astype(np.float32) / 255, whole)
+        for one in (before, found)
+    ]
     assert scores[0] is not None and scores[1] is not None
     assert scores[1] > 30 and scores[1] > scores[0] + 5, scores
 
@@ -104,7 +114,14 @@ def test_gaussians_of_wires_lie_along_their_curves() -> None:
 
 
 def test_z_along_turns_z_into_any_direction() -> None:
-    given = np.array([[0, 0, 1.0], [0, 0, -1.0], [1.0, 0, 0], [0, -1.0, 0], [0.6, 0, -0.8], [0.48, 0.64, 0.6]])
+    given = np.array([
+        [0, 0, 1.0],
+        [0, 0, -1.0],
+        [1.0, 0, 0],
+        [0, -1.0, 0],
+        [0.6, 0, -0.8],
+        [0.48, 0.64, 0.6],
+    ])
     w, x, y, z = z_along(given).astype(float).T
     turned = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)], 1)
     np.testing.assert_allclose(turned, given, atol=1e-6)

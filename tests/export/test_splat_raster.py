@@ -1,4 +1,4 @@
-"""The rasteriser against the sum written out pixel by pixel, in value and gradient; projection against samples."""
+"""The rasteriser and its gradient against the sum written out pixel by pixel; projection and samples."""
 
 import numba
 import numpy as np
@@ -51,7 +51,9 @@ def test_value_and_gradient_are_those_of_the_sum(threads: int) -> None:
     try:
         numba.set_num_threads(threads)
         found = rasterise(splats, WHOLE.expand(40, 4), SIZE)
-        (gradient,) = torch.autograd.grad((found[0] * by_colour).sum() + (found[1] * by_through).sum(), splats)
+        (gradient,) = torch.autograd.grad(
+            (found[0] * by_colour).sum() + (found[1] * by_through).sum(), splats
+        )
     finally:
         numba.set_num_threads(before)
     known = by_hand(splats)

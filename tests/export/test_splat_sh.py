@@ -30,7 +30,9 @@ def test_they_are_orthonormal() -> None:
     z, w = np.polynomial.legendre.leggauss(6)
     phi = np.arange(12) * np.pi / 6
     r = np.sqrt(1 - z**2)
-    d = np.stack([np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)), np.outer(z, np.ones(12))], -1).reshape(-1, 3)
+    d = np.stack([np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)), np.outer(z, np.ones(12))], -1).reshape(
+        -1, 3
+    )
     basis, area = sh_basis(torch.from_numpy(d), 2).numpy(), np.repeat(w, 12) * np.pi / 6
     np.testing.assert_allclose(basis.T @ (area[:, None] * basis), np.eye(9), atol=1e-12)
 

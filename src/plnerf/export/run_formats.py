@@ -108,7 +108,7 @@ def write_splats(
 def _comments(place: Placement, local: Splats) -> list[str]:
     """Lines for the header of a file, in ASCII."""
     about = place.to_json()
-    x, y, z = about["origin_world"]
+    x, y, z = about["origin_in_world"]
     return [
         f"Gaussian splats fitted to a radiance field by plnerf; {SIDECAR} places them.",
         f"Unit: {about['unit']}. Origin: {x:.12g} {y:.12g} {z:.12g} of the world, {about['world']}.",

@@ -74,7 +74,7 @@ class Placement:
                 "ply, splat": "the world's, z up" if self.in_world else "of the run's own frame, z up",
                 "glb": "y up: x_gltf = x, y_gltf = z, z_gltf = -y",
             },
-            "origin_world": world.tolist(),
+            "origin_in_world": world.tolist(),
             "T_world_local": T_world_local.tolist(),
             "T_world_gltf": T_world_gltf.tolist(),
             "world": "the run's own frame, without a position on the earth",
