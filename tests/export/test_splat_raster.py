@@ -134,3 +134,18 @@ def test_gradients_of_a_render_are_finite_and_lead_downhill() -> None:
         assert gradient is not None
         moved = [(one - 1e-3 * gradient / gradient.norm()) if one is value else one for one in values]
         assert (render(Gaussians(*moved), eye)[0] - target).square().sum() < loss
+
+
+@pytest.mark.parametrize("near_first", [True, False])
+def test_the_nearer_gaussian_is_in_front_whatever_their_order(near_first: bool) -> None:
+    """By distance, not by depth along z: as KHR_gaussian_splatting sorts."""
+    eye = camera()
+    aside = torch.tensor([0.5, 0.0, 0.0])  # as deep, but farther away
+    xyz = eye.centre + torch.tensor([0.0, 3.0, 0.0]) + torch.stack([0 * aside, aside])
+    order = [0, 1] if near_first else [1, 0]
+    sh = torch.zeros(2, 1, 3)
+    sh[0, 0], sh[1, 0] = torch.tensor([1.7, -1.7, -1.7]), torch.tensor([-1.7, 1.7, -1.7])
+    size, turn = torch.full((2, 3), -0.5), torch.tensor([[1.0, 0.0, 0.0, 0.0]]).expand(2, 4)
+    both = Gaussians(xyz[order], size, turn, torch.full((2,), 9.0), sh[order])
+    rgb = render(both, eye)[0][8, 12]
+    assert rgb[0] > 0.9 and rgb[1] < 0.1
