@@ -175,3 +175,13 @@ def test_a_film_too_large_for_a_page_is_left_out(
     page = Addresses()
     page.feed((tmp_path / "handout.html").read_text())
     assert "video" not in page.tags and "too large for a page" in (tmp_path / "handout.html").read_text()
+
+
+def test_a_fit_that_does_not_fit_into_memory_is_refused_before_anything_is_rendered(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plnerf.export.run_formats.target_views", None)
+    with pytest.raises(
+        ConfigError, match=r"A fit of 90,000,000,000 Gaussians .* needs at least .* --splats.count"
+    ):
+        export_source(run, ("ply",), tmp_path, splats=SplatConfig(count=90_000_000_000))

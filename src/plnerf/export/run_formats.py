@@ -21,6 +21,7 @@ from plnerf.line.files import SURVEY_FILE, read_survey
 from plnerf.line.frame import LineFrame
 from plnerf.line.move import move_wire
 from plnerf.line.wire import Wire
+from plnerf.scene.memory import require_memory
 from plnerf.train.guidance import certain
 from plnerf.train.render_run import refined_cameras
 from plnerf.train.run import TrainedRun
@@ -31,6 +32,8 @@ SPLAT_NAMES: dict[SplatFormat, str] = {"ply": "splats.ply", "glb": "splats.glb",
 SIDECAR = "splats.json"
 HELD_OUT = 16
 """Held-out views at most on which the agreement is measured."""
+BYTES, VIEW_BYTES = 4 * 38 * 5, 8
+"""Memory of a Gaussian of degree 2 at least (values, gradients, moments, a copy), and of a pixel."""
 Stage = Callable[[str, int, int], None]
 """Called with a stage's name, what is done of it, and of how much."""
 
@@ -47,7 +50,16 @@ class Fitted:
 
 
 def splats_of(run: TrainedRun, config: SplatConfig, progress: Stage) -> Fitted:
-    """Gaussians fitted to the field of a run.  Raises SurveyError where the run's survey cannot be read."""
+    """Gaussians fitted to the field of a run.
+
+    Raises ConfigError where they or the renders do not fit into memory, SurveyError where the run's survey
+    cannot be read, TrainingError where the field shows no surface.
+    """
+    require_memory(
+        float(BYTES * config.count + VIEW_BYTES * config.views * config.pixels),
+        f"A fit of {config.count:,} Gaussians to {config.views:,} renders of {config.pixels:,} pixels",
+        "Give smaller --splats.count, --splats.views or --splats.pixels.",
+    )
     frame, start = LineFrame.of_scene(run.record.frames), time.perf_counter()
     wires, wires_from = run_wires(run, frame) if config.wires else ((), "none were asked for")
     record = run.record

@@ -30,7 +30,8 @@ def write_splat_glb(path: Path, splats: Splats, name: str, extras: Mapping[str, 
     splats: in y-up axes.  name: of the node.  extras: plain JSON values about the Gaussians, in the mesh.
     """
     columns = _attributes(splats)
-    views, accessors, offset = [], [], 0
+    views, offset = list[dict[str, Any]](), 0
+    accessors = list[dict[str, Any]]()
     for key, column in columns.items():
         size = column.nbytes
         views.append({"buffer": 0, "byteOffset": offset, "byteLength": size, "target": _ARRAY_BUFFER})

@@ -149,7 +149,7 @@ def _gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
 
 class _Rasterise(torch.autograd.Function):
     @staticmethod
-    def forward(  # type: ignore[override]
+    def forward(
         context: Any, splats: Tensor, box: Tensor, size_px: tuple[int, int]
     ) -> tuple[Tensor, Tensor]:
         w, h = size_px
@@ -164,9 +164,7 @@ class _Rasterise(torch.autograd.Function):
         return rgb, transmittance
 
     @staticmethod
-    def backward(  # type: ignore[override]
-        context: Any, by_rgb: Tensor, by_final: Tensor
-    ) -> tuple[Tensor, None, None]:
+    def backward(context: Any, by_rgb: Tensor, by_final: Tensor) -> tuple[Tensor, None, None]:
         splats, box, final = context.saved_tensors
         grads = np.zeros((context.bands, *splats.shape), splats.detach().numpy().dtype)
         behind = np.zeros(by_rgb.shape, grads.dtype)

@@ -62,7 +62,8 @@ def photo(
     """A photo as the pinhole camera of a view would have taken it, and where it may be used."""
     scene = run.scene
     cameras, (w, h) = scene.cameras[[i]], view.camera.size_px
-    rgb, valid = scene.images.image(i), scene.images.valid(i).astype(np.uint8)
+    rgb: np.ndarray = scene.images.image(i)
+    valid: np.ndarray = scene.images.valid(i).astype(np.uint8)
     if cameras.distorted:
         rgb, valid = _undistorted(cameras, rgb), _undistorted(cameras, valid)
     if rgb.shape[:2] != (h, w):

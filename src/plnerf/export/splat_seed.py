@@ -14,9 +14,11 @@ from plnerf.export.splat_sh import Y_0
 from plnerf.export.splat_views import TargetView
 from plnerf.export.splats import Splats
 
-OPACITY = 0.7
+OPACITY = 0.3
 FLAT = 0.3
 """Thickness of a Gaussian along the surface's normal, as a share of its width."""
+WIDEST = 5.0
+"""A Gaussian begins no wider than so many pixels, however far its neighbours are."""
 MOST_PIXELS = 2_000_000
 """Pixels that are thinned: of more, as many are drawn."""
 _WIDTH = 0.6  # standard deviation in mean distances of the three nearest others
@@ -100,7 +102,7 @@ def _laid_out(
     """Gaussians flat on the surface, as wide as their neighbours are apart."""
     near = 3 if len(xyz) > 3 else len(xyz) - 1
     apart = cKDTree(xyz).query(xyz, k=near + 1)[0][:, 1:].mean(1) if near > 0 else width
-    across = (_WIDTH * np.clip(apart, 0.5 * width, 50 * width)).astype(np.float32)
+    across = (_WIDTH * np.clip(apart, 0.5 * width, WIDEST * width)).astype(np.float32)
     sh = np.zeros((len(xyz), (degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = (rgb - 0.5) / Y_0
     return Splats(
