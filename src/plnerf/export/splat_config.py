@@ -13,7 +13,7 @@ class SplatConfig:
     """Gaussians at most, without those of wires."""
     degree: int = 2
     """Of the spherical harmonics of the colours: 0, 1 or 2."""
-    steps: int = 400
+    steps: int = 300
     """Steps of the fit, each on one render of the field; 0 leaves the Gaussians as they are laid out."""
     views: int = 64
     """Training cameras at most whose renders are fitted, chosen evenly."""

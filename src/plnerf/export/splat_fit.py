@@ -1,7 +1,7 @@
 """Fits Gaussians to renders of the field: a few hundred steps of Adam, each on one render.
 
-Positions are counted in widths of each Gaussian, so that one rate serves near and far ones.  Those of wires keep
-their place and shape; their colours are fitted as well.
+Positions are counted in widths of each Gaussian, so that one rate serves near and far ones.  Those of wires
+keep their place and shape; their colours are fitted as well.
 """
 
 from collections.abc import Sequence
