@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.support.surveys import short
-from tests.support.tiny_run import small
+from tests.support.tiny_run import run_plnerf, small
 
 from plnerf.errors import CheckpointError, ConfigError
 from plnerf.export.run_formats import run_wires
@@ -185,3 +185,9 @@ def test_a_fit_that_does_not_fit_into_memory_is_refused_before_anything_is_rende
         ConfigError, match=r"A fit of 90,000,000,000 Gaussians .* needs at least .* --splats.count"
     ):
         export_source(run, ("ply",), tmp_path, splats=SplatConfig(count=90_000_000_000))
+
+
+def test_the_command_ends_with_a_line_that_helps_and_status_1(run: Path, tmp_path: Path) -> None:
+    done = run_plnerf("export", run, "--format", "gpkg", "-o", tmp_path)
+    assert done.returncode == 1 and done.stderr.startswith("ConfigError: ") and "Traceback" not in done.stderr
+    assert "but gpkg was asked for. Survey it, plnerf survey" in done.stderr

@@ -27,13 +27,10 @@ def export(
 ) -> None:
     """Write a run as Gaussian splats and a page to hand on, or a survey as GIS files.
 
-    A run has ply, glb and splat (Gaussians fitted to its field) and html (an offline page).
-
-    A survey has gpkg, kml, copc and pls-cadd; these need pip install "plnerf[gis]".
-
     Args:
         source: Folder of a run, or of a survey.
-        formats: Which ones; a run and a survey have formats of their own.
+        formats: Of a run: ply, glb and splat, Gaussians fitted to its field, and html, an offline page.
+            Of a survey: gpkg, kml and copc, which need pip install "plnerf[gis]", and pls-cadd.
         out: Folder to write; when left out, export in a run's folder, or the survey's own.
         codes: Feature codes of PLS-CADD (TOML); 200 upwards when left out.
         splats: How Gaussians are fitted.
