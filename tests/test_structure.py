@@ -40,6 +40,7 @@ FLOORS = {
     "doctor": 7,
     "view": 8,
     "pipeline": 8,
+    "exporting": 8,
     "console": 8,
     "bench": 9,
     "reconstruct": 9,

@@ -8,7 +8,6 @@ those that are up to date.  Progress is reported by callbacks.
 """
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.resources import files
@@ -23,9 +22,8 @@ from plnerf.capture.mapping import Tell
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.detect import FindWires
 from plnerf.errors import ConfigError
-from plnerf.export.exports import FILES, Exports, write_exports
-from plnerf.export.formats import Format, write_formats
-from plnerf.line.files import SURVEY_FILE, read_survey, write_survey_json
+from plnerf.export.exports import FILES, write_exports
+from plnerf.line.files import SURVEY_FILE, write_survey_json
 from plnerf.line.survey import Survey
 from plnerf.ops.backends import BackendChoice
 from plnerf.ops.dispatch import resolve_backend
@@ -260,21 +258,6 @@ def write_survey(survey: Survey, folder: Path | str) -> Path:
     with only_writer(Path(folder)):
         _write_survey(survey, Path(folder))
     return Path(folder) / PAGE
-
-
-def export_survey(
-    folder: Path,
-    formats: Sequence[Format] | None = None,
-    out: Path | None = None,
-    codes: Path | None = None,
-) -> Exports:
-    """Writes the survey of a folder in further formats, into `out` or the same folder.
-
-    formats, codes, errors: as of `write_formats`.
-    """
-    root = folder.parent if folder.name == SURVEY_FILE else folder
-    with only_writer(out or root):
-        return write_formats(read_survey(root / SURVEY_FILE), root, out or root, formats, codes)
 
 
 def _write_survey(survey: Survey, folder: Path) -> None:

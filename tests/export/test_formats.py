@@ -15,8 +15,9 @@ from plnerf.errors import ConfigError, SurveyError
 from plnerf.export import copc, geopackage
 from plnerf.export.crs import crs_transform
 from plnerf.export.formats import write_formats
+from plnerf.exporting import export_survey
 from plnerf.line.files import read_survey, write_survey_json
-from plnerf.pipeline import export_survey, write_survey
+from plnerf.pipeline import write_survey
 
 pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
 

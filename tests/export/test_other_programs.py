@@ -16,9 +16,10 @@ from tests.support.encroaching import with_encroachments
 
 from plnerf.export.crs import crs_transform
 from plnerf.export.exports import VERTEX_M
+from plnerf.exporting import export_survey
 from plnerf.line.files import read_survey
 from plnerf.line.survey import Survey
-from plnerf.pipeline import export_survey, write_survey
+from plnerf.pipeline import write_survey
 
 DRAW = Path(__file__).parents[2] / "benchmarks" / "draw_geopackage.py"
 SYSTEM_PYTHON = "/usr/bin/python3"

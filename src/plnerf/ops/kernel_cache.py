@@ -68,7 +68,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 def kept_kernels() -> dict[str, list[str]]:
-    """The kernels that were defined so far: by the folder in which they are kept ("": none), their index files.
+    """The kernels that were defined so far: index files by the folder in which they are kept ("": none).
 
     An index is there once its kernel was compiled.
     """

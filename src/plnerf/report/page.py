@@ -68,11 +68,11 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
     check_parts(survey)
     rows = by_need(survey)
     main, notes = sorted_caveats(survey)
-    page: str = _environment().get_template("page.html").render(
+    page: str = environment().get_template("page.html").render(
         title=f"Survey of {name_of(survey)}",
         sections=SECTIONS,
-        style=_asset("page.css"),
-        script=_asset("view.js"),
+        style=asset("page.css"),
+        script=asset("view.js"),
         found=found(survey),
         where=where(survey),
         judged=judged(rows),
@@ -107,7 +107,8 @@ def html_page(survey: Survey, files: Sequence[str] = (), about_files: Sequence[s
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """The templates of the package's pages; what they show is escaped."""
     environment = Environment(
         loader=PackageLoader("plnerf", "data/report"),
         autoescape=True,
@@ -120,5 +121,6 @@ def _environment() -> Environment:
     return environment
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """The text of a style sheet or script of the pages."""
     return resources("plnerf").joinpath(f"data/report/{name}").read_text(encoding="utf-8")
