@@ -1,9 +1,11 @@
 """Which wires are detected in scenes with truth: `python benchmarks/find_wires.py SCENE [SCENE ...]`.
 
-A true wire is found where a certain one lies within 10 cm of it on average.  Also printed: how much of what
-the truth calls observable lies within 10 cm of a certain wire.
+Poses are adjusted first, as surveys do; --given-poses leaves them as the scene states them.  A true wire is
+found where a certain one lies within 10 cm of it on average.  Also printed: how much of what the truth calls
+observable lies within 10 cm of a certain wire.
 """
 
+import argparse
 import json
 import sys
 import tempfile
@@ -13,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from plnerf.capture.adjusted_poses import PosesConfig, with_adjusted_poses
 from plnerf.capture.similarity import Similarity
 from plnerf.detect.detect import detect_wires
 from plnerf.field.guides import scene_points
@@ -25,11 +28,17 @@ from plnerf.score.truth import read_truth
 CLOSE_M = 0.10
 
 
-def main(folders: list[str]) -> None:
-    for folder in folders:
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("scenes", nargs="+", metavar="SCENE")
+    parser.add_argument("--given-poses", action="store_true", help="do not adjust poses")
+    options = parser.parse_args()
+    for folder in options.scenes:
         with tempfile.TemporaryDirectory() as store:
             scene = load_scene(Path(folder), store=Path(store))
             start = time.perf_counter()
+            scene, change = with_adjusted_poses(scene, PosesConfig(adjust=not options.given_poses))
+            adjusting = time.perf_counter() - start
             detected = detect_wires(scene)
             seconds = time.perf_counter() - start
         if scene.truth is None:
@@ -47,7 +56,10 @@ def main(folders: list[str]) -> None:
             rows.append((name, apart[nearest], wire.worst_sigma(), certain))
             if certain and apart[nearest] < CLOSE_M:
                 found[name] = apart[nearest]
-        print(f"{folder}: {len(found)} of {len(true)} found, {seconds:.1f} s")
+        poses = f"{adjusting:.1f} s of them for poses"
+        print(f"{folder}: {len(found)} of {len(true)} found, {seconds:.1f} s, {poses}")
+        if change is not None:
+            print(f"  {change.text(scene.frames.unit)}")
         truth = read_truth(scene.truth).moved(Similarity(*frame.similarity))
         certain_ones = [wire for wire in detected if wire.evidence.certain]
         shown = score_observable(certain_ones, truth, WireScoreConfig())
@@ -73,4 +85,4 @@ def dense(polyline: np.ndarray, step_m: float = 0.01) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -15,12 +15,10 @@ import argparse
 import json
 import tempfile
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import ExifTags, Image
 from scipy.spatial.transform import Rotation
 
 from plnerf.capture.capture import CaptureConfig, capture
@@ -38,19 +36,9 @@ from plnerf.score.wire_matches import Match, match_wires
 from plnerf.survey.posed_photos import photos_of
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.refine import refine_wires
-from plnerf.synth.flight_config import Pass
+from plnerf.synth.photos import PLACE, write_photos
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
-
-PLACE = LocalFrame("EPSG:4979", (10.0, 51.0, 250.0))
-"""Where on the earth the synthetic world is put."""
-FILM_DIAGONAL_MM = float(np.hypot(36, 24))
-PASSES = (
-    Pass("right", "phase A", -2.5, 0.8, -1.2, 0.74, 28.0, -4.0),
-    Pass("left", "phase B", 2.4, 1.0, -1.2, 0.74, -28.0, -2.0),
-    Pass("above", "shield", 0.0, 1.6, -1.2, 0.74, 0.0, -12.0),
-)
-"""All look the way out, and neighbours by 28 degrees apart, so that each shares features with the next."""
 
 
 def main() -> None:
@@ -65,10 +53,9 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     flight = given.scene or given.out / "flight"
     if not flight.exists():
-        span = SceneOptions(samples=given.samples).apply(find_scene("span"))
-        synthesize(flight, replace(span, capture=replace(span.capture, passes=PASSES)))
+        synthesize(flight, SceneOptions(samples=given.samples).apply(find_scene("same-way")))
     exact = read_listing(flight)
-    write_photos(exact, given.out / "photos", given.noise, given.seed)
+    write_photos(flight, given.out / "photos", given.noise, given.seed)
     config = CaptureConfig(SfmConfig(seed=given.seed, threads=given.threads))
     path = capture(given.out / "photos", given.out / "scene", config).parent
     print(summary(read_report(path)))
@@ -83,23 +70,6 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as store:
             scene = load_scene(folder, store=Path(store))
             print(wires_off(f"{name} poses", scene, read_truth(folder / "truth.json")))
-
-
-def write_photos(exact: Listing, folder: Path, noise_m: float, seed: int) -> None:
-    """The images as a camera with a known focal length and an RTK receiver leaves them."""
-    folder.mkdir(exist_ok=True)
-    centres = np.stack([shot.T_world_camera[:3, 3] for shot in exact.shots])
-    off = noise_m * np.random.default_rng(seed).standard_normal(centres.shape)
-    rows = [PLACE.crs]
-    for shot, (x, y, z) in zip(exact.shots, PLACE.to_crs(centres + off), strict=True):
-        lens, name = shot.intrinsics, shot.path.name
-        with Image.open(shot.path) as image:
-            exif = image.getexif()
-            equivalent = round(FILM_DIAGONAL_MM * lens.fl_x / np.hypot(lens.width, lens.height))
-            exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = equivalent
-            image.save(folder / name, exif=exif, quality="keep")
-        rows.append(f"{name} {x:.10f} {y:.10f} {z:.4f} 0 0 0 {noise_m} {noise_m}")
-    write_text(folder / "geo.txt", "\n".join(rows) + "\n")
 
 
 def moved(truth: dict[str, Any], frame: LocalFrame) -> dict[str, Any]:

@@ -45,7 +45,8 @@ def survey(tmp_path: Path) -> Path:
 def test_a_run_is_exported_with_everything_in_place(run: Path, tmp_path: Path) -> None:
     stages: list[str] = []
     out = tmp_path / "out"
-    written = export_source(run, (), out, splats=FEW, progress=lambda stage, done, of: stages.append(stage))
+    done = export_source(run, (), out, splats=FEW, progress=lambda stage, done, of: stages.append(stage))
+    written = list(done.files.values())
     assert [path.name for path in written] == [
         "splats.ply",
         "splats.glb",
@@ -119,9 +120,9 @@ def test_formats_of_the_other_kind_are_refused_with_what_to_do(
 
 
 def test_a_survey_is_exported_as_before(survey: Path, tmp_path: Path) -> None:
-    (path,) = export_source(survey, ("pls-cadd",), tmp_path / "out")
+    (path,) = export_source(survey, ("pls-cadd",), tmp_path / "out").files.values()
     assert path.is_file()
-    (again,) = export_source(survey / "survey.json", ("pls-cadd",))
+    (again,) = export_source(survey / "survey.json", ("pls-cadd",)).files.values()
     assert again.parent == survey
 
 

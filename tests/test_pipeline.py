@@ -14,6 +14,7 @@ from tests.support.tiny_run import Recorder, assert_same_bits, newest_tensors, s
 from plnerf import pipeline
 from plnerf.errors import ConfigError, PlnerfError, SceneError
 from plnerf.presets.pl_nerf import PRESET as PL_NERF
+from plnerf.reconstruct import reconstruct
 from plnerf.scene.only_writer import only_writer
 from plnerf.train.fitted import fit_to_scene
 from plnerf.train.run import open_run, read_config
@@ -89,7 +90,7 @@ def test_only_one_command_writes_into_a_folder(tiny_scene: Path, tmp_path: Path)
         "train": lambda: pipeline.train_scene(tiny_scene, out, steps=1, seed=1, **small()),
         "resume": lambda: pipeline.resume_run(tiny_scene, out, steps=2),
         "capture": lambda: pipeline.capture_scene(tiny_scene / "images", out),
-        "reconstruct": lambda: pipeline.reconstruct(tiny_scene, out),
+        "reconstruct": lambda: reconstruct(tiny_scene, out),
     }
     before = newest_tensors(out)
     with only_writer(out):
@@ -102,7 +103,7 @@ def test_only_one_command_writes_into_a_folder(tiny_scene: Path, tmp_path: Path)
 def test_a_run_that_is_trained_is_not_put_aside(tiny_scene: Path, tmp_path: Path) -> None:
     (tmp_path / "reconstruct.json").write_text('{"training": "other settings"}')
     with only_writer(tmp_path / "run"), pytest.raises(PlnerfError, match="run is being written by process"):
-        pipeline.reconstruct(tiny_scene, tmp_path)
+        reconstruct(tiny_scene, tmp_path)
     assert not (tmp_path / "run-1").exists()
 
 

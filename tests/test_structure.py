@@ -19,6 +19,7 @@ FLOORS = {
     "errors": 0,
     "findings": 0,
     "terminal": 0,
+    "progress_lines": 0,
     "ops": 1,
     "scene": 1,
     "rays": 2,
@@ -42,6 +43,7 @@ FLOORS = {
     "exporting": 8,
     "console": 8,
     "bench": 9,
+    "reconstruct": 9,
     "cli": 10,
 }
 MAX_LINES = 400

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -16,6 +17,7 @@ from rich.progress import (
 )
 from torch import Tensor
 
+from plnerf.progress_lines import ProgressLines
 from plnerf.scene.memory import require_room_for_threads
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
@@ -29,14 +31,21 @@ def say(console: Console, text: str) -> None:
 
 @contextmanager
 def bars(console: Console) -> Iterator[Callable[[str, int, int], None]]:
-    """A progress bar for each stage that reports (its name, done, total); a total of 0 is not known."""
+    """A progress bar for each stage that reports (its name, done, total); a total of 0 is not known.
+
+    Where the console is no terminal, a plain line every ten seconds in their place.
+    """
+    require_room_for_threads()  # one draws the bars, or writes the lines
+    if not console.is_terminal:
+        with ProgressLines(partial(say, console)) as lines:
+            yield lines.count
+        return
     columns = (
         TextColumn("[bold]{task.description}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
         TimeRemainingColumn(compact=True),
     )
-    require_room_for_threads()  # one draws the bars
     with Progress(*columns, console=console) as progress:
         tasks: dict[str, TaskID] = {}
 
@@ -71,6 +80,7 @@ class RunConsole(RunLog):
             console=console,
         )
         self._task = self._bar.add_task("train", total=1.0, rate="compiling", loss="", psnr="")
+        self._lines = None if console.is_terminal else ProgressLines(partial(say, console))
 
     def nothing_left(self, config: RunConfig, step: int, seconds: float) -> None:
         """Prints that a run had already used up its budget."""
@@ -88,7 +98,11 @@ class RunConsole(RunLog):
             f"backend {config.backend} on {config.device}, seed {config.seed}"
             + (f", resumed at step {step}" if step else "")
         )
-        self._bar.start()
+        if self._lines is None:
+            self._bar.start()
+        else:
+            self._lines.show("train", 0.0 if config.steps is None else step / config.steps, "compiling")
+            self._lines.start()
 
     def step(self, step: int, seconds: float, progress: float, terms: Mapping[str, Tensor]) -> None:
         """Moves the bar whenever the log has a new line."""
@@ -98,13 +112,11 @@ class RunConsole(RunLog):
             waited = self.first_step_s
             self._console.print(f"first step after {waited:.1f} s (kernels compiled or loaded)")
         if (latest := self.latest) is not before:
-            self._bar.update(
-                self._task,
-                completed=progress,
-                rate=f"{latest['rays_per_s']:,.0f} rays/s",
-                loss=f"loss {latest['loss']:.4f}",
-                psnr=f"PSNR {latest['train_psnr_db']:.1f} dB{self._held_out}",
-            )
+            rate, loss = f"{latest['rays_per_s']:,.0f} rays/s", f"loss {latest['loss']:.4f}"
+            psnr = f"PSNR {latest['train_psnr_db']:.1f} dB{self._held_out}"
+            self._bar.update(self._task, completed=progress, rate=rate, loss=loss, psnr=psnr)
+            if self._lines is not None:
+                self._lines.show("train", progress, f"{rate}, {loss}, {psnr}")
 
     def validation(self, step: int, seconds: float, psnr_db: float) -> None:
         """Logs the held-out PSNR, which the bar shows from then on."""
@@ -114,10 +126,15 @@ class RunConsole(RunLog):
     def end(self, step: int, seconds: float) -> None:
         """Prints what was reached."""
         self._bar.update(self._task, completed=1.0)
-        self._bar.stop()
+        self._stop()
         self._console.print(f"{step} steps in {seconds:.0f} s of training{self._held_out}")
 
     def close(self) -> None:
         """Closes the logs and the bar, which hides the terminal's cursor while it is there."""
-        self._bar.stop()
+        self._stop()
         super().close()
+
+    def _stop(self) -> None:
+        self._bar.stop()
+        if self._lines is not None:
+            self._lines.stop()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from plnerf.errors import ConfigError
+from plnerf.export.exports import Exports
 from plnerf.export.formats import FORMATS, Format, write_formats
 from plnerf.export.run_formats import (
     SIDECAR,
@@ -42,16 +43,17 @@ def export_source(
     codes: Path | None = None,
     splats: SplatConfig | None = None,
     progress: Stage | None = None,
-) -> list[Path]:
-    """Writes a run or a survey in further formats; returns the files.
+) -> Exports:
+    """Writes a run or a survey in further formats; returns the files, and what was left out and why.
 
-    formats: none: all that the source has.  codes: feature codes of PLS-CADD.  Raises ConfigError where the
-    source is neither, or has not a format; other PlnerfErrors where it cannot be read or written.
+    formats: none: all that the source has what they need for.  codes: feature codes of PLS-CADD.  Raises
+    ConfigError where the source is neither, or has not a format; other PlnerfErrors where it cannot be read
+    or written.
     """
     if (source / SURVEY_FILE).is_file() or source.name == SURVEY_FILE:
         do = "Give the folder of the run that it was made of,"
         chosen = _known(source, "a survey", formats, FORMATS, do)
-        return export_survey(source, chosen, out, codes)  # type: ignore[arg-type]  # each is one of FORMATS
+        return export_survey(source, chosen or None, out, codes)  # type: ignore[arg-type]  # of FORMATS
     if (source / "config.json").is_file():
         survey = source / "survey"
         surveyed = (survey / SURVEY_FILE).is_file()
@@ -59,7 +61,8 @@ def export_source(
         chosen = _known(source, "a run", formats, RUN_FORMATS, do)
         if codes is not None:
             raise ConfigError(f"{codes} holds codes of PLS-CADD, a format of surveys, but {source} is a run.")
-        return export_run(source, chosen, out, splats, progress)
+        written = export_run(source, chosen or RUN_FORMATS, out, splats, progress)
+        return Exports({path.name: path for path in written}, ())
     raise ConfigError(
         f"{source} is neither a run, which has a config.json, nor a survey, which has a {SURVEY_FILE}. Give "
         "the folder of one of these: plnerf train writes runs, plnerf survey writes surveys."
@@ -67,22 +70,27 @@ def export_source(
 
 
 def _known(source: Path, kind: str, formats: Sequence[str], known: Sequence[str], do: str) -> tuple[str, ...]:
-    """The formats, all known ones where none are named.  Raises ConfigError for one of the other kind."""
+    """The formats, each once.  Raises ConfigError for one of the other kind."""
     wrong = [one for one in formats if one not in known]
     if wrong:
         raise ConfigError(
             f"{source} is {kind}, with the formats {', '.join(known)}, but {', '.join(wrong)} was asked for. "
             f"{do} or leave --formats out."
         )
-    return tuple(dict.fromkeys(formats)) or tuple(known)
+    return tuple(dict.fromkeys(formats))
 
 
 def export_survey(
-    folder: Path, formats: Sequence[Format] = FORMATS, out: Path | None = None, codes: Path | None = None
-) -> list[Path]:
-    """Writes the survey of a folder in further formats, into `out` or the same folder; returns the files.
+    folder: Path,
+    formats: Sequence[Format] | None = None,
+    out: Path | None = None,
+    codes: Path | None = None,
+) -> Exports:
+    """Writes the survey of a folder in further formats, into `out` or the same folder; returns what was
+    written, and what was left out and why.
 
-    codes: feature codes of PLS-CADD.  Raises PlnerfError as `write_formats`.
+    formats: None: all but those for which the survey lacks something.  codes: feature codes of PLS-CADD.
+    Raises PlnerfError as `write_formats`.
     """
     root = folder.parent if folder.name == SURVEY_FILE else folder
     with only_writer(out or root):

@@ -3,13 +3,12 @@
     photos, video -> capture_scene -> train_scene -> evaluate, render
     a run, a scene or a point cloud -> survey -> write_survey
 
-Stages meet through files, so that any can be run again alone; `reconstruct` runs all of them and skips those
-that are up to date.  Progress is reported by callbacks.
+Stages meet through files, so that any can be run again alone; `reconstruct.py` runs all of them and skips
+those that are up to date.  Progress is reported by callbacks.
 """
 
 import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
@@ -17,9 +16,11 @@ from typing import Any, Literal
 
 import torch
 
+from plnerf.capture.adjusted_poses import PosesConfig
 from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.mapping import Tell
 from plnerf.detect.config import DetectConfig
+from plnerf.detect.detect import FindWires
 from plnerf.errors import ConfigError
 from plnerf.export.exports import FILES, write_exports
 from plnerf.line.files import SURVEY_FILE, write_survey_json
@@ -28,20 +29,18 @@ from plnerf.ops.backends import BackendChoice
 from plnerf.ops.dispatch import resolve_backend
 from plnerf.presets._find import find_preset
 from plnerf.render.config import SystemConfig
-from plnerf.render.picture_files import write_text
 from plnerf.report.page import write_report
 from plnerf.scene.build_store import Progress
-from plnerf.scene.fingerprint import file_sha256, photos_sha256
-from plnerf.scene.formats import has_poses, read_listing
+from plnerf.scene.formats import has_poses
 from plnerf.scene.only_writer import only_writer
 from plnerf.scene.scene import load_scene
-from plnerf.scene.strict_json import object_of, read_json, shown
 from plnerf.scene.whole_result import whole_result
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.lidar.point_cloud import SUFFIXES, read_cloud
 from plnerf.survey.run import survey_cloud, survey_run, survey_scene
 from plnerf.synth.hang_config import HangConfig
 from plnerf.synth.hang_scene import hang_in_photos
+from plnerf.synth.photos import write_photos
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
 from plnerf.train.checkpoint import list_checkpoints
@@ -57,9 +56,6 @@ from plnerf.train.settings import from_json, to_json
 Device = Literal["auto", "cpu", "cuda"]
 PAGE = "report.html"
 """Of a survey, in its folder."""
-STATE = "reconstruct.json"
-RESULTS = {"eval": "eval", "render": "renders", "survey": "survey"}
-"""Of the stages after training: folders in that of the run."""
 
 
 def bundled_span() -> Path:
@@ -87,6 +83,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     model: SystemConfig | None = None,
     train: TrainConfig | None = None,
     detect: DetectConfig | None = None,
+    poses: PosesConfig | None = None,
     steps: int | None = None,
     seconds: float | None = None,
     downscale: int = 1,
@@ -94,12 +91,14 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     device: Device = "auto",
     backend: BackendChoice = "auto",
     report: Report | None = None,
+    finder: FindWires | None = None,
 ) -> Path:
     """Trains a radiance field on a scene, into a new run folder, which returns.
 
-    model, train, detect: settings; None: the preset's.  A grid's `finest` that is the preset's is fitted to
-    the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step; None: a log
-    in the run folder.  Raises PlnerfError where another process writes into the folder.
+    model, train, detect, poses: settings; None: the preset's.  A grid's `finest` that is the preset's is
+    fitted to the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step;
+    None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  Raises PlnerfError
+    where another process writes into the folder.
     """
     scene, out = Path(scene), Path(out)
     with only_writer(out):
@@ -122,6 +121,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
             model=model or chosen.model,
             train=train or chosen.train,
             detect=detect or DetectConfig(),
+            poses=poses or PosesConfig(),
             steps=steps,
             seconds=seconds,
             seed=seed,
@@ -131,7 +131,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
         loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
         if finest_of(config.model) == finest_of(chosen.model):
             config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
-        return train_loop(config, out, report or RunLog(out), scene=loaded)
+        return train_loop(config, out, report or RunLog(out), scene=loaded, finder=finder)
 
 
 def resume_run(
@@ -184,13 +184,23 @@ def render(
 
 
 def synthesize_scene(
-    out: Path, scene: str = "span", options: SceneOptions | None = None, progress: Progress | None = None
+    out: Path,
+    scene: str = "span",
+    options: SceneOptions | None = None,
+    progress: Progress | None = None,
+    photos: bool = False,
 ) -> Path:
-    """Renders a named synthetic scene, changed by `options`, into a new scene folder, which returns."""
+    """Renders a named synthetic scene, changed by `options`, into a new scene folder, which returns.
+
+    photos: also writes `photos` in it, its images as a camera leaves them: without poses, with positions.
+    """
     options = options or SceneOptions()
     if scene == "span" and options.samples is None:
         options = replace(options, samples=64)
-    return synthesize(out, options.apply(find_scene(scene, options.seed)), progress=progress)
+    folder = synthesize(out, options.apply(find_scene(scene, options.seed)), progress=progress)
+    if photos:
+        write_photos(folder, folder / "photos", seed=options.seed or 0)
+    return folder
 
 
 def hang_wires(
@@ -209,10 +219,12 @@ def survey(
     config: SurveyConfig | None = None,
     out: Path | None = None,
     progress: Progress | None = None,
+    finder: FindWires | None = None,
 ) -> tuple[Survey, Path]:
     """Surveys a run, a scene or a LAS or LAZ file, and writes the survey; returns it and its folder.
 
-    out: None: `survey` in the folder of the run or scene, or beside the file.
+    out: None: `survey` in the folder of the run or scene, or beside the file.  finder: finds the wires in
+    images in place of `detect_wires`.
     """
     is_cloud = source.suffix.lower() in SUFFIXES
     is_scene = not is_cloud and not (source / "config.json").exists() and has_poses(source)
@@ -227,9 +239,9 @@ def survey(
         if is_cloud:
             found = survey_cloud(read_cloud(source), config, progress)
         elif is_scene:
-            found = survey_scene(load_scene(source, store=folder / "pixels"), config, progress)
+            found = survey_scene(load_scene(source, store=folder / "pixels"), config, progress, finder)
         else:
-            found = survey_run(open_run(source), config, progress)
+            found = survey_run(open_run(source), config, progress, finder)
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
         found = replace(found, made={**found.made, "date (UTC)": now})
         _write_survey(found, folder)
@@ -254,117 +266,6 @@ def _write_survey(survey: Survey, folder: Path) -> None:
         exports = write_exports(survey, new)
         write_survey_json(new / SURVEY_FILE, survey)
         write_report(new / PAGE, survey, (*exports.files, SURVEY_FILE), exports.about)
-
-
-@dataclass(frozen=True)
-class Training:
-    """What `reconstruct` trains; a change of any of it trains anew."""
-
-    preset: str = "pl-nerf-wire"
-    seconds: float = 300.0
-    downscale: int = 1
-    seed: int = 0
-
-
-def _render_path(run: Path) -> Path:
-    return render(run, views="path", outputs=("rgb", "depth"))
-
-
-@dataclass(frozen=True)
-class Stages:
-    """The stages that `reconstruct` calls; the command line puts in its own, which show their progress."""
-
-    capture: Callable[[Path, Path, CaptureConfig], object] = capture_scene
-    train: Callable[..., object] = train_scene
-    resume: Callable[[Path, Path], object] = resume_run
-    eval: Callable[[Path], object] = evaluate
-    render: Callable[[Path], object] = _render_path
-    survey: Callable[[Path], object] = survey
-
-
-def reconstruct(
-    source: Path,
-    out: Path,
-    training: Training | None = None,
-    capture: CaptureConfig | None = None,
-    stages: Stages | None = None,
-    skipped: Callable[[str], None] = lambda text: None,
-) -> Path:
-    """Photos in, pictures and points on wires out; returns the run folder.  Errors are those of the stages.
-
-        OUT/scene/    plnerf capture     (left out where the input is a scene with poses)
-        OUT/run/      plnerf train, eval, render, survey
-
-    A stage is done again where its inputs changed (poses, photos, settings, the newest checkpoint), and where
-    a file that it wrote is gone.  A run of other settings is kept, as run-1, run-2, ...  skipped: called with
-    a line about every stage that is up to date, and about a run that is put aside.
-    """
-    with only_writer(out):
-        return _reconstruct(source, out, training or Training(), capture, stages or Stages(), skipped)
-
-
-def _reconstruct(
-    source: Path,
-    out: Path,
-    training: Training,
-    capture: CaptureConfig | None,
-    stages: Stages,
-    skipped: Callable[[str], None],
-) -> Path:
-    scene, run = source, out / "run"
-    if not has_poses(source):
-        scene = out / "scene"
-        stages.capture(source, scene, capture or CaptureConfig())
-    listing = read_listing(scene)
-    transforms = scene / "transforms.json" if scene.is_dir() else scene
-    wanted = {
-        **asdict(training), "scene": str(scene.resolve()),
-        "poses": file_sha256(transforms) if transforms.is_file() else "", "photos": photos_sha256(listing),
-    }  # fmt: skip
-    state = _read_state(out / STATE)
-    if state.get("training") not in {None, json.dumps(wanted)} and run.exists():
-        aside = next(path for k in range(1, 10_000) if not (path := out / f"run-{k}").exists())
-        with only_writer(run):  # not from under a training
-            pass
-        run.replace(aside)
-        skipped(f"the run of other settings or poses: {aside}")
-        state = {}
-    state["training"] = json.dumps(wanted)
-    write_text(out / STATE, json.dumps(state, indent=1) + "\n")
-    if (run / "config.json").exists():
-        stages.resume(scene, run)
-    else:
-        stages.train(scene, run, **asdict(training))
-    newest = list_checkpoints(run / "checkpoints")[-1].stem
-    for name, stage in (("eval", stages.eval), ("render", stages.render), ("survey", stages.survey)):
-        if state.get(name) == newest and not _lost(run, state.get(f"{name} files", "")):
-            skipped(f"{name}: there already, of {newest}")
-            continue
-        stage(run)
-        written = sorted(path for path in (run / RESULTS[name]).rglob("*") if path.is_file())
-        state[name] = newest
-        state[f"{name} files"] = "\n".join(path.relative_to(run).as_posix() for path in written)
-        write_text(out / STATE, json.dumps(state, indent=1) + "\n")
-    return run
-
-
-def _lost(run: Path, names: str) -> list[str]:
-    """The files of a result that are no longer there.
-
-    What they hold is not compared: whoever surveys again with other settings wants that survey.
-    """
-    return [name for name in names.splitlines() if not (run / name).is_file()]
-
-
-def _read_state(path: Path) -> dict[str, str]:
-    """What was done of which inputs; nothing where there is no file yet."""
-    if not path.exists():
-        return {}
-    do = "Remove it: the run is kept, and another one is trained."
-    state = object_of(read_json(path, ConfigError, do), str(path), ConfigError, do)
-    if not all(isinstance(value, str) for value in state.values()):
-        raise ConfigError(f"{path} must hold texts, but holds {shown(state)}. {do}")
-    return {str(key): str(value) for key, value in state.items()}
 
 
 def choose_device(choice: Device) -> Literal["cpu", "cuda"]:

@@ -97,6 +97,24 @@ def test_poses_come_back_and_work_is_kept(tmp_path: Path) -> None:
     assert told[0] == "features 0/10" and third.registered == found.registered
 
 
+def test_a_lens_that_is_not_fitted_stays_as_photos_state_it(tmp_path: Path) -> None:
+    truth = steps(tmp_path / "images")
+    bare = {path.name: read_facts(path) for path in sorted((tmp_path / "images").glob("*.png"))}
+    config = SfmConfig(camera_model="SIMPLE_PINHOLE", fit_lens=False, features=1500, threads=1)
+    pairs = choose_pairs(COUNT, PairConfig())
+    with pytest.raises(CaptureError, match=r"9 of 9 state no focal length \(00\.png\)"):
+        reconstruct(tmp_path / "images", bare, tmp_path / "work", pairs, config)
+    stated = FOCAL + 2  # what is fitted comes out as 300, or anything else but this
+    facts = {name: replace(fact, focal_px=stated) for name, fact in bare.items()}
+    found = reconstruct(tmp_path / "images", facts, tmp_path / "work", pairs, config)
+    model = found.reconstruction
+    assert len(found.registered) == COUNT
+    assert {camera.params[0] for camera in model.cameras.values()} == {stated}
+    x = np.array([model.find_image_with_name(name).projection_center() for name in found.registered])
+    track = np.linalg.norm(np.diff(truth, axis=0), axis=1).sum()
+    assert np.linalg.norm(fit_similarity(x, truth)(x) - truth, axis=1).max() < 0.02 * track
+
+
 @pytest.mark.parametrize("cut", ["features 8/9", "matches 0/36", "model 3/9"])
 def test_it_goes_on_where_it_was_cut_off(cut: str, tmp_path: Path) -> None:
     steps(tmp_path / "images")

@@ -501,7 +501,7 @@ def test_the_survey_takes_its_settings_from_the_command_line(
     tmp_path: Path, plnerf: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[SurveyConfig] = []
-    monkeypatch.setattr(pipeline, "survey", lambda source, config, out, progress: asked.append(config))
+    monkeypatch.setattr(pipeline, "survey", lambda source, config, *_: asked.append(config))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # for the crash report
     settings = ["--voltage-kv", "230", "--pictures", "2", "--refine.most-rounds", "7"]
     assert plnerf("survey", tmp_path, *settings).status == 70  # nothing comes back

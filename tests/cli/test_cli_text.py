@@ -72,7 +72,7 @@ def test_text(command: str, snapshot: Callable[[str, str], None]) -> None:
     assert usage.startswith("usage: ")  # one line, however many commands or options there are
     assert all(len(line) <= 100 for line in lines)
     # Nested settings follow in groups of their own, with their classes' texts.
-    own = re.split(r"^╭─ (?:model|train|detect|points)\b", text, maxsplit=1, flags=re.MULTILINE)[0]
+    own = re.split(r"^╭─ (?:model|train|poses|detect|points)\b", text, maxsplit=1, flags=re.MULTILINE)[0]
     snapshot(f"cli_help_{command or 'all'}", "\n".join(line.rstrip() for line in own.strip().splitlines()))
 
 

@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_geopackage_has_all_layers_in_the_surveys_crs_with_styles(folder: Path) -> None:
-    (path,) = export_survey(folder, ("gpkg",))
+    (path,) = export_survey(folder, ("gpkg",)).files.values()
     survey = read_survey(folder / "survey.json")
     layers = {str(name): str(kind) for name, kind in pyogrio.list_layers(path)}
     assert {name for name, kind in layers.items() if kind != "None"} == {
@@ -54,7 +54,7 @@ def test_a_geopackage_has_all_layers_in_the_surveys_crs_with_styles(folder: Path
 
 
 def test_a_kml_is_in_longitudes_and_latitudes(folder: Path) -> None:
-    (path,) = export_survey(folder, ("kml",))
+    (path,) = export_survey(folder, ("kml",)).files.values()
     survey = read_survey(folder / "survey.json")
     _, _, wkb, _ = pyogrio.raw.read(path, layer="structures")
     found = shapely.get_coordinates(shapely.from_wkb(wkb), include_z=True)
@@ -66,7 +66,7 @@ def test_a_kml_is_in_longitudes_and_latitudes(folder: Path) -> None:
 def test_copc_holds_every_point_and_reads_by_place(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("copclib")
     monkeypatch.setattr(copc, "LEAF", 800)  # so that there are several cubes
-    (path,) = export_survey(folder, ("copc",))
+    (path,) = export_survey(folder, ("copc",)).files.values()
     las = laspy.read(folder / "cloud.laz")
     with laspy.CopcReader.open(str(path)) as reader:
         every = reader.query()
@@ -82,7 +82,7 @@ def test_copc_holds_every_point_and_reads_by_place(folder: Path, monkeypatch: py
 
 def test_pls_cadd_lines_have_the_codes_of_the_map(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "codes.toml").write_text("[codes]\nground = 7\nphase = 55\n")
-    (path,) = export_survey(folder, ("pls-cadd",), tmp_path, tmp_path / "codes.toml")
+    (path,) = export_survey(folder, ("pls-cadd",), tmp_path, tmp_path / "codes.toml").files.values()
     rows = np.loadtxt(path, delimiter=",")
     las, survey = laspy.read(folder / "cloud.laz"), read_survey(folder / "survey.json")
     ground = las.xyz[las.classification == 2]
@@ -107,6 +107,18 @@ def test_what_a_format_lacks_is_said(folder: Path, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("plnerf.export.formats.find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"copclib is not installed.*plnerf\[gis\]"):
         write_formats(read_survey(folder / "survey.json"), folder, tmp_path, ("copc",))
+
+
+def test_without_a_choice_all_is_written_that_can_be(tmp_path: Path) -> None:
+    pytest.importorskip("copclib")
+    frame = replace(surveys.FRAME, crs=None, origin_lon_lat_height=None)
+    write_survey(replace(surveys.short(0.05), frame=frame), tmp_path)
+    done = export_survey(tmp_path)
+    assert set(done.files) == {"cloud.copc.laz", "pls-cadd.xyz"}
+    assert all(path.is_file() for path in done.files.values())
+    assert [text.split()[0] for text in done.about] == ["survey.gpkg", "survey.kml"]
+    write_survey(surveys.unscaled(0.05), tmp_path)
+    assert set(export_survey(tmp_path).files) == {"cloud.copc.laz"}
 
 
 def test_a_map_that_reads_back_differently_is_not_kept(

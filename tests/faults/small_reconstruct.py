@@ -125,4 +125,10 @@ def _make_small(begun: Callable[[str], None]) -> None:
     training.resume_shown = noted("train", training.resume_shown)  # type: ignore[assignment]
     training.eval_shown = noted("eval", training.eval_shown)  # type: ignore[assignment]
     training.render_shown = noted("render", partial(training.render_shown, frames=2))  # type: ignore[assignment]
-    measuring.survey_shown = noted("survey", measuring.survey_shown)  # type: ignore[assignment]
+    survey = measuring.survey_shown
+
+    def surveyed(console: Any, source: Path, *places: Any, **options: Any) -> bool:
+        begun("survey" if (source / "config.json").exists() else "first")
+        return survey(console, source, *places, **options)
+
+    measuring.survey_shown = surveyed

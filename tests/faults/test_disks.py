@@ -15,7 +15,8 @@ pytestmark = pytest.mark.faults
 STAGES = [
     ("posed", "start", 1), ("posed", "train", 1), ("posed", "eval", 1), ("posed", "render", 1),
     ("posed", "survey", 1), ("photos", "start", 1), ("photos", "capture", 1), ("photos", "train", 20),
-    ("photos", "eval", 20), ("photos", "render", 20), ("photos", "survey", 20),
+    ("photos", "eval", 20), ("photos", "render", 20), ("photos", "survey", 20), ("posed", "first", 20),
+    ("photos", "first", 20),
 ]  # fmt: skip
 """From each change of files on, or from one of so many, the disk is full."""
 READ_ONLY_EVERY = 20

@@ -12,9 +12,9 @@ from tests.faults.small_reconstruct import log_of, run, stages_of
 
 pytestmark = pytest.mark.faults
 
-TRAINED = ("train", "eval", "render", "survey")
-STAGES = {"posed": TRAINED, "photos": ("capture", *TRAINED)}
-KILLS = {"posed": 10, "photos": 12}
+POSED = ("first", "train", "survey", "eval", "render")
+STAGES = {"posed": POSED, "photos": ("capture", *POSED)}
+KILLS = {"posed": 8, "photos": 10}
 """In each stage: 100 in all."""
 SAID = {"terminate": "Terminated.", "interrupt": "Interrupted."}
 STOPS = 3

@@ -18,7 +18,7 @@ def cut(path: Path) -> None:
 
 
 LOSSES: dict[str, Callable[[Path], object]] = {"removed": Path.unlink, "cut": cut}
-OUTPUTS = re.compile(r"run/(eval|renders|survey)/|scene/capture\.json")
+OUTPUTS = re.compile(r"run/(eval|renders|survey)/|^survey/|scene/capture\.json")
 """What no stage reads: where it is damaged, and not absent, it is left as it is."""
 SPARE = re.compile(r"run/checkpoints/step-18\.|run/metrics\.jsonl|scene/sfm/pairs\.txt|/?\.lock")
 """The log, the checkpoint before the newest one and the pairs last matched: nothing needs them any more."""
@@ -26,13 +26,13 @@ SPARE = re.compile(r"run/checkpoints/step-18\.|run/metrics\.jsonl|scene/sfm/pair
 
 @pytest.mark.parametrize("source", SOURCES)
 @pytest.mark.parametrize("loss", LOSSES)
-@pytest.mark.parametrize("after", ["train", "survey"])
+@pytest.mark.parametrize("after", ["train", "render"])
 def test_a_lost_file(
     after: str, loss: str, source: str, undisturbed: dict[str, Undisturbed], out: Path
 ) -> None:
     """After all stages; and after training, where all that follows is to be made of what is left."""
     whole = undisturbed[source]
-    kept = whole.until({"train": "eval", "survey": None}[after], out)
+    kept = whole.until({"train": "survey", "render": None}[after], out)
     for name in sorted(result(kept)):
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(kept, out)

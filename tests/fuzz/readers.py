@@ -27,7 +27,8 @@ from plnerf.capture.video import video_pictures
 from plnerf.line.files import read_survey, read_wires, write_survey_json, write_wires
 from plnerf.mechanics.conductor import load_conductor
 from plnerf.mechanics.loads import load_states
-from plnerf.pipeline import _read_state, bundled_span
+from plnerf.pipeline import bundled_span
+from plnerf.reconstruct import read_state
 from plnerf.scene.decode import read_rgb
 from plnerf.scene.formats import read_listing
 from plnerf.scene.formats_colmap import write_colmap
@@ -219,7 +220,7 @@ def _runs(folder: Path) -> Iterator[Reader]:
     yield _reader(folder / "config.json", lambda: read_config(folder))
     yield _reader(folder / "scene.json", lambda: read_record(folder))
     yield _reader(folder / "metrics.jsonl", lambda: read_log(folder / "metrics.jsonl"))
-    yield _reader(folder / "reconstruct.json", lambda: _read_state(folder / "reconstruct.json"))
+    yield _reader(folder / "reconstruct.json", lambda: read_state(folder / "reconstruct.json"))
     model = torch.nn.Linear(3, 2)
     for value in model.parameters():
         value.grad = torch.ones_like(value)

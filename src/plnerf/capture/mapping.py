@@ -104,6 +104,8 @@ class MapJob:
     """How many images there are."""
     verify: bool
     """Whether the pairs' motions are found anew as the try asks, in a copy of the database."""
+    fit_lens: bool
+    """Whether focal lengths and distortions are fitted; else they stay as the database has them."""
 
 
 def map_once(job: MapJob, tell: Tell) -> None:
@@ -122,7 +124,8 @@ def map_once(job: MapJob, tell: Tell) -> None:
         tell(job.stage, min(registered[0], job.count), job.count)
 
     pycolmap.incremental_mapping(
-        copy if job.verify else job.database, job.images, part, options=_options(job.way, job.threads),
+        copy if job.verify else job.database, job.images, part,
+        options=_options(job.way, job.threads, job.fit_lens),
         next_image_callback=one_more,
     )  # fmt: skip
     copy.unlink(missing_ok=True)
@@ -166,7 +169,7 @@ def _verify(database: Path, way: Try) -> None:
     listing.unlink()
 
 
-def _options(way: Try, threads: int) -> Any:
+def _options(way: Try, threads: int, fit_lens: bool) -> Any:
     options = pycolmap.IncrementalPipelineOptions(
         min_model_size=LEAST_IMAGES, num_threads=threads, random_seed=way.seed
     )
@@ -174,6 +177,9 @@ def _options(way: Try, threads: int) -> Any:
     mapper.random_seed = triangulation.random_seed = way.seed
     mapper.init_max_error = mapper.filter_max_reproj_error = way.error_px
     mapper.abs_pose_max_error = 3 * way.error_px
+    if not fit_lens:
+        options.ba_refine_focal_length = options.ba_refine_extra_params = False
+        mapper.abs_pose_refine_focal_length = mapper.abs_pose_refine_extra_params = False
     triangulation.merge_max_reproj_error = triangulation.complete_max_reproj_error = way.error_px
     return options
 

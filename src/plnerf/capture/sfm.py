@@ -55,6 +55,8 @@ class SfmConfig:
     camera_model: Model = "OPENCV"
     intrinsics: Literal["shared", "per-image"] = "shared"
     """Whether images of one camera and size share their lens; drones' do."""
+    fit_lens: bool = True
+    """Whether the lens is fitted; else the focal length that the photos state is kept, without distortion."""
     max_image_px: int = 1600
     """Longer side of the images in which features are looked for."""
     features: int = 4096
@@ -101,12 +103,19 @@ def reconstruct(
     """Runs all stages on the images of a folder that `facts` names, in their order.
 
     pairs: of places in that order.  masks: by image, all in one folder as IMAGE.png, black where features
-    are not looked for.  Raises CaptureError where fewer than three images hang together.
+    are not looked for.  Raises CaptureError where fewer than three images hang together,
+    or where a lens is to be kept that a photo does not state.
     """
     if len(facts) < LEAST_IMAGES:
         raise CaptureError(
             f"Structure from motion needs {LEAST_IMAGES} images or more, but got {len(facts)} in {images}. "
             "Take more, with two thirds of each seen in the next."
+        )
+    unstated = [name for name, fact in facts.items() if fact.focal_px is None]
+    if unstated and not config.fit_lens:
+        raise CaptureError(
+            f"The lens is to be kept as photos state it, but {len(unstated)} of {len(facts)} state no focal "
+            f"length ({unstated[0]}). Let it be fitted, or give photos with FocalLengthIn35mmFilm in EXIF."
         )
     work.mkdir(parents=True, exist_ok=True)
     _forget_if_changed(images, facts, pairs, config, masks, work)
@@ -257,7 +266,10 @@ def _map(
     if models is None:
         shutil.rmtree(work / folder, ignore_errors=True)
         database = work / DATABASE
-        job = MapJob(stage, database, images, work / folder, way, config.threads, count, verify=k > 0)
+        job = MapJob(
+            stage, database, images, work / folder, way, config.threads, count, verify=k > 0,
+            fit_lens=config.fit_lens,
+        )  # fmt: skip
         colmap.call(map_once, job, tell=tell)
         models = read_models(work / folder)
     tell(stage, count, count)

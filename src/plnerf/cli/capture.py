@@ -17,6 +17,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     out: Out,
     camera_model: Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"] = "OPENCV",
     intrinsics: Literal["shared", "per-image"] = "shared",
+    fit_lens: bool = True,
     image_px: int = 1600,
     features: int = 4096,
     overlap: float = 0.75,
@@ -25,13 +26,15 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     check_every: int = 0,
     seed: int = 0,
 ) -> None:
-    """Make a scene of photos or a video: poses by COLMAP, place by GPS; goes on where it was cut off.
+    """Make a scene of photos or a video: poses by COLMAP, place by GPS; resumes where it was cut off.
 
     Args:
         source: Folder of photos (EXIF and DJI positions are read, or a geo.txt in it), or a video file.
         out: Scene folder to write.
         camera_model: Lens model of COLMAP that is fitted.
         intrinsics: Whether images of one camera share their lens.
+        fit_lens: Whether the lens is fitted; with --no-fit-lens the focal length that EXIF states is kept,
+            without distortion: for photos that were undistorted, of a camera that is known well.
         image_px: Longer side, in pixels, of the images in which features are detected.
         features: Largest number of features of an image.
         overlap: Video only: minimum overlap of consecutive selected frames.
@@ -45,7 +48,7 @@ def capture(  # noqa: PLR0913 (an argument is an option)
     from plnerf.capture.capture import CaptureConfig
     from plnerf.capture.sfm import SfmConfig
 
-    sfm = SfmConfig(camera_model, intrinsics, image_px, features, seed=seed)
+    sfm = SfmConfig(camera_model, intrinsics, fit_lens, image_px, features, seed=seed)
     config = CaptureConfig(
         sfm, least=overlap, masks=masks, height_datum=height_datum, check_every=check_every
     )
@@ -74,7 +77,9 @@ def reconstruct(
     downscale: int = 1,
     seed: int = 0,
 ) -> None:
-    """Photos or a video in, pictures and points on wires out; skips stages that are up to date.
+    """Photos or a video in; a first report, a field, a refined report and pictures out.
+
+    Reports: OUT/survey (images alone), OUT/run/survey (with the field). Skips what is up to date.
 
     Args:
         source: Folder of photos, a video file, or a scene with poses.
@@ -89,20 +94,29 @@ def reconstruct(
     from plnerf.cli.survey import survey_shown
     from plnerf.cli.train import eval_shown, render_shown, resume_shown, train_shown
     from plnerf.console import say
-    from plnerf.pipeline import Stages, Training
-    from plnerf.pipeline import reconstruct as run_stages
+    from plnerf.doctor.cost import in_words
+    from plnerf.reconstruct import Listener, Stages, Training
+    from plnerf.reconstruct import reconstruct as run_stages
 
     console = Terminal()
+
+    def begins(stage: str, seconds: float | None) -> None:
+        about = "" if seconds is None else f" (about {in_words(seconds)}, an estimate)"
+        say(console, f"{stage}{about}")
+
+    def surveyed(source: Path, out: Path, finder: Any) -> None:
+        survey_shown(console, source, out, finder=finder)
+
     stages = Stages(
         partial(capture_shown, console),
         partial(train_shown, console),
         partial(resume_shown, console),
         partial(eval_shown, console),
         partial(render_shown, console),
-        partial(survey_shown, console),
+        surveyed,
     )
-    training = Training(preset, seconds, downscale, seed)
-    run_stages(source, out, training, CaptureConfig(SfmConfig(seed=seed)), stages, partial(say, console))
+    training, listener = Training(preset, seconds, downscale, seed), Listener(partial(say, console), begins)
+    run_stages(source, out, training, CaptureConfig(SfmConfig(seed=seed)), stages, listener)
     say(console, f"reconstruction: {out}")
 
 
@@ -123,14 +137,15 @@ def synth(  # noqa: PLR0913 (an argument is an option)
     white_balance_drift: float | None = None,
     pose_noise_m: float | None = None,
     pose_noise_deg: float | None = None,
+    photos: bool = False,
 ) -> None:
     """Render a synthetic power line with its exact truth (needs the extra plnerf[synth]).
 
     Args:
         out: Scene folder to write; must not exist.
         scene: Which scene, whose own values stand for what is left out: span, double-circuit, bundle,
-            distribution, hills, forest, far, parallel, parallel-two-passes, exposure, noisy-poses,
-            three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything).
+            distribution, hills, forest, far, parallel, parallel-two-passes, same-way, exposure,
+            noisy-poses, three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything).
         seed: Decides terrain, vegetation, the flight and all noise (span: 7).
         samples: Samples per pixel of the path tracer (span: 64).
         width: Image width in pixels, with the same field of view (span: 480).
@@ -144,6 +159,8 @@ def synth(  # noqa: PLR0913 (an argument is an option)
         white_balance_drift: Slow drift of red against blue, relative standard deviation (span: 0).
         pose_noise_m: Standard deviation of the written camera centres along each axis, metres (span: 0).
         pose_noise_deg: Standard deviation of the written directions about each axis, degrees (span: 0).
+        photos: Also write OUT/photos for plnerf capture: the images without poses, the focal length in
+            EXIF, and geo.txt with positions that are off by 2 cm on each axis (standard deviation).
     """
     from plnerf.console import bar, say
     from plnerf.pipeline import synthesize_scene
@@ -157,5 +174,7 @@ def synth(  # noqa: PLR0913 (an argument is an option)
     )  # fmt: skip
     console = Terminal()
     with bar(console, "synth") as progress:
-        folder = synthesize_scene(out, scene, options, progress)
+        folder = synthesize_scene(out, scene, options, progress, photos)
     say(console, f"scene folder: {folder} ({summary(folder)})")
+    if photos:
+        say(console, f"photos without poses: {folder / 'photos'}")

@@ -30,7 +30,8 @@ def export(
     Args:
         source: Folder of a run, or of a survey.
         formats: Of a run: ply, glb and splat, Gaussians fitted to its field, and html, an offline page.
-            Of a survey: gpkg, kml and copc, which need pip install "plnerf[gis]", and pls-cadd.
+            Of a survey: gpkg, kml and copc, which need pip install "plnerf[gis]", and pls-cadd; when left
+            out, all but those for which the survey lacks something.
         out: Folder to write; when left out, export in a run's folder, or the survey's own.
         codes: Feature codes of PLS-CADD (TOML); 200 upwards when left out.
         splats: How Gaussians are fitted.
@@ -40,6 +41,6 @@ def export(
 
     console = Terminal()
     with bars(console) as progress:
-        written = export_source(source, formats, out, codes, splats, progress)
-    for path in written:
-        say(console, str(path))
+        done = export_source(source, formats, out, codes, splats, progress)
+    for line in (*map(str, done.files.values()), *(f"Left out: {reason}" for reason in done.about)):
+        say(console, line)

@@ -31,10 +31,11 @@ def hang(  # noqa: PLR0913 (an argument is an option)
         seed: Decides every random draw.
         groups: Groups of parallel wires, each in a direction of its own.
         wires: Least and greatest number of wires of a group.
-        azimuth: Of the first group, in degrees clockwise from north (the world's +y); drawn when left out.
-        depth: Distances from the cameras, as shares of the scene's depth.
-        width: Widths in the nearest tenth of where wires are seen, in pixels.
-        sag: Sag as a share of the span.
+        azimuth: Direction of the first group in degrees clockwise from north (the world's +y); drawn
+            when left out.
+        depth: Range of the distances from the cameras, as shares of the scene's depth.
+        width: Range of widths in pixels, where a wire is nearest (the nearest tenth of its places).
+        sag: Range of the sag, as a share of the span.
         material: What wires are made of; drawn for each group when left out.
     """
     from plnerf.console import bars, say

@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.cli.options import OptionalOut, PresetName
+from plnerf.errors import ConfigError
 from plnerf.presets._find import find_preset
 from plnerf.survey.config import SurveyConfig
 from plnerf.terminal import Terminal
@@ -39,11 +40,11 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
         thresholds: Table of required clearances (TOML), or nerc-fac-003-4.toml; NERC FAC-003-5 when left
             out.
         clearance_m: A distance in metres to be kept from everything, in place of a table's.
-        line_azimuth: Of the line, in degrees clockwise from north (the world's +y), where wires are to be
-            found in images; found too when left out.
-        conductor: Of the phases, for sag at other temperatures, in wind and under ice: a TOML file, or
-            243-al1-39-st1a, acsr-drake, lgj-400-35; also needs --temperature-c, of the conductors then, and
-            pip install "plnerf[mechanics]".
+        line_azimuth: Direction of the line in degrees clockwise from north (the world's +y), where wires are
+            found in images; found in the images too when left out.
+        conductor: Conductor of the phases, for sag at other temperatures, in wind and under ice: a TOML file,
+            or 243-al1-39-st1a, acsr-drake, lgj-400-35; also needs --temperature-c, the conductors' at the
+            survey, and pip install "plnerf[mechanics]".
         states: The states: a TOML file, or nesc-250b; 50, 75 and 100 degrees Celsius when left out.
         rules: Matrix of clearances by object, direction and state: a TOML file, or nesc-232, en-50341-uk,
             gb-50545, fac-003-5 (examples); also needs --voltage-kv.
@@ -77,7 +78,11 @@ def survey(  # noqa: PLR0913 (an argument is an option of the command)
 
 
 def survey_shown(
-    console: Console, source: Path, out: Path | None = None, config: SurveyConfig | None = None
+    console: Console,
+    source: Path,
+    out: Path | None = None,
+    config: SurveyConfig | None = None,
+    **options: Any,
 ) -> bool:
     """`pipeline.survey` with a bar and a summary; returns whether wires were found."""
     from plnerf.console import bar, say
@@ -85,7 +90,7 @@ def survey_shown(
     from plnerf.pipeline import survey as survey_source
 
     with bar(console, "survey") as progress:
-        found, folder = survey_source(source, config, out, progress)
+        found, folder = survey_source(source, config, out, progress, **options)
     if not found.wires:
         say(console, "No wire was found.")
         for finding in found.findings:
@@ -128,8 +133,9 @@ def score_shown(console: Console, survey: Path, **options: Any) -> None:
 
 
 def doctor(
-    scene: tyro.conf.Positional[Path],
+    scene: tyro.conf.Positional[Path | None] = None,
     *,
+    machine: bool = False,
     out: OptionalOut = None,
     distance: float | None = None,
     line_azimuth: float | None = None,
@@ -137,18 +143,21 @@ def doctor(
     sigma_px: float = 0.5,
     preset: PresetName = "pl-nerf-wire",
 ) -> None:
-    """Say before training whether photos, or a scene's poses, can show where wires are; status 3 if not.
+    """Check photos, or a scene's poses, before training: can they show where wires are? Status 3 if not.
 
     Args:
         scene: Scene with poses (transforms.json, COLMAP), or a folder of photos.
+        machine: Print what this machine brings instead: backend, cores, memory, compiled kernels and
+            where they are kept.
         out: JSON to write.
-        distance: From cameras to wires in metres; when left out, that of what the images of a capture see, or
-            10 m; of photos their height over the start (DJI).
-        line_azimuth: Of the line, in degrees clockwise from north (the world's +y); when left out, the
-            direction in which the cameras flew; of scenes with poses.
-        wire_diameter: Of a conductor in metres.
-        sigma_px: How well a wire is found in an image, in pixels; of scenes with poses.
-        preset: What is to be trained; of photos, how long that takes.
+        distance: Distance from the cameras to the wires in metres. When left out: for a scene, the median
+            distance of what a capture's images show, else 10 m; for photos, their height above the take-off
+            point (DJI).
+        line_azimuth: Direction of the line in degrees clockwise from north (the world's +y); the direction in
+            which the cameras flew when left out. Scenes only.
+        wire_diameter: Diameter of a conductor in metres.
+        sigma_px: Standard deviation of a wire's place in an image, in pixels. Scenes only.
+        preset: Preset whose training time is estimated. Photos only.
     """
     from plnerf.console import bar, say
     from plnerf.doctor import photo_doctor, scene_doctor
@@ -156,6 +165,11 @@ def doctor(
     from plnerf.scene.formats import has_poses
 
     console = Terminal()
+    if machine:
+        _machine_shown(console, out)
+        return
+    if scene is None:
+        raise ConfigError("The doctor needs a scene or a folder of photos, or --machine. Give one of them.")
     if has_poses(scene):
         views = SceneDoctorConfig(wire_diameter_m=wire_diameter, sigma_px=sigma_px)
         seen = scene_doctor.examine_scene(scene, distance=distance, azimuth_deg=line_azimuth, config=views)
@@ -176,3 +190,15 @@ def doctor(
     if out is not None:
         say(console, f"diagnosis: {out}")
     sys.exit(0 if usable else 3)
+
+
+def _machine_shown(console: Console, out: Path | None) -> None:
+    """What this machine brings, and its JSON."""
+    from plnerf.console import say
+    from plnerf.doctor.machine import examine_machine, machine_text, write_machine
+
+    found = examine_machine()
+    say(console, machine_text(found))
+    if out is not None:
+        write_machine(out, found)
+        say(console, f"machine: {out}")

@@ -37,8 +37,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
         downscale: Integer factor by which images are made smaller.
         resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
         seed: Decides the initial weights and every random draw.
-        line_azimuth: Of the line, in degrees clockwise from north (the world's +y); found in the images
-            when left out.
+        line_azimuth: Direction of the line in degrees clockwise from north (the world's +y); found in the
+            images when left out.
         device: Where to train.
         backend: Implementation of the ops: numba on a CPU, triton on a CUDA device, plain torch anywhere.
         settings: Settings of the run.
@@ -58,9 +58,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
         budget = 300.0 if seconds is None and steps is None else seconds
         train_scene(
             scene, out, preset=preset, model=settings.model, train=settings.train,
-            detect=settings.detect.along(line_azimuth), steps=steps, seconds=budget, downscale=downscale,
-            seed=seed, device=device, backend=backend,
-            report=report,
+            detect=settings.detect.along(line_azimuth), poses=settings.poses, steps=steps, seconds=budget,
+            downscale=downscale, seed=seed, device=device, backend=backend, report=report,
         )  # fmt: skip
 
 

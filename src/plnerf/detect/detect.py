@@ -37,6 +37,8 @@ from plnerf.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
 """Called with the steps done and their total."""
+FindWires = Callable[[Scene, DetectConfig, Progress | None], tuple[Wire, ...]]
+"""`detect_wires`, or what stands in its place."""
 
 
 def detect_wires(
@@ -123,9 +125,7 @@ def _next_direction(
     return direction if stands_out(direction, first, config.directions) else None
 
 
-def _left(
-    piece: Int[np.ndarray, " m"], taken: UInt8[np.ndarray, " m"], count: int
-) -> Bool[np.ndarray, " s"]:
+def _left(piece: Int[np.ndarray, " m"], taken: UInt8[np.ndarray, " m"], count: int) -> Bool[np.ndarray, " s"]:
     """Which segments are not found yet: lines took less than half of their pixels."""
     return 2 * np.bincount(piece, taken, count) < np.bincount(piece, minlength=count)
 

@@ -25,15 +25,8 @@ def about_cost(facts: Mapping[str, PhotoFacts], preset: str, rays_per_s: float |
 
     rays_per_s: that of the preset's training; None where it was not measured.
     """
-    sfm = SfmConfig()
     pixels = [fact.width_px * fact.height_px for fact in facts.values()]
-    extracted = sum(
-        count * min(1.0, sfm.max_image_px / max(fact.width_px, fact.height_px)) ** 2
-        for count, fact in zip(pixels, facts.values(), strict=True)
-    )
-    pairs = len(choose_pairs(len(facts), PairConfig()))
-    poses_s = FEATURES_S_PER_MP * extracted / 1e6 + PAIR_S * pairs + MODEL_S_PER_IMAGE * len(facts)
-    what = f"On two cores, poses take about {in_words(poses_s)}"
+    what = f"On two cores, poses take about {in_words(poses_s(facts))}"
     do = ""
     if rays_per_s is not None:
         seconds = {k: sum(pixels) / k**2 / rays_per_s for k in DOWNSCALES}
@@ -43,6 +36,17 @@ def about_cost(facts: Mapping[str, PhotoFacts], preset: str, rays_per_s: float |
             do = f"Train with --downscale {k}: {in_words(seconds[k])}; as little as wires allow."
     what += f"; {MEMORY_GB:g} GB of memory, and {3 * sum(pixels) / 1e9:.1f} GB of pixels on disk."
     return Finding("cost", "note", what, (), do)
+
+
+def poses_s(facts: Mapping[str, PhotoFacts]) -> float:
+    """Seconds of structure from motion of photos."""
+    most_px = SfmConfig().max_image_px
+    extracted = sum(
+        fact.width_px * fact.height_px * min(1.0, most_px / max(fact.width_px, fact.height_px)) ** 2
+        for fact in facts.values()
+    )
+    pairs = len(choose_pairs(len(facts), PairConfig()))
+    return FEATURES_S_PER_MP * extracted / 1e6 + PAIR_S * pairs + MODEL_S_PER_IMAGE * len(facts)
 
 
 def in_words(seconds: float) -> str:

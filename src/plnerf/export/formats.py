@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.export.copc import write_copc
 from plnerf.export.crs import CrsTransform, crs_transform
-from plnerf.export.exports import LAS
+from plnerf.export.exports import LAS, Exports
 from plnerf.export.geopackage import write_gpkg, write_kml
 from plnerf.export.las import wkt_of
 from plnerf.export.layers import layers_of
@@ -36,41 +36,66 @@ class _Given:
 
 
 def write_formats(
-    survey: Survey, folder: Path, out: Path, formats: Sequence[Format], codes: Path | None = None
-) -> list[Path]:
-    """Writes a survey in further formats, and reads each back; returns the files.
+    survey: Survey,
+    folder: Path,
+    out: Path,
+    formats: Sequence[Format] | None = None,
+    codes: Path | None = None,
+) -> Exports:
+    """Writes a survey in further formats, and reads each back.
 
-    folder: of the survey, with its cloud; codes: PLS-CADD's feature codes (TOML); None: the default ones.
-    Raises ConfigError where a library is missing, SurveyError where the survey lacks what a format needs.
+    folder: of the survey, with its cloud; formats: None: all but those for which the survey lacks something,
+    which are named with the reason; codes: PLS-CADD's feature codes (TOML); None: the default ones.
+    Raises ConfigError where a library is missing, SurveyError where the survey lacks what a format that was
+    asked for needs.
     """
+    transform = crs_transform(survey)
+    lacks = lacking(survey, transform)
+    if formats is None:
+        formats, about = [one for one in FORMATS if one not in lacks], tuple(lacks.values())
+    else:
+        about = ()
+        for one in formats:
+            if one in lacks:
+                raise SurveyError(lacks[one])
     missing = sorted({name for one in formats for name in NEEDS[one] if find_spec(name) is None})
     if missing:
         raise ConfigError(f"{', '.join(missing)} is not installed. Install: {EXTRA}.")
     laz = folder / LAS
     if {"copc", "pls-cadd"} & set(formats) and not laz.is_file():
         raise SurveyError(f"{folder} has no {LAS}, which {' and '.join(formats)} need. Survey again.")
-    given = _Given(survey, crs_transform(survey), laz, load_codes(codes))
+    given = _Given(survey, transform, laz, load_codes(codes))
     writers: dict[Format, Callable[[Path, _Given], None]] = {
         "gpkg": _gpkg, "kml": _kml, "copc": lambda path, of: write_copc(path, of.laz),
         "pls-cadd": lambda path, of: write_xyz(path.parent, of.survey, of.laz, of.transform, of.codes),
     }  # fmt: skip
-    written = []
+    files = {}
     for one in dict.fromkeys(formats):
         writers[one](out / NAMES[one], given)
-        written.append(out / NAMES[one])
-    return written
+        files[NAMES[one]] = out / NAMES[one]
+    return Exports(files, about)
+
+
+def lacking(survey: Survey, transform: CrsTransform) -> dict[Format, str]:
+    """What a survey lacks, in words, by the formats that need it."""
+    lacks: dict[Format, str] = {}
+    if transform.crs is None:
+        lacks["gpkg"] = (
+            f"{NAMES['gpkg']} needs a coordinate reference system, which {survey.source} has not. Give the "
+            "photos' positions or the cloud's CRS."
+        )
+    if transform.earth is None:
+        lacks["kml"] = f"{NAMES['kml']} needs longitudes and latitudes, which {survey.source} has not."
+    if survey.frame.unit != "m":
+        lacks["pls-cadd"] = f"{NAMES['pls-cadd']} needs metres, but {survey.source} has no scale."
+    return lacks
 
 
 def _gpkg(path: Path, of: _Given) -> None:
-    if of.transform.crs is None:
-        raise SurveyError(
-            f"{path.name} needs a coordinate reference system, which {of.survey.source} has not. Give the "
-            "photos' positions or the cloud's CRS."
-        )
-    write_gpkg(path, layers_of(of.survey, of.transform), of.transform.to_map, wkt_of(of.transform.crs))
+    assert of.transform.crs is not None  # or else the survey lacks it
+    layers = layers_of(of.survey, of.transform)
+    write_gpkg(path, layers, of.transform.to_map, wkt_of(of.transform.crs))
 
 
 def _kml(path: Path, of: _Given) -> None:
-    if of.transform.earth is None:
-        raise SurveyError(f"{path.name} needs longitudes and latitudes, which {of.survey.source} has not.")
     write_kml(path, layers_of(of.survey, of.transform), of.transform.to_lon_lat)

@@ -23,8 +23,10 @@ STYLES = """create table layer_styles (
     id integer primary key autoincrement not null, f_table_catalog text(256), f_table_schema text(256),
     f_table_name text(256), f_geometry_column text(256), styleName text(30), styleQML text, styleSLD text,
     useAsDefault boolean, description text, owner text(30), ui text(30),
-    update_time datetime default current_timestamp
+    update_time datetime default (strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))
 )"""
+DATASET = {"GPKG": {"VERSION": "1.2"}}
+"""Options of a new file: programs that are some years old warn of a later version of the standard."""
 Symbol = tuple[int, str, str, tuple[tuple[str, str], ...]]
 SYMBOLS: dict[str, Symbol] = {
     "Point": (0, "marker", "SimpleMarker", (("color", "{rgb}"), ("name", "circle"), ("size", "2.4"))),
@@ -35,6 +37,15 @@ SYMBOLS: dict[str, Symbol] = {
     ),
 }  # fmt: skip
 """How QGIS 3 draws each geometry: its type, symbol and class of symbol layer, and the layer's options."""
+
+
+BESIDE = {
+    "Point": 'placement="6" dist="1.5"', "LineString": 'placement="2" placementFlags="10" dist="0.5"',
+    "Polygon": 'placement="1"',
+}  # fmt: skip
+"""Where QGIS 3 places a label: beside a point, above a line, in a polygon; distances in millimetres.
+
+A label that QGIS cannot place so is left out."""
 
 
 def write_gpkg(path: Path, layers: Sequence[Layer], to_map: To, crs: str) -> None:
@@ -72,7 +83,7 @@ def write_kml(path: Path, layers: Sequence[Layer], to_lon_lat: To) -> None:
 
 
 def qml(layer: Layer) -> str:
-    """The style of a layer for QGIS: one symbol, and labels where features have names."""
+    """The style of a layer for QGIS: one symbol, and labels by names, or else by numbers."""
     kind = layer.features[0].kind
     number, symbol, of, options = SYMBOLS[kind]
     red, green, blue = (int(layer.colour[k : k + 2], 16) for k in (1, 3, 5))
@@ -80,9 +91,11 @@ def qml(layer: Layer) -> str:
     listed = "".join(
         f'<Option name="{name}" type="QString" value="{value.format(**colours)}"/>' for name, value in options
     )
+    first = ", ".join(f"&quot;{name}&quot;" for name in layer.label)
     label = "" if not layer.label else (
-        '<labeling type="simple"><settings calloutType="simple"><text-style fieldName="'
-        f'{layer.label}" fontSize="8" namedStyle="Regular"/><placement placement="0"/></settings></labeling>'
+        '<labeling type="simple"><settings calloutType="simple"><text-style isExpression="1" '
+        f'fieldName="coalesce({first})" fontSize="9" namedStyle="Regular" textColor="{colours["rgb"]}"/>'
+        f"<placement {BESIDE[kind]}/></settings></labeling>"
     )  # fmt: skip
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
@@ -106,6 +119,7 @@ def _write_layer(path: Path, layer: Layer, to: To, crs: str, driver: str, *, app
         path, np.asarray(geometry, object), [data for data, _ in values], names,
         field_mask=[mask for _, mask in values], layer=layer.name, driver=driver, crs=crs,
         geometry_type=GEOMETRY[layer.features[0].kind], append=append, promote_to_multi=False,
+        dataset_options=None if append else DATASET.get(driver),
     )  # fmt: skip
 
 

@@ -24,8 +24,8 @@ class Layer:
     features: tuple[Feature, ...]
     colour: str
     """Of its symbols: #rrggbb."""
-    label: str = ""
-    """The property that names a feature."""
+    label: tuple[str, ...] = ()
+    """The property that names a feature; where it is null, the next one, which numbers it."""
 
 
 def layers_of(survey: Survey, transform: CrsTransform) -> tuple[Layer, ...]:
@@ -33,15 +33,16 @@ def layers_of(survey: Survey, transform: CrsTransform) -> tuple[Layer, ...]:
     near = encroachment_features(survey)
     found = (
         Layer(
-            "encroachments", tuple(one for one in near if one.kind == "Polygon"), "#c62828", "encroachment"
+            "encroachments", tuple(one for one in near if one.kind == "Polygon"), "#c62828",
+            ("encroachment",),
         ),
         Layer(
             "encroaching_crossings", tuple(one for one in near if one.kind == "LineString"), "#c62828",
-            "encroachment",
+            ("encroachment",),
         ),
         Layer("clearances", _clearances(survey, transform), "#ef6c00"),
         Layer("crossings", _crossings(survey, transform), "#6a1b9a"),
-        Layer("spans", _spans(survey, transform), "#607d8b", "span"),
+        Layer("spans", _spans(survey, transform), "#607d8b", ("span",)),
         Layer(
             "wires",
             tuple(
@@ -51,7 +52,7 @@ def layers_of(survey: Survey, transform: CrsTransform) -> tuple[Layer, ...]:
                 )
                 for line in survey.lines for span in line.spans for wire in span.wires
             ),
-            "#1565c0", "name",
+            "#1565c0", ("name", "id"),
         ),
         Layer("strings", _strings(survey, transform), "#2e7d32"),
         Layer("attachments", _attachments(survey, transform), "#2e7d32"),
@@ -61,7 +62,7 @@ def layers_of(survey: Survey, transform: CrsTransform) -> tuple[Layer, ...]:
                 Feature("Point", one.foot[None], structure_properties(survey, line, one))
                 for line in survey.lines for one in line.structures
             ),
-            "#212121", "name",
+            "#212121", ("name", "structure"),
         ),
     )  # fmt: skip
     return tuple(one for one in found if one.features)
@@ -115,9 +116,7 @@ def _attachments(survey: Survey, transform: CrsTransform) -> tuple[Feature, ...]
 
 def _strings(survey: Survey, transform: CrsTransform) -> tuple[Feature, ...]:
     rows = string_rows(survey, transform)
-    return tuple(
-        Feature("LineString", one.ends, row) for one, row in zip(survey.strings, rows, strict=True)
-    )
+    return tuple(Feature("LineString", one.ends, row) for one, row in zip(survey.strings, rows, strict=True))
 
 
 def columns_of(layer: Layer) -> list[str]:

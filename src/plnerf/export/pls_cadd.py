@@ -10,7 +10,7 @@ import laspy
 import numpy as np
 from jaxtyping import Float, Int
 
-from plnerf.errors import ConfigError, SurveyError
+from plnerf.errors import ConfigError
 from plnerf.export.crs import CrsTransform
 from plnerf.export.read_back import check_all, check_same
 from plnerf.line.ends import Attached
@@ -69,8 +69,6 @@ def write_xyz(
 def _points(
     survey: Survey, laz: Path, transform: CrsTransform, codes: dict[str, int]
 ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-    if survey.frame.unit != "m":
-        raise SurveyError(f"The survey {survey.source} has no scale: PLS-CADD needs metres.")
     las = laspy.read(laz)
     label = np.asarray(las.classification)
     parts = [(codes[name], las.xyz[label == k]) for k, name in OF_CLASS.items()]

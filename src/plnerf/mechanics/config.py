@@ -14,12 +14,12 @@ class MechanicsConfig:
     """
 
     conductor: Path | None = None
-    """Of the phases: a TOML file, or the name of one of the package; None: no states."""
+    """Conductor of the phases: a TOML file, or the name of a bundled one; None: no states are computed."""
     shield_conductor: Path | None = None
-    """Of the shield wires."""
+    """Conductor of the shield wires, likewise."""
     states: Path | None = None
-    """A TOML file of states, or the name of one of the package; None: 50, 75 and 100 degrees Celsius; of a
-    comparison of surveys only its strain = [...] counts, what ends a tension section."""
+    """A TOML file of states, or the name of a bundled one; None: 50, 75 and 100 degrees Celsius. A
+    comparison of surveys reads its strain = [...] alone, the structures that end a tension section."""
     temperature_sigma_c: float = 3.0
     """Standard deviation of the conductors' temperature at the survey, where that is given."""
 

@@ -31,6 +31,8 @@ __all__ = ["njit", "prange"]
 
 PACKAGE = Path(__file__).resolve().parent.parent
 PREFIX = "kernels-"
+_MADE: list[Any] = []
+"""Every kernel that is to be kept."""
 KEPT_S = 14 * 24 * 3600.0
 """Kernels of other sources are removed after two weeks, when those of new ones are first kept."""
 
@@ -56,11 +58,26 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def compiled(function: Callable[..., Any]) -> Any:
         kept = options.get("cache", False) and _can_be_kept(function)
         kernel = numba.njit(**{**options, "cache": kept})(function)
+        if options.get("cache", False):
+            _MADE.append(kernel)
         if kept:
             _tolerate_faults(kernel._cache)
         return kernel
 
     return compiled
+
+
+def kept_kernels() -> dict[str, list[str]]:
+    """The kernels that were defined so far: index files by the folder in which they are kept ("": none).
+
+    An index is there once its kernel was compiled.
+    """
+    found: dict[str, list[str]] = {}
+    for kernel in _MADE:
+        cache = kernel._cache
+        folder, index = getattr(cache, "_cache_path", ""), getattr(cache, "_impl", None)
+        found.setdefault(folder, []).append(f"{index.filename_base}.nbi" if index is not None else "")
+    return found
 
 
 def _tolerate_faults(kept: Any) -> None:

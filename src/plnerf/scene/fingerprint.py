@@ -1,6 +1,7 @@
 """Fingerprints of files by their content: neither a name nor a time says whether a photo was replaced."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 from plnerf.scene.listing import Listing
@@ -19,3 +20,18 @@ def photos_sha256(listing: Listing) -> str:
         for path in (shot.path, shot.mask):
             whole.update(f"{shot.name} {file_sha256(path) if path else ''}\n".encode())
     return whole.hexdigest()
+
+
+def listing_sha256(listing: Listing) -> str:
+    """One SHA-256 of what a scene shows: photos, masks, poses, lenses, frame, held-out images.
+
+    Neither the folder's place nor the files' times count.
+    """
+    shots = [
+        (one.name, one.T_world_camera.tolist(), replace(one.intrinsics, owner="")) for one in listing.shots
+    ]
+    whole = (
+        photos_sha256(listing), shots, listing.train, listing.test, listing.unit, listing.crs,
+        *(None if part is None else part.tolist() for part in (listing.up, listing.origin)),
+    )  # fmt: skip
+    return hashlib.sha256(repr(whole).encode()).hexdigest()

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from torch import Tensor
 
 from plnerf.errors import SceneError
 from plnerf.scene.build_store import Progress, open_store, reduced_sizes_px
@@ -55,6 +56,8 @@ class Scene:
     """"nerfstudio", "instant-ngp" or "colmap"."""
     left_out: tuple[str, ...]
     """Images that the source lists and that are not used (no file, or no pose)."""
+    stated_centre: Float[Tensor, "n 3"] | None = None
+    """Camera centres as the source states them, scene frame; None: `cameras` has them."""
 
     @property
     def photo_cameras(self) -> Cameras:
@@ -69,13 +72,20 @@ class Scene:
         if frames.to_json() == self.frames.to_json():
             return replace(self, box=box)
         scale, R, shift = (np.asarray(value) for value in frames.from_frames(self.frames))
-        cameras = self.cameras
-        axes = R @ cameras.R_scene_camera.double().numpy()
-        centre = scale * cameras.centre.double().numpy() @ R.T + shift
-        moved = replace(
-            cameras, R_scene_camera=torch.from_numpy(axes).float(), centre=torch.from_numpy(centre).float()
-        )
-        return replace(self, frames=frames, box=box, cameras=moved)
+
+        def moved(x: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+            return torch.from_numpy(scale * x.double().numpy() @ R.T + shift).float()
+
+        axes = torch.from_numpy(R @ self.cameras.R_scene_camera.double().numpy()).float()
+        cameras = replace(self.cameras, R_scene_camera=axes, centre=moved(self.cameras.centre))
+        stated = None if self.stated_centre is None else moved(self.stated_centre)
+        return replace(self, frames=frames, box=box, cameras=cameras, stated_centre=stated)
+
+    def with_poses(self, R_scene_camera: Float[Tensor, "n 3 3"], centre: Float[Tensor, "n 3"]) -> "Scene":
+        """The same capture with other poses in the same frame; those that the source states stay known."""
+        stated = self.cameras.centre if self.stated_centre is None else self.stated_centre
+        cameras = replace(self.cameras, R_scene_camera=R_scene_camera, centre=centre)
+        return replace(self, cameras=cameras, stated_centre=stated)
 
 
 def load_scene(

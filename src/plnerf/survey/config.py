@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from plnerf.capture.adjusted_poses import PosesConfig
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
@@ -21,6 +22,8 @@ from plnerf.survey.stereo.config import StereoConfig
 class SurveyConfig:
     """How a run, a scene or a cloud is surveyed."""
 
+    poses: PosesConfig = field(default_factory=PosesConfig)
+    """Whether the given poses of scenes are adjusted to tie points; runs keep the poses of their training."""
     detect: DetectConfig = field(default_factory=DetectConfig)
     """Wires of scenes, and of runs whose preset detected none."""
     points: WirePointsConfig = field(default_factory=WirePointsConfig)
@@ -60,17 +63,17 @@ class SurveyConfig:
     lidar: LidarConfig = field(default_factory=LidarConfig)
     """Wires and structures of a point cloud."""
     use_classes: bool = False
-    """Of clouds: whether the input's classes count, for the ground, for noise, and for what wires are near
-    to; wires and structures are found without them."""
+    """Clouds only: whether the input's classes decide what is ground, noise, or near to wires; wires and
+    structures are found without them."""
     keep_classes: bool = False
-    """Of clouds: whether files hold the input's classes, with the survey's in `plnerf_class` beside them."""
+    """Clouds only: whether files keep the input's classes, with the survey's beside them (`plnerf_class`)."""
     height_datum: str | None = None
-    """What heights are above where the input's CRS does not say it: `ellipsoid`, or a vertical CRS such as
+    """What heights are above where the input's CRS does not state it: `ellipsoid`, or a vertical CRS such as
     EPSG:7837."""
     temperature_c: float | None = None
-    """Of the conductors when they were surveyed, in degrees Celsius, if it is known."""
+    """Temperature of the conductors when they were surveyed, in degrees Celsius, if it is known."""
     report_units: Literal["metres", "feet"] = "metres"
-    """Of the lengths in the report's tables; drawings, coordinates and files are in metres."""
+    """Unit of the lengths in the report's tables; drawings, coordinates and files are in metres."""
     pictures: int = 4
     """Photos that the report shows with the wires drawn over them."""
 

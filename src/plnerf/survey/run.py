@@ -1,7 +1,7 @@
 """Surveys: of a trained run, of a scene without training, of a point cloud.  Values in, a `Survey` out.
 
-    images    wires -> spans, lines -> surfaces (field, stereo) -> structures -> refit -> structures again,
-              from the refined curves -> evidence -> ground, classes
+    images    poses -> wires -> spans, lines -> surfaces (field, stereo) -> structures -> refit -> structures
+              again, from the refined curves -> evidence -> ground, classes
     cloud     ground -> lines -> structures -> wires -> classes
     both      -> clearances, other states, clearances by rule, encroachments
 
@@ -15,8 +15,9 @@ from importlib.metadata import version
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.capture.adjusted_poses import with_adjusted_poses
 from plnerf.capture.heights import check_height_datum, with_heights
-from plnerf.detect.detect import detect_wires
+from plnerf.detect.detect import FindWires, detect_wires
 from plnerf.errors import ConfigError
 from plnerf.findings import Finding, harms, note
 from plnerf.line.frame import LineFrame
@@ -68,14 +69,20 @@ LOW_SHARE = 20
 
 
 def survey_run(
-    run: TrainedRun, config: SurveyConfig | None = None, progress: Progress | None = None
+    run: TrainedRun,
+    config: SurveyConfig | None = None,
+    progress: Progress | None = None,
+    finder: FindWires | None = None,
 ) -> Survey:
-    """A survey of a trained run: its field shows points on wires, and supports hidden from stereo."""
+    """A survey of a trained run: its field shows points on wires, and supports hidden from stereo.
+
+    finder: finds the wires in place of `detect_wires` where the run was trained without.
+    """
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
     photos = _with_heights(photos_of(run.scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
-    found = detect_wires(run.scene, config.detect) if run.wires is None else run.wires
+    found = (finder or detect_wires)(run.scene, config.detect, None) if run.wires is None else run.wires
     points = wire_points(run, photos.frame, found, config.points, parts[0])
     field = field_surface(run, photos.frame, found, config.surface, parts[1])
     made = {"input": _images_in(run.scene), "preset": f"{run.config.preset}, step {run.step:,}"}
@@ -83,16 +90,26 @@ def survey_run(
 
 
 def survey_scene(
-    scene: Scene, config: SurveyConfig | None = None, progress: Progress | None = None
+    scene: Scene,
+    config: SurveyConfig | None = None,
+    progress: Progress | None = None,
+    finder: FindWires | None = None,
 ) -> Survey:
-    """A survey from images and poses alone: no training is needed."""
+    """A survey from images and poses alone: no training is needed.
+
+    finder: finds the wires in place of `detect_wires`.
+    """
     config = config or SurveyConfig()
-    parts = _parts(progress, 3)
+    parts = _parts(progress, 4)
     photos = _with_heights(photos_of(scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
-    found = detect_wires(scene, config.detect, parts[0])
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
-    return _of_images(photos, found, None, config, parts[1:], str(scene.root), made)
+    scene, adjusted = with_adjusted_poses(scene, config.poses, parts[0])
+    if adjusted is not None:
+        photos = _with_heights(photos_of(scene), config)
+        made["poses"] = adjusted.text(scene.frames.unit)
+    found = (finder or detect_wires)(scene, config.detect, parts[1])
+    return _of_images(photos, found, None, config, parts[2:], str(scene.root), made)
 
 
 def survey_cloud(

@@ -211,6 +211,18 @@ PARALLEL_TWO_PASSES = SceneConfig(
     ),
 )
 
+SAME_WAY = SceneConfig(
+    "same-way",
+    capture=CaptureConfig(
+        passes=(
+            Pass("right", "phase A", -2.5, 0.8, -1.2, 0.74, 28.0, -4.0),
+            Pass("left", "phase B", 2.4, 1.0, -1.2, 0.74, -28.0, -2.0),
+            Pass("above", "shield", 0.0, 1.6, -1.2, 0.74, 0.0, -12.0),
+        )
+    ),
+)
+"""All passes look the way out, and neighbours by 28 degrees apart: each shares features with the next."""
+
 NOISY_POSES = SceneConfig("noisy-poses", capture=CaptureConfig(pose_noise_m=0.02, pose_noise_deg=0.1))
 
 WHY: Mapping[str, str] = MappingProxyType({
@@ -224,6 +236,7 @@ WHY: Mapping[str, str] = MappingProxyType({
     "exposure": "a camera's automatic: brightness and colours drift, and it blurs and is noisy",
     "parallel": "one pass along the wires, whose depth it cannot see: what no method can measure",
     "parallel-two-passes": "a second pass at another side and height gives the first the depth it lacks",
+    "same-way": "`span` in passes that all look the way out, so that structure from motion joins them",
     "noisy-poses": "camera poses off by 2 cm and 0.1 degrees, as satellite positioning leaves them",
     **line_scenes.WHY,
 })
@@ -232,6 +245,6 @@ SCENES: Mapping[str, SceneConfig] = MappingProxyType({
     scene.name: scene
     for scene in (
         SPAN, DOUBLE_CIRCUIT, DISTRIBUTION, FOREST, HILLS, BUNDLE, FAR,
-        EXPOSURE, PARALLEL, PARALLEL_TWO_PASSES, NOISY_POSES, *line_scenes.LINE_SCENES.values(),
+        EXPOSURE, PARALLEL, PARALLEL_TWO_PASSES, SAME_WAY, NOISY_POSES, *line_scenes.LINE_SCENES.values(),
     )
 })  # fmt: skip

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
+from plnerf.capture.adjusted_poses import PosesConfig
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.ops.backends import Backend
@@ -124,6 +125,7 @@ class Settings:
     model: SystemConfig
     train: TrainConfig = field(default_factory=TrainConfig)
     detect: DetectConfig = field(default_factory=DetectConfig)
+    poses: PosesConfig = field(default_factory=PosesConfig)
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,8 @@ class RunConfig:
     train: TrainConfig = field(default_factory=TrainConfig)
     detect: DetectConfig = field(default_factory=DetectConfig)
     """How wires are detected where `train.find_wires` asks for it."""
+    poses: PosesConfig = field(default_factory=PosesConfig)
+    """Whether the given poses are adjusted to tie points before wires are detected."""
     steps: int | None = None
     """Budget in steps; a run with a budget in steps can be repeated and resumed to the same bits."""
     seconds: float | None = None

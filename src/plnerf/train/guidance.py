@@ -9,7 +9,8 @@ import numpy as np
 import torch
 from jaxtyping import Int
 
-from plnerf.detect.detect import compile_kernels, detect_wires
+from plnerf.capture.adjusted_poses import with_adjusted_poses
+from plnerf.detect.detect import FindWires, compile_kernels, detect_wires
 from plnerf.errors import ConfigError
 from plnerf.field.guides import Guides, guides_of, reach_in_scene, scene_points
 from plnerf.line.files import read_wires, write_wires
@@ -35,11 +36,18 @@ POINTS = 200
 
 
 def run_wires(
-    config: RunConfig, scene: Scene, folder: Path, *, trained: bool = False
+    config: RunConfig,
+    scene: Scene,
+    folder: Path,
+    *,
+    trained: bool = False,
+    finder: FindWires | None = None,
 ) -> tuple[Scene, tuple[Wire, ...], float]:
     """The scene in the frames of its run, its certain wires there, and the seconds it took to detect them.
 
-    scene: as it was read.  trained: the run has a checkpoint, which is of the frames and wires in the folder.
+    Before wires are detected, poses are adjusted where that helps (`with_adjusted_poses`).  scene: as it was
+    read.  trained: the run has a checkpoint, which is of the frames and wires in the folder.  finder: finds
+    the wires in place of `detect_wires`.
     Of a new run the frames are fitted to the certain wires, or are the scene's own where there are none, and
     scene.json and wires.json are written.  Kept ones come back to the last bit.  Raises ConfigError where
     they are gone or an earlier version wrote them, SurveyError where the wires cannot be read.
@@ -52,14 +60,15 @@ def run_wires(
     wires, seconds = kept_wires(config, folder, scene.frames), 0.0
     if trained or (wires is not None and (folder / RECORD).exists()):
         record = read_record(folder)
-        scene = scene.in_frames(record.frames, record.box)
+        scene = record.restored(scene)
         return scene, certain(trained_wires(config, folder, record.frames) or ()), 0.0
     if not config.train.find_wires:
         return scene, (), 0.0
     if wires is None:
         compile_kernels()  # like that of the first step, not counted against a budget in seconds
         start = time.perf_counter()
-        wires = detect_wires(scene, config.detect)
+        scene, _ = with_adjusted_poses(scene, config.poses)
+        wires = (finder or detect_wires)(scene, config.detect, None)
         seconds = time.perf_counter() - start
     fitted = fitted_to(certain(wires), scene)
     old, new = (LineFrame.of_scene(one.frames) for one in (scene, fitted))

@@ -15,6 +15,7 @@ from pathlib import Path
 import torch
 from torch import Generator, Tensor
 
+from plnerf.detect.detect import FindWires
 from plnerf.errors import TrainingError
 from plnerf.ops.dispatch import kernels
 from plnerf.render.footprint import COPIES_IN_TRAINING, parameter_bytes, ray_bytes
@@ -42,9 +43,17 @@ VALIDATION_PIXELS = 4096
 CPU = torch.device("cpu")
 
 
-def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | None = None) -> Path:
+def train(
+    config: RunConfig,
+    folder: Path,
+    report: Report,
+    *,
+    scene: Scene | None = None,
+    finder: FindWires | None = None,
+) -> Path:
     """Trains a model, or goes on from the folder's newest checkpoint; returns the run folder.
 
+    scene: as it was read; None: it is read.  finder: finds the wires in place of `detect_wires`.
     Raises TrainingError at a loss that is not finite (the last good checkpoint stays), CheckpointError at a
     full disk.  A run that has used up its budget is left as it is.
     """
@@ -52,7 +61,7 @@ def train(config: RunConfig, folder: Path, report: Report, *, scene: Scene | Non
     cfg, checkpoints = config.train, folder / "checkpoints"
     saved = list_checkpoints(checkpoints)
     _check_memory(config, len(scene.names))
-    scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved))
+    scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved), finder=finder)
     model = build_model(config, scene, guides_for(wires, scene, config))
     optimizer = build_optimizer(model, cfg)
     step, seconds = 0, billable_seconds(searched, config)

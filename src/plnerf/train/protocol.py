@@ -31,7 +31,9 @@ def protocol(run: TrainedRun, render_seconds: float, lpips_absent: str | None) -
         "held_out": [scene.names[i] for i in scene.test],
         "appearance_vector": "mean of the training images' vectors",
         "pose_refinement": config.train.pose_refinement,
-        "held_out_poses": "held-out poses are not refined",
+        "held_out_poses": "held-out poses are not refined"
+        if scene.stated_centre is None
+        else "all given poses, those of held-out images too, were adjusted to tie points before training",
         "colours": (
             "sRGB as stored; the render is clipped to [0, 1] and not rounded to 8 bits; pixels that masks "
             "ignore are left out"

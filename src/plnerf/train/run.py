@@ -55,10 +55,10 @@ class TrainedRun:
 
         Raises SceneError where it has gone or changed.
         """
-        record = self.record
-        scene = open_scene(self.config, self.folder).in_frames(record.frames, record.box)
-        same = scene.names == record.names and (scene.train, scene.test) == (record.train, record.test)
-        if not same or not torch.allclose(scene.cameras.centre, record.cameras.centre, atol=1e-5):
+        scene = open_scene(self.config, self.folder)
+        # A scene of fewer or more images than the record has no place for its poses.
+        scene = self.record.restored(scene) if len(scene.names) == len(self.record.names) else scene
+        if not self.record.is_of(scene):
             raise SceneError(
                 f"The scene {self.config.scene} has changed since the run in {self.folder} was trained: its "
                 "images, their poses or the held-out ones are others. Restore it, or train again."

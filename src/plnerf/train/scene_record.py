@@ -34,11 +34,28 @@ class SceneRecord:
     box: Float[np.ndarray, "2 3"]
     train: tuple[int, ...]
     test: tuple[int, ...]
+    stated_centre: Float[torch.Tensor, "n 3"] | None = None
 
     @classmethod
     def of(cls, scene: Scene) -> "SceneRecord":
         """What is kept of a scene."""
-        return cls(scene.names, scene.cameras, scene.frames, scene.box, scene.train, scene.test)
+        return cls(
+            scene.names, scene.cameras, scene.frames, scene.box, scene.train, scene.test, scene.stated_centre
+        )
+
+    def restored(self, scene: Scene) -> Scene:
+        """The scene, as it was read, in the frames and with the poses of this record."""
+        scene = scene.in_frames(self.frames, self.box)
+        if self.stated_centre is None:
+            return scene
+        return scene.with_poses(self.cameras.R_scene_camera, self.cameras.centre)
+
+    def is_of(self, scene: Scene) -> bool:
+        """Whether a scene, as `restored` gave it, has the images, poses and held-out images of this one."""
+        stated, known = (one.cameras.centre if one.stated_centre is None else one.stated_centre
+                         for one in (scene, self))  # fmt: skip
+        same = scene.names == self.names and (scene.train, scene.test) == (self.train, self.test)
+        return same and torch.allclose(stated, known, atol=1e-5)
 
 
 def write_record(folder: Path, record: SceneRecord) -> None:
@@ -50,6 +67,7 @@ def write_record(folder: Path, record: SceneRecord) -> None:
         "test": list(record.test),
         "frames": record.frames.to_json(),
         "box_scene": record.box.tolist(),
+        "stated_centre": None if record.stated_centre is None else record.stated_centre.tolist(),
         "cameras": {one.name: getattr(record.cameras, one.name).tolist() for one in fields(Cameras)},
     }
     write_text(folder / FILE, json.dumps(content, indent=1, allow_nan=False) + "\n")
@@ -77,6 +95,7 @@ def read_record(folder: Path) -> SceneRecord:
             box=_numbers(content["box_scene"], "box_scene", 2, 3),
             train=train,
             test=test,
+            stated_centre=_stated(content.get("stated_centre"), len(names)),
         )
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise ConfigError(f"{path} cannot be read ({error!r}). {do}") from error
@@ -95,6 +114,13 @@ def _numbers(value: Any, key: str, *shape: int) -> Float[np.ndarray, "..."]:
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(f"{key} must be finite numbers of the shape {shape}, but is {shown(value)}")
     return array
+
+
+def _stated(value: Any, count: int) -> Float[torch.Tensor, "n 3"] | None:
+    """Camera centres as the scene states them, where its poses were adjusted."""
+    if value is None:
+        return None
+    return torch.tensor(_numbers(value, "stated_centre", count, 3), dtype=torch.float32)
 
 
 def _cameras(columns: dict[str, Any], count: int) -> Cameras:

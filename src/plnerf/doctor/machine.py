@@ -1,0 +1,118 @@
+"""What this machine brings: backend, cores, memory; and which kernels are compiled already, and where."""
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+
+import psutil
+import torch
+
+from plnerf.ops.dispatch import resolve_backend
+from plnerf.ops.kernel_cache import PACKAGE, PREFIX, kept_kernels, kernel_files, kernel_hash
+from plnerf.scene.files import write_text
+from plnerf.scene.memory import available_bytes
+from plnerf.train.protocol import hardware
+
+
+@dataclass(frozen=True)
+class KernelFolder:
+    """A folder in which compiled kernels are kept."""
+
+    path: str
+    kernels: int
+    """Kernels of this version of plnerf that belong here."""
+    compiled: int
+    """Of these, the ones that were compiled before."""
+    files: int
+    """Machine code for one kind of arguments each."""
+    megabytes: float
+    other_megabytes: float
+    """Of kernels of other versions, which are removed after two weeks."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What decides how fast plnerf is here."""
+
+    device: str
+    backend: str
+    processor: str
+    usable_cores: int
+    memory_gb: float
+    free_gb: float
+    """What this process may still allocate."""
+    kernel_hash: str
+    """Of the source of all kernels: an edit to any compiles all anew."""
+    kernels: tuple[KernelFolder, ...]
+    not_kept: int
+    """Kernels for which no place is writable: every process compiles them."""
+
+
+def examine_machine() -> Machine:
+    """Examines this machine; imports every file that defines kernels, and compiles none."""
+    for path in kernel_files(PACKAGE):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        if path.parent.name != "ops" or path.stem.startswith("cpu_"):
+            import_module(".".join(("plnerf", *parts)))
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    places = kept_kernels()
+    about = hardware(device)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Machine(
+        device=device,
+        backend=resolve_backend("auto", torch.device(device)),
+        processor=str(about.get("cpu", "")),
+        usable_cores=cores,
+        memory_gb=psutil.virtual_memory().total / 1e9,
+        free_gb=available_bytes() / 1e9,
+        kernel_hash=kernel_hash(),
+        kernels=tuple(_folder(path, names) for path, names in sorted(places.items()) if path),
+        not_kept=len(places.get("", ())),
+    )
+
+
+def _folder(path: str, indices: list[str]) -> KernelFolder:
+    """indices: names of the files that list what is compiled of each kernel."""
+    folder = Path(path)
+    code = list(folder.glob("*.nbc"))
+    others = [one for one in folder.parent.glob(f"{PREFIX}*") if one != folder]
+    return KernelFolder(
+        path,
+        kernels=len(indices),
+        compiled=sum((folder / name).exists() for name in indices),
+        files=len(code),
+        megabytes=_megabytes([folder]),
+        other_megabytes=_megabytes(others),
+    )
+
+
+def _megabytes(folders: list[Path]) -> float:
+    return sum(one.stat().st_size for folder in folders for one in folder.glob("*") if one.is_file()) / 1e6
+
+
+def machine_text(machine: Machine) -> str:
+    """A few lines for a terminal."""
+    kernels, compiled = (
+        sum(getattr(one, name) for one in machine.kernels) for name in ("kernels", "compiled")
+    )
+    lines = [
+        f"backend    {machine.backend} on {machine.device}",
+        f"processor  {machine.processor}, {machine.usable_cores} usable cores",
+        f"memory     {machine.memory_gb:.1f} GB, {machine.free_gb:.1f} GB free",
+        f"kernels    {compiled} of {kernels} were compiled before; the others are when they are first used",
+    ]
+    for one in machine.kernels:
+        other = f", and {one.other_megabytes:.1f} MB of other versions" if one.other_megabytes else ""
+        lines.append(f"           {one.compiled} of {one.kernels}, {one.megabytes:.1f} MB{other}: {one.path}")
+    if machine.not_kept:
+        lines.append(
+            f"           {machine.not_kept} cannot be kept: set NUMBA_CACHE_DIR to a folder that is writable"
+        )
+    return "\n".join(lines)
+
+
+def write_machine(path: Path, machine: Machine) -> None:
+    """The same as JSON."""
+    write_text(path, json.dumps(asdict(machine), indent=1) + "\n")

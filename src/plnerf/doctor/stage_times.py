@@ -1,0 +1,61 @@
+"""How long the stages of `reconstruct` take, estimated from images and pixels before they begin.
+
+Rules of thumb, measured on two cores of an AMD EPYC; other machines and scenes with more wires take other
+times.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from plnerf.capture.photos import find_photos
+from plnerf.doctor.cost import poses_s
+from plnerf.errors import CaptureError
+from plnerf.scene.listing import Listing
+
+SURVEY_S, SURVEY_S_PER_IMAGE, SURVEY_S_PER_MP = 10.0, 0.5, 6.0
+FIELD_S = 30.0
+"""What the field's points on wires and its surface add."""
+EVAL_S_PER_MP, RENDER_S_PER_MP = 10.0, 8.0
+"""Seconds of a megapixel of held-out views, with their measures, and of frames of the fly-along."""
+FRAMES = 96
+EIGHTH = 8
+"""One of so many images is held out, unless the scene's file says otherwise."""
+
+
+def capture_s(source: Path) -> float | None:
+    """Seconds for the poses of a folder of photos; None for a video, whose pictures are not chosen yet."""
+    try:
+        return poses_s(find_photos(source).facts)
+    except CaptureError:
+        return None
+
+
+def survey_s(listing: Listing) -> float:
+    """Seconds of a survey from images and poses alone."""
+    return SURVEY_S + SURVEY_S_PER_IMAGE * len(listing.shots) + SURVEY_S_PER_MP * _megapixels(listing)
+
+
+def field_survey_s(listing: Listing, downscale: int) -> float:
+    """Seconds of a survey with the field, whose wires are known."""
+    return survey_s(listing) + FIELD_S
+
+
+def eval_s(listing: Listing, downscale: int) -> float:
+    """Seconds of the held-out views."""
+    return EVAL_S_PER_MP * _megapixels(listing) / EIGHTH / downscale**2
+
+
+def render_s(listing: Listing, downscale: int) -> float:
+    """Seconds of the fly-along."""
+    return RENDER_S_PER_MP * FRAMES * _megapixels(listing) / len(listing.shots) / downscale**2
+
+
+ESTIMATES: dict[str, Callable[[Listing, int], float]] = {
+    "survey": field_survey_s, "eval": eval_s, "render": render_s,
+}  # fmt: skip
+"""Of the stages after training, by their names: from the scene, and the factor its images are made smaller
+by."""
+
+
+def _megapixels(listing: Listing) -> float:
+    return sum(shot.intrinsics.width * shot.intrinsics.height for shot in listing.shots) / 1e6

@@ -1,0 +1,138 @@
+"""Poses of a scene adjusted to its photos: nearer to the truth where they are off, untouched where not."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from jaxtyping import Float
+from tests.support.flown_plane import SIZE, write_flight
+
+from plnerf.capture.adjusted_poses import PosesConfig, with_adjusted_poses
+from plnerf.capture.tie_points import TieConfig, neighbour_pairs, tie_points
+from plnerf.errors import ConfigError
+from plnerf.scene.scene import Scene, load_scene
+
+FEW = PosesConfig(groups=2, group_size=4, ties=TieConfig(features=400, partners=6))
+
+
+def errors_m(scene: Scene, true: list[Float[np.ndarray, "4 4"]]) -> Float[np.ndarray, "n 3"]:
+    centre = scene.frames.to_world(scene.cameras.centre.double().numpy())
+    return centre - np.array(true)[:, :3, 3]
+
+
+def rms(x: Float[np.ndarray, "..."]) -> float:
+    return float(np.sqrt((x**2).mean()))
+
+
+def test_poses_that_are_off_are_adjusted(tmp_path: Path) -> None:
+    true = write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
+    scene = load_scene(tmp_path / "s")
+    moved, change = with_adjusted_poses(scene, FEW)
+    assert change is not None and change.images == 12
+    assert change.after_px < 0.2 * change.before_px
+    # What all have in common is not seen in photos.
+    own_before, own_after = (one - one.mean(0) for one in (errors_m(scene, true), errors_m(moved, true)))
+    assert rms(own_after) < 0.5 * rms(own_before)
+    assert rms(errors_m(moved, true)) < rms(errors_m(scene, true))
+    assert torch.equal(moved.stated_centre, scene.cameras.centre)
+    assert moved.frames is scene.frames and moved.images is scene.images
+    assert "adjusted to" in change.text("m") and " cm and turned by" in change.text("m")
+    assert "unscaled" in change.text("unscaled")
+
+
+def test_the_same_photos_give_the_same_poses(tmp_path: Path) -> None:
+    write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
+    scene = load_scene(tmp_path / "s")
+    one, other = (with_adjusted_poses(scene, FEW)[0] for _ in range(2))
+    assert torch.equal(one.cameras.centre, other.cameras.centre)
+    assert torch.equal(one.cameras.R_scene_camera, other.cameras.R_scene_camera)
+
+
+def test_poses_that_agree_stay(tmp_path: Path) -> None:
+    write_flight(tmp_path / "s")
+    scene = load_scene(tmp_path / "s")
+    same, change = with_adjusted_poses(scene, FEW)
+    assert change is None and same is scene
+
+
+def test_without_the_setting_or_with_too_many_images_poses_stay(tmp_path: Path) -> None:
+    write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
+    scene = load_scene(tmp_path / "s")
+    for config in (replace(FEW, adjust=False), replace(FEW, max_images=11), replace(FEW, min_points=10_000)):
+        same, change = with_adjusted_poses(scene, config)
+        assert change is None and same is scene
+
+
+def test_tie_points_are_where_the_photos_show_them(tmp_path: Path) -> None:
+    true = write_flight(tmp_path / "s")
+    scene = load_scene(tmp_path / "s")
+    cameras = scene.photo_cameras
+    pairs = neighbour_pairs(cameras, 6)
+    found = tie_points(scene.photos, cameras, pairs, FEW.ties)
+    assert found.point.max() > 100 and np.bincount(found.point).min() >= 3
+    assert (np.diff(found.point) >= 0).all()
+    apart = []
+    for i, plane, point in zip(found.image, found.plane, found.point, strict=True):
+        R, c = true[i][:3, :3], true[i][:3, 3]
+        ray = R @ [*plane, 1.0]
+        apart.append((point, *(c - ray * c[2] / ray[2])[:2]))  # on the ground, in metres
+    rows = np.array(apart)
+    middle = np.array([rows[rows[:, 0] == p, 1:].mean(0) for p in range(found.point.max() + 1)])
+    off_m = np.linalg.norm(rows[:, 1:] - middle[found.point], axis=1)
+    # A pixel is 7 cm; hardly any match by chance along their epipolar lines.
+    assert np.median(off_m) < 0.01 and np.quantile(off_m, 0.97) < 0.1
+
+
+def test_features_in_smaller_photos_are_at_the_same_place(tmp_path: Path) -> None:
+    write_flight(tmp_path / "s", views=6)
+    scene = load_scene(tmp_path / "s")
+    cameras, pairs = scene.photo_cameras, neighbour_pairs(scene.cameras, 5)
+    halved = tie_points(scene.photos, cameras, pairs, replace(FEW.ties, max_image_px=SIZE[0] // 2))
+    whole = tie_points(scene.photos, cameras, pairs, FEW.ties)
+    assert np.allclose(halved.focal_px, whole.focal_px / 2)
+    near = [np.linalg.norm(whole.plane[whole.image == i][:, None] - halved.plane[halved.image == i], axis=2)
+            for i in range(6)]  # fmt: skip
+    least = np.concatenate([one.min(0) for one in near])
+    # Half of the size has features of its own; one in 500 would be so near by chance.
+    assert (least * whole.focal_px[0] < 0.7).mean() > 0.3
+
+
+def test_pixels_that_masks_ignore_have_no_features(tmp_path: Path) -> None:
+    write_flight(tmp_path / "s")
+    scene = load_scene(tmp_path / "s")
+
+    class LeftHalf:
+        has_masks = True
+
+        def image(self, i: int) -> np.ndarray:
+            return scene.photos.image(i)
+
+        def valid(self, i: int) -> np.ndarray:
+            keep = np.zeros(SIZE[::-1], bool)
+            keep[:, : SIZE[0] // 2] = True
+            return keep
+
+    pairs = neighbour_pairs(scene.cameras, 6)
+    found = tie_points(LeftHalf(), scene.photo_cameras, pairs, replace(FEW.ties, min_images=2))
+    assert len(found.image) and found.plane[:, 0].max() <= 0.01
+
+
+def test_what_lies_far_from_the_epipolar_line_is_no_match(tmp_path: Path) -> None:
+    counts = []
+    for name, off_deg in (("exact", 0.0), ("turned", 10.0)):
+        write_flight(tmp_path / name, off_deg=off_deg, views=6)
+        scene = load_scene(tmp_path / name)
+        pairs = neighbour_pairs(scene.cameras, 5)
+        counts.append(len(tie_points(scene.photos, scene.photo_cameras, pairs, FEW.ties).image))
+    assert counts[1] < 0.2 * counts[0]
+
+
+def test_settings_that_mean_nothing_are_refused() -> None:
+    for wrong in ({"gain": 0.0}, {"group_size": 2}, {"agree_px": 0.0}, {"loose_px": 0.0}):
+        with pytest.raises(ConfigError, match="poses need"):
+            PosesConfig(**wrong)
+    for wrong in ({"features": 10}, {"min_images": 1}, {"ratio": 0.0}, {"ratio": 1.5}, {"epipolar_px": 0.0}):
+        with pytest.raises(ConfigError, match="Tie points need"):
+            TieConfig(**wrong)
