@@ -45,6 +45,7 @@ FLOORS = {
     "bench": 9,
     "reconstruct": 9,
     "cli": 10,
+    "__main__": 11,
 }
 MAX_LINES = 400
 MAX_CALLS = 6

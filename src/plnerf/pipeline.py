@@ -43,14 +43,14 @@ from plnerf.synth.hang_scene import hang_in_photos
 from plnerf.synth.photos import write_photos
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
-from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.evaluate import evaluate_run
 from plnerf.train.fitted import finest_of, fit_to_scene
 from plnerf.train.loop import train as train_loop
+from plnerf.train.ranks import join_ranks
 from plnerf.train.render_run import Output, Views, render_run
 from plnerf.train.report import Report, RunLog
-from plnerf.train.run import open_run, read_config
+from plnerf.train.run import open_run, read_config, require_new_run
 from plnerf.train.settings import from_json, to_json
 
 Device = Literal["auto", "cpu", "cuda"]
@@ -97,41 +97,37 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
 
     model, train, detect, poses: settings; None: the preset's.  A grid's `finest` that is the preset's is
     fitted to the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step;
-    None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  Raises PlnerfError
-    where another process writes into the folder.
+    None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  Where torchrun
+    started several processes, each calls this: see `train/ranks.py`.  Raises PlnerfError where another
+    process writes into the folder.
     """
-    scene, out = Path(scene), Path(out)
-    with only_writer(out):
-        if not (out / "config.json").exists() and (kept := list_checkpoints(out / "checkpoints")):
-            raise ConfigError(
-                f"{out} holds the checkpoint {kept[-1].name} of a run, but not its settings, config.json. "
-                "Put that file back, or remove the folder to train anew."
+    scene, out, on = Path(scene), Path(out), choose_device(device)
+    with join_ranks(on) as ranks, ranks.only_writer(out):
+        with ranks.first_alone():
+            if ranks.first:
+                require_new_run(out)
+            chosen = find_preset(preset)
+            config = RunConfig(
+                scene=str(scene.resolve()),
+                downscale=downscale,
+                preset=preset,
+                backend=resolve_backend(backend, torch.device(on)),
+                device=on,
+                model=model or chosen.model,
+                train=train or chosen.train,
+                detect=detect or DetectConfig(),
+                poses=poses or PosesConfig(),
+                steps=steps,
+                seconds=seconds,
+                seed=seed,
             )
-        if (out / "config.json").exists():
-            raise ConfigError(
-                f"{out} already holds a run. Give --resume to go on with it, or another folder to train anew."
-            )
-        chosen, on = find_preset(preset), choose_device(device)
-        config = RunConfig(
-            scene=str(scene.resolve()),
-            downscale=downscale,
-            preset=preset,
-            backend=resolve_backend(backend, torch.device(on)),
-            device=on,
-            model=model or chosen.model,
-            train=train or chosen.train,
-            detect=detect or DetectConfig(),
-            poses=poses or PosesConfig(),
-            steps=steps,
-            seconds=seconds,
-            seed=seed,
-        )
-        # What would not come back from config.json, such as infinity, is refused before anything is read.
-        config = from_json(RunConfig, to_json(config), "The settings")
-        loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
-        if finest_of(config.model) == finest_of(chosen.model):
-            config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
-        return train_loop(config, out, report or RunLog(out), scene=loaded, finder=finder)
+            # What would not come back from config.json, such as infinity, is refused before anything is read.
+            config = from_json(RunConfig, to_json(config), "The settings")
+            ranks.share_of(config.train)
+            loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
+            if finest_of(config.model) == finest_of(chosen.model):
+                config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
+        return train_loop(config, out, report or RunLog(out), scene=loaded, finder=finder, ranks=ranks)
 
 
 def resume_run(
@@ -151,8 +147,8 @@ def resume_run(
         )
     if steps is not None or seconds is not None:
         config = replace(config, steps=steps, seconds=seconds)
-    with only_writer(out):
-        return train_loop(config, out, report or RunLog(out))
+    with join_ranks(config.device) as ranks, ranks.only_writer(out):
+        return train_loop(config, out, report or RunLog(out), ranks=ranks)
 
 
 def evaluate(run: Path, progress: Progress | None = None) -> dict[str, Any]:

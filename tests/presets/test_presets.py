@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import torch.distributed as dist
 from tests.support.changed import changed
 from tests.support.tiny_run import SMALL, Recorder, open_tiny
+from torch import Tensor
 
 import plnerf.presets
 from plnerf.cli.main import main
@@ -24,9 +26,12 @@ from plnerf.train.checkpoint import load_checkpoint, save_checkpoint
 from plnerf.train.config import RunConfig, Settings
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.fitted import fit_to_scene
-from plnerf.train.loop import train
-from plnerf.train.optimizer import build_optimizer
+from plnerf.train.loop import CPU, train
+from plnerf.train.optimizer import TableAdam, build_optimizer
+from plnerf.train.pixels import PixelSampler, detail_pools
+from plnerf.train.ranks import Ranks, SharedGradients
 from plnerf.train.run import build_model, open_run
+from plnerf.train.step import NonFiniteMonitor, Training
 
 FEW = ("train.rays=64", "train.warmup_steps=10", "train.validations=2")
 SMALLER = {
@@ -78,6 +83,41 @@ def test_poses_appearance_and_normals_can_be_switched_on(name: str, tiny_scene: 
     assert all(value[list(run.scene.train)].abs().max() > 0 for value in learnt)
     view = render_view(run.model, run.scene.cameras[[0]], mean_appearance(run), normals=True)
     assert view.normals is not None and np.isfinite(view.normals).all() and view.normals.any()
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_shares_of_a_batch_have_the_gradients_of_the_batch(
+    name: str, tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Summed over two ranks, whose all-reduce is left out here; with poses, appearance and normals on."""
+    scene, preset = open_tiny(tiny_scene, tmp_path), find_preset(name)
+    small = tuple(t for t in SMALLER[type(preset.model)] if not t.startswith("train.normal_rays"))
+    model = fit_to_scene(preset.model, scene, preset.cells_per_pixel)
+    config = RunConfig("a scene", 1, name, "numba", "cpu", model, preset.train, steps=1)
+    config = changed(config, (*small, *SWITCHES))
+    monkeypatch.setattr(dist, "all_reduce", lambda row: None)
+    monkeypatch.setattr(TableAdam, "step", lambda self: None)
+
+    def gradients(ranks: Ranks) -> tuple[list[Tensor], dict[str, Tensor]]:
+        system = build_model(config, scene)
+        optimizer = build_optimizer(system, config.train)
+        shared = SharedGradients(system.parameters(), ranks)
+        monitor = NonFiniteMonitor(CPU)
+        training = Training(system, optimizer, scene.cameras, ranks.share_of(config.train), monitor, shared)
+        generator = ranks.generator(CPU).manual_seed(5)
+        pools = detail_pools(scene.images, scene.train, 0.5, 0.1)
+        batch = PixelSampler(scene.images, scene.train, pools).draw(config.train.rays, generator, ranks.rays)
+        system.update(0, generator)
+        terms = training.step(batch, 0.5, generator, refine_poses=True)
+        return [value.grad for value in system.parameters() if value.grad is not None], terms
+
+    whole, terms = gradients(Ranks(0, 1))
+    (first, terms_0), (second, terms_1) = gradients(Ranks(0, 2)), gradients(Ranks(1, 2))
+    for all_, a, b in zip(whole, first, second, strict=True):
+        assert (a + b - all_).abs().max() <= 1e-4 * all_.abs().max()
+    for key, term in terms.items():
+        assert (terms_0[key] + terms_1[key]).item() == pytest.approx(term.item(), rel=1e-5)
+    assert sum(int(value.any()) for value in whole) > len(whole) // 2
 
 
 def small_system(name: str, scene: Scene) -> RadianceSystem:

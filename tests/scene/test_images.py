@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from plnerf.errors import SceneError
-from plnerf.scene import build_store
+from plnerf.scene import build_store, images
 from plnerf.scene.build_store import open_store, reduced_sizes_px
 from plnerf.scene.decode import read_mask
 from plnerf.scene.images import ImageStore
@@ -171,3 +171,27 @@ def test_masks_of_every_kind_mean_the_same(tmp_path: Path, mode: str) -> None:
     mask.save(tmp_path / "mask.png")
     lens = make_shots(tmp_path)[0].intrinsics
     assert np.array_equal(read_mask(tmp_path / "mask.png", lens), usable)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux alone reports what is mapped")
+def test_only_a_bounded_part_of_the_pixels_is_mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of 201 MB, of which 20 MB may be mapped: neither whole images nor single pixels pile up."""
+
+    def mapped_mb() -> float:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("RssFile"))
+
+    monkeypatch.setattr(images, "RESIDENT_BYTES", 20_000_000)
+    count, side = 64, 1024
+    with (tmp_path / "images.u8").open("wb") as file:
+        file.truncate(3 * count * side**2)
+    store = ImageStore(tmp_path, np.full((count, 2), side))
+    store.image(0).max()
+    before = mapped_mb()
+    for i in range(count):
+        assert store.image(i).max() == 0
+        assert mapped_mb() < before + 40
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(100):
+        store.colours(torch.randint(0, count * side**2, (100,), generator=generator))
+        assert mapped_mb() < before + 40

@@ -8,6 +8,7 @@ defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 143 o
 import os
 import re
 import sys
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -25,6 +26,7 @@ from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.stop import Terminated, stoppable
 from plnerf.cli.survey import doctor, score, survey
+from plnerf.cli.torchrun import BEFORE_OTHERS_S, joined, rank_of_process, require_shared
 from plnerf.cli.train import demo, eval, render, train
 from plnerf.cli.view import view
 from plnerf.errors import PlnerfError, advice_on
@@ -119,17 +121,23 @@ def main() -> None:
     # longer.  (GNU's OpenMP; ten times as much is a tenth faster alone, and 2.7 times slower beside others.)
     os.environ.setdefault("GOMP_SPINCOUNT", "2000")
     console = Terminal(stderr=True, emoji=False)  # a path may read :x:
+    arguments, results, rank = sys.argv[1:], {}, rank_of_process()
 
     def fail(title: str, text: str) -> None:
+        if rank and not joined():
+            time.sleep(BEFORE_OTHERS_S)  # rank 0 prints the same
+            return
+        title = f"{title} (rank {rank})" if rank else title
         console.print(f"[bold red]{title}[/]: ", end="")
         console.print(one_line(text), markup=False, highlight=False, soft_wrap=True)
 
     def note(message: Warning | str, *_: object, **__: object) -> None:
-        console.print(f"note: {one_line(str(message))}", markup=False, highlight=False, soft_wrap=True)
+        if rank == 0:
+            console.print(f"note: {one_line(str(message))}", markup=False, highlight=False, soft_wrap=True)
 
-    arguments, results = sys.argv[1:], {}
     try:
         with stoppable(), warnings.catch_warnings():
+            require_shared(arguments)
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
             for preset, settings in starts(arguments).items():  # the same options on top of each
@@ -141,7 +149,8 @@ def main() -> None:
         sys.exit(1)
     except KeyboardInterrupt as stop:
         ended, status = ("Terminated", 143) if isinstance(stop, Terminated) else ("Interrupted", 130)
-        console.print(f"{ended}. {GOES_ON.get(next(iter(arguments), ''), '')}".strip())
+        if rank == 0:
+            console.print(f"{ended}. {GOES_ON.get(next(iter(arguments), ''), '')}".strip())
         sys.exit(status)
     except Exception as error:
         if (what := lack_of_memory(error)) is not None:

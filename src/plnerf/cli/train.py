@@ -28,6 +28,8 @@ def train(  # noqa: PLR0913 (an argument is an option)
 ) -> None:
     """Train a radiance field on images with known camera poses.
 
+    In N processes: torchrun --nproc-per-node N -m plnerf train SCENE -o RUN
+
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.

@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Generator, Tensor
 
+from plnerf.rays.jitter import ray_jitter
+
 
 def even_edges(
     rays: int, intervals: int, generator: Generator | None, like: Float[Tensor, "..."]
@@ -19,7 +21,7 @@ def even_edges(
     edges = torch.linspace(0, 1, intervals + 1, dtype=like.dtype, device=like.device).expand(rays, -1)
     if generator is None:
         return edges.contiguous()
-    jitter = torch.rand(rays, intervals + 1, generator=generator, dtype=like.dtype, device=like.device) - 0.5
+    jitter = ray_jitter(rays, intervals + 1, generator, like) - 0.5
     return (edges + jitter / intervals).clamp(0, 1)
 
 
@@ -32,7 +34,7 @@ def stratified_levels(
     if generator is None:
         middles = (torch.arange(count, dtype=like.dtype, device=like.device) + 0.5) / count
         return middles.expand(rays, -1).contiguous()
-    jitter = torch.rand(rays, count, generator=generator, dtype=like.dtype, device=like.device)
+    jitter = ray_jitter(rays, count, generator, like)
     return (torch.arange(count, dtype=like.dtype, device=like.device) + jitter) / count
 
 

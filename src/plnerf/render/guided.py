@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Generator, Tensor
 
 from plnerf.field.guides import Windows
+from plnerf.rays.jitter import ray_jitter
 from plnerf.rays.warp import t_to_s
 
 
@@ -30,7 +31,7 @@ def guide_edges(
     offset = torch.arange(found.low.shape[1], device=s.device, dtype=s.dtype)[:, None] / count
     jitter = torch.full((1, 1, 1), 0.5, device=s.device, dtype=s.dtype)
     if generator is not None:
-        jitter = torch.rand(len(s), 1, 1, generator=generator, device=s.device, dtype=s.dtype)
+        jitter = ray_jitter(len(s), 1, generator, s)[..., None]
     share = even + offset + jitter / count
     low, high = found.low[..., None], found.high[..., None]
     laid = t_to_s(low + share * (high - low), *warp).flatten(1)

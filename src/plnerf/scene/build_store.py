@@ -121,19 +121,20 @@ def _build(
     }
     masked = any(shot.mask is not None for shot in shots)
     try:
-        pixels = _allocate(beside["images.u8"], int(starts[-1]) * 3)
-        valid = _allocate(beside["valid.u8"], int(starts[-1])) if masked else None
+        _allocate(beside["images.u8"], int(starts[-1]) * 3)
+        if masked:
+            _allocate(beside["valid.u8"], int(starts[-1]))
 
         def place(i: int) -> None:
             shot, size = shots[i], (int(sizes[i, 0]), int(sizes[i, 1]))
             reduced = reduce_by_area(read_rgb(shot.path), size)
-            pixels[3 * starts[i] : 3 * starts[i + 1]] = reduced.reshape(-1)
-            if valid is not None:
+            _write(beside["images.u8"], 3 * int(starts[i]), reduced)
+            if masked:
                 usable = np.ones(size[::-1], dtype=np.bool_)
                 if shot.mask is not None:
                     ignored = (~read_mask(shot.mask, shot.intrinsics)).astype(np.float32)
                     usable = reduce_by_area(ignored, size) == 0
-                valid[starts[i] : starts[i + 1]] = usable.reshape(-1)
+                _write(beside["valid.u8"], int(starts[i]), usable.astype(np.uint8))
 
         with ThreadPoolExecutor(_WORKERS) as pool:
             jobs = [pool.submit(place, i) for i in range(len(shots))]
@@ -145,9 +146,9 @@ def _build(
             except BaseException:  # also Ctrl-C: do not decode the rest first
                 pool.shutdown(cancel_futures=True)
                 raise
-        pixels.flush()
-        if valid is not None:
-            valid.flush()
+        for name in ("images.u8", "valid.u8") if masked else ("images.u8",):
+            with beside[name].open("rb+") as file:
+                os.fsync(file.fileno())
         index = {"layout": _LAYOUT, "fingerprint": fingerprint, "sizes_px": sizes.tolist(), "masked": masked}
         beside["index.json"].write_text(json.dumps(index))
         (folder / "index.json").unlink(missing_ok=True)
@@ -171,15 +172,23 @@ def reduce_by_area(
     return cv2.resize(full, size_px, interpolation=cv2.INTER_AREA)
 
 
-def _allocate(path: Path, size: int) -> np.memmap:
-    """A writable map of a new file whose blocks are reserved: a full disk is an OSError now, not a crash
-    later."""
+def _allocate(path: Path, size: int) -> None:
+    """Makes a file whose blocks are reserved: a full disk is an OSError now, before anything is decoded."""
     with path.open("wb") as file:
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(file.fileno(), 0, size)
         else:
             file.truncate(size)
-    return np.memmap(path, np.uint8, mode="r+", shape=(size,))
+
+
+def _write(path: Path, place: int, values: Shaped[np.ndarray, "h w *c"]) -> None:
+    """Puts bytes into their place of a file.
+
+    Not by a map: its pages would count as memory of the process, whole.
+    """
+    with path.open("rb+") as file:
+        file.seek(place)
+        file.write(np.ascontiguousarray(values).data)
 
 
 def _pixel_count(sizes: Int[np.ndarray, "n 2"]) -> int:

@@ -4,16 +4,57 @@ Letters: n images, r pixels.  A *flat* index counts pixels over all images in or
 the flat indices starts[i] to starts[i+1] - 1.  Pixel centres are at +0.5.  Colours are as stored (sRGB, not
 linearised).
 
-Memory: only what the operating system chooses to cache of the file, which it can drop at any time; images are
-never all in memory.
+Memory: `RESIDENT_BYTES` of the file at most are mapped at a time, then they are given back; images are never
+all in memory.  What the operating system caches of the file beyond that it can drop at any time.
 """
 
+import mmap
+import os
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
+
+RESIDENT_BYTES = 1 << 30
+"""What may be mapped of a file before it is given back: mapped pages count as a process's memory, though the
+system only caches them."""
+
+
+class _PixelFile:
+    """The bytes of a file, read-only, one row for each pixel, of which a bounded part is mapped at a time."""
+
+    def __init__(self, path: Path, pixels: int, width: int) -> None:
+        self._file = path.open("rb", buffering=0)
+        self._map = mmap.mmap(self._file.fileno(), pixels * width, access=mmap.ACCESS_READ)
+        self._rows: UInt8[np.ndarray, "p c"] = np.frombuffer(self._map, np.uint8).reshape(pixels, width)
+        self._read = 0
+
+    def stretch(self, first: int, last: int) -> UInt8[np.ndarray, "n c"]:
+        """Rows that follow each other, as a view of the file; views of before stay valid."""
+        rows = self._rows[first:last]
+        self._read += rows.nbytes
+        if self._read > RESIDENT_BYTES:
+            if hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
+                self._map.madvise(mmap.MADV_DONTNEED)
+            self._read = rows.nbytes
+        return rows
+
+    def pick(self, rows: Int[np.ndarray, " r"]) -> UInt8[np.ndarray, "r c"]:
+        """A copy of single rows.
+
+        Of a file that may not be mapped whole each is read by itself: around each byte that is read of a map,
+        the system maps up to 2 MB.
+        """
+        if self._rows.nbytes <= RESIDENT_BYTES or not hasattr(os, "pread"):
+            return self._rows[rows]
+        file, width, read = self._file.fileno(), self._rows.shape[1], os.pread
+        if hasattr(os, "posix_fadvise"):  # a disk reads many places at once, if it knows of them
+            for row in rows.tolist():
+                os.posix_fadvise(file, width * row, width, os.POSIX_FADV_WILLNEED)
+        some = b"".join([read(file, width, width * row) for row in rows.tolist()])
+        return np.frombuffer(bytearray(some), np.uint8).reshape(len(rows), width)
 
 
 class ImageStore:
@@ -24,13 +65,10 @@ class ImageStore:
         """Opens a finished store; ``build_store.open_store`` is the way to get one."""
         self.sizes_px = sizes_px
         self.starts = np.concatenate([[0], np.cumsum(sizes_px[:, 0] * sizes_px[:, 1])]).astype(np.int64)
-        self._pixels: UInt8[np.ndarray, "p 3"] = np.asarray(
-            np.memmap(folder / "images.u8", np.uint8, mode="r", shape=(int(self.starts[-1]), 3))
-        )
+        pixels = int(self.starts[-1])
+        self._pixels = _PixelFile(folder / "images.u8", pixels, 3)
         valid = folder / "valid.u8"
-        self._valid: UInt8[np.ndarray, p] | None = None
-        if valid.exists():
-            self._valid = np.asarray(np.memmap(valid, np.uint8, mode="r", shape=(int(self.starts[-1]),)))
+        self._valid = _PixelFile(valid, pixels, 1) if valid.exists() else None
         self._starts = torch.from_numpy(self.starts)
         self._widths = torch.from_numpy(sizes_px[:, 0].astype(np.int64))
 
@@ -45,7 +83,7 @@ class ImageStore:
     def image(self, i: int) -> UInt8[np.ndarray, "h w 3"]:
         """The pixels of image i: a read-only view of the file, not a copy."""
         width, height = self.sizes_px[i]
-        rows: UInt8[np.ndarray, "p 3"] = self._pixels[self.starts[i] : self.starts[i + 1]]
+        rows = self._pixels.stretch(int(self.starts[i]), int(self.starts[i + 1]))
         grid: UInt8[np.ndarray, "h w 3"] = rows.reshape(height, width, 3)
         return grid
 
@@ -54,19 +92,21 @@ class ImageStore:
         width, height = self.sizes_px[i]
         if self._valid is None:
             return np.ones((height, width), dtype=np.bool_)
-        usable: Bool[np.ndarray, p] = self._valid[self.starts[i] : self.starts[i + 1]] != 0
+        usable: Bool[np.ndarray, "p 1"] = (
+            self._valid.stretch(int(self.starts[i]), int(self.starts[i + 1])) != 0
+        )
         return usable.reshape(height, width)
 
     def colours(self, flat: Int[Tensor, "r"]) -> Float[Tensor, "r 3"]:
         """Colours in [0, 1] at flat pixel indices (of any image), on the indices' device."""
-        rows = torch.from_numpy(self._pixels[flat.cpu().numpy()])
+        rows = torch.from_numpy(self._pixels.pick(flat.cpu().numpy()))
         return rows.to(flat.device).float() / 255.0
 
     def valid_flat(self, flat: Int[Tensor, "r"]) -> Bool[Tensor, "r"]:
         """``valid`` at flat pixel indices."""
         if self._valid is None:
             return torch.ones_like(flat, dtype=torch.bool)
-        return torch.from_numpy(self._valid[flat.cpu().numpy()] != 0).to(flat.device)
+        return torch.from_numpy(self._valid.pick(flat.cpu().numpy())[:, 0] != 0).to(flat.device)
 
     def locate(self, flat: Int[Tensor, "r"]) -> tuple[Int[Tensor, "r"], Float[Tensor, "r 2"]]:
         """Image index and pixel centre (x + 0.5, y + 0.5) of flat pixel indices.  Indices are not

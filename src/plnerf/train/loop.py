@@ -35,7 +35,8 @@ from plnerf.train.guidance import favoured_pixels, guides_for, run_wires
 from plnerf.train.metrics import validation_psnr
 from plnerf.train.optimizer import Optimizer, build_optimizer
 from plnerf.train.pixels import PixelBatch, PixelSampler
-from plnerf.train.report import LOG_EVERY, Report
+from plnerf.train.ranks import ALONE, Ranks, SharedGradients, processes_here
+from plnerf.train.report import LOG_EVERY, Report, SilentReport
 from plnerf.train.run import build_model, open_scene, write_run
 from plnerf.train.step import NonFiniteMonitor, Training
 
@@ -50,38 +51,46 @@ def train(
     *,
     scene: Scene | None = None,
     finder: FindWires | None = None,
+    ranks: Ranks = ALONE,
 ) -> Path:
     """Trains a model, or goes on from the folder's newest checkpoint; returns the run folder.
 
     scene: as it was read; None: it is read.  finder: finds the wires in place of `detect_wires`.
+    ranks: the processes that train it together; each calls this.
     Raises TrainingError at a loss that is not finite (the last good checkpoint stays), CheckpointError at a
     full disk.  A run that has used up its budget is left as it is.
     """
-    scene = scene or open_scene(config, folder)
-    cfg, checkpoints = config.train, folder / "checkpoints"
-    saved = list_checkpoints(checkpoints)
-    _check_memory(config, len(scene.names))
-    scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved), finder=finder)
+    report, checkpoints = report if ranks.first else SilentReport(), folder / "checkpoints"
+    with ranks.first_alone():
+        cfg = ranks.share_of(config.train)
+        scene = scene or open_scene(config, folder)
+        saved = list_checkpoints(checkpoints)
+        _check_memory(config, len(scene.names))
+        scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved), finder=finder)
     model = build_model(config, scene, guides_for(wires, scene, config))
     optimizer = build_optimizer(model, cfg)
     step, seconds = 0, billable_seconds(searched, config)
     if saved:
         start = load_checkpoint(saved[-1], model, optimizer)
         step, seconds = start.step, start.seconds
+    ranks.require_same(model, step)
+    seconds = ranks.same(seconds)
     progress = progress_of(config, step, seconds)
     if progress >= 1:
         report.nothing_left(config, step, seconds)
         return folder
-    write_run(folder, config, scene)
+    if ranks.first:
+        write_run(folder, config, scene)
     sampler = PixelSampler(scene.images, scene.train, favoured_pixels(config, scene, wires), cfg.unbias)
     device = torch.device(config.device)
-    training = Training(model, optimizer, scene.cameras.to(device), cfg, NonFiniteMonitor(device))
+    shared = None if ranks.of == 1 else SharedGradients(model.parameters(), ranks)
+    training = Training(model, optimizer, scene.cameras.to(device), cfg, NonFiniteMonitor(device), shared)
     take_step, first = make_step(training, config), step
     check_every = 1 if device == CPU else LOG_EVERY  # asking a GPU waits for it
 
     def draw(step: int) -> tuple[PixelBatch, Generator]:
-        generator = step_generator(config.seed, step, CPU)
-        batch = sampler.draw(cfg.rays, generator)
+        generator = ranks.generator(CPU).manual_seed(step_seed(config.seed, step))
+        batch = sampler.draw(config.train.rays, generator, ranks.rays)
         return batch if device == CPU else pinned(batch), generator
 
     report.begin(config, scene, step)
@@ -93,7 +102,7 @@ def train(
             batch, generator = next(batches)
             model.update(step, generator)
             if device != CPU:
-                generator = step_generator(config.seed, step, device)
+                generator = ranks.generator(device).manual_seed(step_seed(config.seed, step))
             refine_poses = cfg.pose_refinement and progress >= cfg.pose_from
             terms = take_step(batch, anneal(step, cfg.anneal_steps), generator, refine_poses)
             if step % check_every == 0:
@@ -101,17 +110,20 @@ def train(
             step += 1
             # The first step of a process compiles the kernels: it does not count against a budget in seconds.
             seconds += time.perf_counter() - clock if report.steps else 0.0
+            seconds = ranks.same(seconds) if config.seconds else seconds
             before, progress = progress, progress_of(config, step, seconds)
             report.step(step, seconds, progress, terms)
-            if due(before, progress, cfg.validations):
+            if ranks.first and due(before, progress, cfg.validations):
                 same = step_generator(config.seed, 0, CPU)  # the same pixels every time
                 psnr_db = validation_psnr(model, scene, VALIDATION_PIXELS, generator=same)
                 report.validation(step, seconds, psnr_db)
             if due(before, progress, cfg.checkpoints):
                 _check_finite(training.monitor, first, step - 1, terms, checkpoints)
-                frames = scene.frames.to_json()
-                save_checkpoint(checkpoints, model, optimizer, step=step, seconds=seconds, frames=frames)
-                drop_old_checkpoints(checkpoints, keep=2)
+                ranks.require_same(model, step)
+                if ranks.first:
+                    frames = scene.frames.to_json()
+                    save_checkpoint(checkpoints, model, optimizer, step=step, seconds=seconds, frames=frames)
+                    drop_old_checkpoints(checkpoints, keep=2)
         report.end(step, seconds)
     return folder
 
@@ -120,6 +132,7 @@ def _check_memory(config: RunConfig, images: int) -> None:
     """Raises ConfigError where the model with its optimiser, or a step's rays, do not fit into memory."""
     # Before it is known whether there are wires: to find them takes long.
     model = COPIES_IN_TRAINING * parameter_bytes(config.model, images, guided=config.train.find_wires)
+    model *= processes_here()
     require_memory(
         model,
         "Training this model",
@@ -148,7 +161,9 @@ def make_step(
     training: Training, config: RunConfig
 ) -> Callable[[PixelBatch, float, Generator, bool], dict[str, Tensor]]:
     """A function that takes a step: a replayed CUDA graph where it can hold all ops, else `Training.step`."""
+    # A graph of a step that sums over several GPUs has not been tried.
     graphs_run = config.device == "cuda" and kernels(config.backend).supports_graphs
+    graphs_run = graphs_run and training.gradients is None
     if not graphs_run or not training.model.fixed_shapes:
         return training.step
     on_device = Generator(config.device)

@@ -128,20 +128,21 @@ class PixelSampler:
                 "Lower train.detail_share or train.curve_share."
             )
 
-    def draw(self, rays: int, generator: Generator) -> PixelBatch:
-        """A batch of pixels, drawn with replacement."""
+    def draw(self, rays: int, generator: Generator, share: slice = slice(None)) -> PixelBatch:
+        """A batch of pixels, drawn with replacement; of them the `share` that one process renders."""
         within = torch.randint(self.total, (rays,), generator=generator)
         slot = torch.searchsorted(self._ends, within, right=True)
         flat = self._firsts[slot] + within - torch.where(slot > 0, self._ends[slot - 1], 0)
         choice, reached = torch.rand(rays, generator=generator), 0.0
-        for pixels, share in zip(self._pools, self._shares, strict=True):
+        for pixels, part in zip(self._pools, self._shares, strict=True):
             pick = pixels[torch.randint(len(pixels), (rays,), generator=generator)]
-            flat = torch.where((choice >= reached) & (choice < reached + share), pick, flat)
-            reached += share
-        often = torch.full((rays,), self._uniform)
-        for pixels, share in zip(self._pools, self._shares, strict=True):
+            flat = torch.where((choice >= reached) & (choice < reached + part), pick, flat)
+            reached += part
+        flat = flat[share].contiguous()
+        often = torch.full((len(flat),), self._uniform)
+        for pixels, part in zip(self._pools, self._shares, strict=True):
             found = torch.searchsorted(pixels, flat).clamp(max=len(pixels) - 1)
-            often += share * self.total / len(pixels) * (pixels[found] == flat)
+            often += part * self.total / len(pixels) * (pixels[found] == flat)
         camera, pixel_px = self.store.locate(flat)
         return PixelBatch(
             camera, pixel_px, self.store.colours(flat), self.store.valid_flat(flat) * often**-self._unbias

@@ -143,6 +143,19 @@ def read_config(folder: Path) -> RunConfig:
     return from_json(RunConfig, data, str(path))
 
 
+def require_new_run(folder: Path) -> None:
+    """Raises ConfigError where the folder holds a run, or a part of one."""
+    if (folder / "config.json").exists():
+        raise ConfigError(
+            f"{folder} already holds a run. Give --resume to go on with it, or another folder to train anew."
+        )
+    if kept := list_checkpoints(folder / "checkpoints"):
+        raise ConfigError(
+            f"{folder} holds the checkpoint {kept[-1].name} of a run, but not its settings, config.json. "
+            "Put that file back, or remove the folder to train anew."
+        )
+
+
 def write_run(folder: Path, config: RunConfig, scene: Scene) -> None:
     """Writes scene.json and config.json."""
     write_record(folder, SceneRecord.of(scene))

@@ -19,6 +19,7 @@ from plnerf.train.config import TrainConfig
 from plnerf.train.losses import loss_terms
 from plnerf.train.optimizer import Optimizer
 from plnerf.train.pixels import PixelBatch
+from plnerf.train.ranks import SharedGradients
 
 
 class NonFiniteMonitor:
@@ -47,6 +48,8 @@ class Training:
     cameras: Cameras
     config: TrainConfig
     monitor: NonFiniteMonitor
+    gradients: SharedGradients | None = None
+    """Where several processes train together."""
 
     def step(
         self,
@@ -73,9 +76,13 @@ class Training:
             normals_shape_density=config.loss.normals_shape_density,
         )
         terms = loss_terms(out, batch.colour, batch.importance, config.loss, ray_ops(backend))
-        total = torch.stack(list(terms.values())).sum()
-        self.monitor.add(total.detach())
         self.optimizer.zero_grad(set_to_none=False)  # the ops add to the gradients in place
-        total.backward()
+        total = torch.stack(list(terms.values())).sum()
+        if self.gradients is None:
+            total.backward()
+        else:
+            terms = self.gradients.backward(terms)
+            total = torch.stack(list(terms.values())).sum()
+        self.monitor.add(total.detach())
         self.optimizer.step()
         return {name: term.detach() for name, term in terms.items()}
