@@ -13,8 +13,11 @@ from plnerf.detect.kept_wires import KeptWires
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.line.files import write_wires
 from plnerf.line.frame import LineFrame
-from plnerf.reconstruct import Listener, Stages, Training, reconstruct
+from plnerf.pipeline import bundled_span
+from plnerf.reconstruct import Listener, Stages, Training, first_config, reconstruct
+from plnerf.scene.formats import read_listing
 from plnerf.scene.scene import load_scene
+from plnerf.survey.config import SurveyConfig
 
 FIRST = "first survey"
 AFTER = ["survey", "evaluate", "render"]
@@ -40,7 +43,7 @@ def stages(done: list[str]) -> Stages:
     def note(name: str) -> Callable[..., None]:
         return lambda *_: done.append(name)
 
-    def survey(source: Path, out: Path, finder: KeptWires) -> None:
+    def survey(source: Path, out: Path, finder: KeptWires, config: SurveyConfig) -> None:
         done.append(FIRST if out.name == "survey" and out.parent.name != "run" else "survey")
         out.mkdir(parents=True, exist_ok=True)
         (out / "report.html").write_text("made by reconstruct")
@@ -140,8 +143,8 @@ def test_the_first_report_is_there_before_training(
 def test_wires_that_are_lost_are_found_again(
     loss: Callable[[Path], object], tiny_scene: Path, tmp_path: Path, stages: Stages, done: list[str]
 ) -> None:
-    def survey(source: Path, out: Path, finder: KeptWires) -> None:
-        stages.survey(source, out, finder)
+    def survey(source: Path, out: Path, finder: KeptWires, config: SurveyConfig) -> None:
+        stages.survey(source, out, finder, config)
         write_wires(finder.path, (), LineFrame.of_scene(load_scene(tiny_scene).frames), {})
 
     wires = tmp_path / "out" / "wires.json"
@@ -203,3 +206,11 @@ def test_photos_are_captured_first(tiny_scene: Path, tmp_path: Path, stages: Sta
     photos = tiny_scene / "images"
     call(replace(stages, capture=capture), photos, tmp_path / "out")
     assert done[:3] == ["capture images scene", FIRST, "train pl-nerf-wire"]
+
+
+def test_the_first_survey_matches_smaller_images(tiny_scene: Path) -> None:
+    full = SurveyConfig()
+    assert first_config(read_listing(tiny_scene)) == full  # they are tiny already
+    first = first_config(read_listing(bundled_span()))
+    assert (first.stereo.longest_px, first.stereo.coarse.longest_px) == (240, 240)
+    assert (first.detect, first.refine, first.clearance) == (full.detect, full.refine, full.clearance)

@@ -10,7 +10,7 @@ Nothing is printed: stages are announced by callbacks.
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from plnerf.capture.capture import CaptureConfig
@@ -18,16 +18,27 @@ from plnerf.detect.detect import FindWires
 from plnerf.detect.kept_wires import KeptWires
 from plnerf.doctor import stage_times
 from plnerf.errors import ConfigError
-from plnerf.pipeline import capture_scene, evaluate, render, resume_run, survey, train_scene
+from plnerf.pipeline import (
+    capture_scene,
+    compile_kernels_of,
+    evaluate,
+    render,
+    resume_run,
+    survey,
+    train_scene,
+)
 from plnerf.render.picture_files import write_text
 from plnerf.scene.fingerprint import file_sha256, listing_sha256, photos_sha256
 from plnerf.scene.formats import has_poses, read_listing
 from plnerf.scene.listing import Listing
 from plnerf.scene.only_writer import only_writer
 from plnerf.scene.strict_json import object_of, read_json, shown
+from plnerf.survey.config import SurveyConfig
 from plnerf.train.checkpoint import list_checkpoints
 
 STATE = "reconstruct.json"
+LEAST_PX = 200
+"""Longer side of images in which stereo still sees plants and structures."""
 FIRST, WIRES = "first survey", "wires.json"
 """The survey of the scene, in the state; the wires that it found, in the folder."""
 RESULTS = {"survey": "survey", "eval": "eval", "render": "renders"}
@@ -48,16 +59,16 @@ def _render_path(run: Path) -> Path:
     return render(run, views="path", outputs=("rgb", "depth"))
 
 
-def _survey(source: Path, out: Path, finder: FindWires) -> object:
-    return survey(source, out=out, finder=finder)
+def _survey(source: Path, out: Path, finder: FindWires, config: SurveyConfig) -> object:
+    return survey(source, config, out, finder=finder)
 
 
 @dataclass(frozen=True)
 class Stages:
     """The stages that `reconstruct` calls; the command line puts in its own, which show their progress.
 
-    Surveys get a scene or a run, the folder to write, and what finds the wires; training gets the latter as
-    its option `finder`.
+    Surveys get a scene or a run, the folder to write, what finds the wires, and settings; training gets what
+    finds the wires as its option `finder`.
     """
 
     capture: Callable[[Path, Path, CaptureConfig], object] = capture_scene
@@ -65,7 +76,7 @@ class Stages:
     resume: Callable[[Path, Path], object] = resume_run
     eval: Callable[[Path], object] = evaluate
     render: Callable[[Path], object] = _render_path
-    survey: Callable[[Path, Path, FindWires], object] = _survey
+    survey: Callable[[Path, Path, FindWires, SurveyConfig], object] = _survey
 
 
 @dataclass(frozen=True)
@@ -106,6 +117,8 @@ def _reconstruct(
     listener: Listener,
 ) -> Path:
     scene, run = source, out / "run"
+    if not (run / "config.json").exists():
+        compile_kernels_of(training.preset)
     if not has_poses(source):
         scene = out / "scene"
         if not has_poses(scene):
@@ -131,7 +144,7 @@ def _reconstruct(
         stages.train(scene, run, **asdict(training), finder=finder)
     newest = list_checkpoints(run / "checkpoints")[-1].stem
     after: dict[str, Callable[[], object]] = {
-        "survey": lambda: stages.survey(run, run / RESULTS["survey"], finder),
+        "survey": lambda: stages.survey(run, run / RESULTS["survey"], finder, SurveyConfig()),
         "eval": lambda: stages.eval(run),
         "render": lambda: stages.render(run),
     }
@@ -169,8 +182,23 @@ def _survey_first(
         return
     about = "survey of the scene: the first report, from images and poses alone"
     listener.begins(about, stage_times.survey_s(listing))
-    stages.survey(scene, folder, finder)
+    stages.survey(scene, folder, finder, first_config(listing))
     state.done(FIRST, key, out, [finder.path, *sorted(folder.rglob("*"))])
+
+
+def first_config(listing: Listing) -> SurveyConfig:
+    """Settings of the first survey: stereo at half of the size that it would have, an eighth of its work.
+
+    Wires are found and fitted in the photos at their full size, as ever; images of less than twice
+    `LEAST_PX` are not reduced.
+    """
+    config = SurveyConfig()
+    longest = max(max(shot.intrinsics.width, shot.intrinsics.height) for shot in listing.shots)
+    half = min(longest, config.stereo.longest_px) // 2
+    if half < LEAST_PX:
+        return config
+    coarse = replace(config.stereo.coarse, longest_px=min(half, config.stereo.coarse.longest_px))
+    return replace(config, stereo=replace(config.stereo, longest_px=half, coarse=coarse))
 
 
 def _put_aside(run: Path) -> Path:

@@ -104,8 +104,8 @@ def reconstruct(
         about = "" if seconds is None else f" (about {in_words(seconds)}, an estimate)"
         say(console, f"{stage}{about}")
 
-    def surveyed(source: Path, out: Path, finder: Any) -> None:
-        survey_shown(console, source, out, finder=finder)
+    def surveyed(source: Path, out: Path, finder: Any, config: Any) -> None:
+        survey_shown(console, source, out, config, finder=finder)
 
     stages = Stages(
         partial(capture_shown, console),
