@@ -181,8 +181,9 @@ def _survey_first(
         listener.skipped(f"{FIRST}: there already, {folder}")
         return
     about = "survey of the scene: the first report, from images and poses alone"
-    listener.begins(about, stage_times.survey_s(listing))
-    stages.survey(scene, folder, finder, first_config(listing))
+    config = first_config(listing)
+    listener.begins(about, stage_times.survey_s(listing, config))
+    stages.survey(scene, folder, finder, config)
     state.done(FIRST, key, out, [finder.path, *sorted(folder.rglob("*"))])
 
 

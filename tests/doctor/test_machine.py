@@ -39,7 +39,8 @@ def test_the_command_needs_no_scene(
     monkeypatch.setattr(sys, "argv", ["plnerf", "doctor", "--machine", "-o", str(out)])
     main()
     said, machine = capsys.readouterr().out, json.loads(out.read_text())
-    assert machine["usable_cores"] >= 1 and len(machine["kernels"]) == 3
+    places = " ".join(one["path"] for one in machine["kernels"])
+    assert machine["usable_cores"] >= 1 and all(room in places for room in ("detect", "ops", "survey"))
     assert f"backend    {machine['backend']} on {machine['device']}" in said
     assert all(one["path"] in said for one in machine["kernels"])
 

@@ -1,9 +1,11 @@
 """How long the stages of `reconstruct` take, estimated from images and pixels before they begin.
 
-Rules of thumb, measured on two cores of an AMD EPYC; other machines and scenes with more wires take other
+Rough rules of thumb for two cores: only the survey's was compared with a run, of the bundled span (66 s
+estimated, 84 s of processor time on two threads); other machines, and scenes with more wires, take other
 times.
 """
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,8 +13,11 @@ from plnerf.capture.photos import find_photos
 from plnerf.doctor.cost import poses_s
 from plnerf.errors import CaptureError
 from plnerf.scene.listing import Listing
+from plnerf.survey.config import SurveyConfig
 
-SURVEY_S, SURVEY_S_PER_IMAGE, SURVEY_S_PER_MP = 10.0, 0.5, 6.0
+SURVEY_S, WIRES_S_PER_IMAGE, STEREO_S_PER_MP = 10.0, 0.4, 10.0
+"""Seconds of a survey: whatever it surveys; of an image in which wires are found and fitted; of a megapixel
+at the size at which stereo matches it."""
 FIELD_S = 30.0
 """What the field's points on wires and its surface add."""
 EVAL_S_PER_MP, RENDER_S_PER_MP = 10.0, 8.0
@@ -30,14 +35,18 @@ def capture_s(source: Path) -> float | None:
         return None
 
 
-def survey_s(listing: Listing) -> float:
+def survey_s(listing: Listing, config: SurveyConfig) -> float:
     """Seconds of a survey from images and poses alone."""
-    return SURVEY_S + SURVEY_S_PER_IMAGE * len(listing.shots) + SURVEY_S_PER_MP * _megapixels(listing)
+    matched = 0.0
+    for lens in (shot.intrinsics for shot in listing.shots):
+        reduced = math.ceil(max(lens.width, lens.height) / config.stereo.longest_px)
+        matched += lens.width * lens.height / reduced**2 / 1e6
+    return SURVEY_S + WIRES_S_PER_IMAGE * len(listing.shots) + STEREO_S_PER_MP * matched
 
 
 def field_survey_s(listing: Listing, downscale: int) -> float:
     """Seconds of a survey with the field, whose wires are known."""
-    return survey_s(listing) + FIELD_S
+    return survey_s(listing, SurveyConfig()) + FIELD_S
 
 
 def eval_s(listing: Listing, downscale: int) -> float:

@@ -68,7 +68,7 @@ def run_wires(
         compile_kernels()  # like that of the first step, not counted against a budget in seconds
         start = time.perf_counter()
         scene, _ = with_adjusted_poses(scene, config.poses)
-        wires = (finder or detect_wires)(scene, config.detect, None)
+        wires = detect_wires(scene, config.detect) if finder is None else finder(scene, config.detect, None)
         seconds = time.perf_counter() - start
     fitted = fitted_to(certain(wires), scene)
     old, new = (LineFrame.of_scene(one.frames) for one in (scene, fitted))
