@@ -60,6 +60,15 @@ def test_a_record_of_a_place_that_32_bits_do_not_hold(scene: Scene, tmp_path: Pa
         read_record(tmp_path)
 
 
+@pytest.mark.parametrize("wrong", [[[0.0, 0.0]], [["a", 0, 0]], 3, {"a": 1}])
+def test_a_record_of_stated_centres_that_are_none(wrong: object, scene: Scene, tmp_path: Path) -> None:
+    write_run(tmp_path, tiny_config(Path("/data/span")), scene)
+    data = json.loads((tmp_path / "scene.json").read_text())
+    (tmp_path / "scene.json").write_text(json.dumps(data | {"stated_centre": wrong}))
+    with pytest.raises(ConfigError, match=r"scene\.json .*train again"):
+        read_record(tmp_path)
+
+
 def test_a_run_of_an_earlier_version_is_to_be_trained_again(scene: Scene, tmp_path: Path) -> None:
     write_run(tmp_path, tiny_config(Path("/data/span")), scene)
     data = json.loads((tmp_path / "config.json").read_text())

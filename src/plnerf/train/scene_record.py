@@ -120,20 +120,22 @@ def _stated(value: Any, count: int) -> Float[torch.Tensor, "n 3"] | None:
     """Camera centres as the scene states them, where its poses were adjusted."""
     if value is None:
         return None
-    return torch.tensor(_numbers(value, "stated_centre", count, 3), dtype=torch.float32)
+    return _tensor(value, "stated_centre", count, 3)
 
 
 def _cameras(columns: dict[str, Any], count: int) -> Cameras:
-    kinds = {"size_px": torch.int64}
     shapes = {"R_scene_camera": (3, 3), "centre": (3,), "distortion": (5,)}
     tensors = {
-        one.name: torch.tensor(
-            _numbers(columns[one.name], one.name, count, *shapes.get(one.name, (2,))),
-            dtype=kinds.get(one.name, torch.float32),
-        )
+        one.name: _tensor(columns[one.name], one.name, count, *shapes.get(one.name, (2,)))
         for one in fields(Cameras)
     }
-    for name, tensor in tensors.items():
-        if not tensor.isfinite().all():  # what is finite in 64 bits need not be in 32
-            raise ValueError(f"{name} holds a number that is too large")
     return Cameras(**tensors)
+
+
+def _tensor(value: Any, key: str, *shape: int) -> torch.Tensor:
+    """Finite numbers of a stated shape, as cameras hold them."""
+    kind = torch.int64 if key == "size_px" else torch.float32
+    tensor = torch.tensor(_numbers(value, key, *shape), dtype=kind)
+    if not tensor.isfinite().all():  # what is finite in 64 bits need not be in 32
+        raise ValueError(f"{key} holds a number that is too large")
+    return tensor
