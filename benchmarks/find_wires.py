@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from plnerf.capture.adjusted_poses import PosesConfig, with_adjusted_poses
+from plnerf.capture.adjusted_poses import with_adjusted_poses
+from plnerf.capture.poses_config import PosesConfig
 from plnerf.capture.similarity import Similarity
 from plnerf.detect.detect import detect_wires
 from plnerf.field.guides import scene_points

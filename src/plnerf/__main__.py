@@ -1,5 +1,6 @@
-"""`python -m plnerf`: the command line, in the form in which torchrun starts it."""
+"""`python -m plnerf`: the command line, for programs that start modules, as torchrun does."""
 
 from plnerf.cli.main import main
 
-main()
+if __name__ == "__main__":
+    main()

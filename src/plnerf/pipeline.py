@@ -16,9 +16,9 @@ from typing import Any, Literal
 
 import torch
 
-from plnerf.capture.adjusted_poses import PosesConfig
 from plnerf.capture.capture import CaptureConfig, capture
 from plnerf.capture.mapping import Tell
+from plnerf.capture.poses_config import PosesConfig
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.detect import FindWires
 from plnerf.errors import ConfigError

@@ -18,15 +18,7 @@ from plnerf.detect.detect import FindWires
 from plnerf.detect.kept_wires import KeptWires
 from plnerf.doctor import stage_times
 from plnerf.errors import ConfigError
-from plnerf.pipeline import (
-    capture_scene,
-    compile_kernels_of,
-    evaluate,
-    render,
-    resume_run,
-    survey,
-    train_scene,
-)
+from plnerf.pipeline import capture_scene, evaluate, render, resume_run, survey, train_scene
 from plnerf.render.picture_files import write_text
 from plnerf.scene.fingerprint import file_sha256, listing_sha256, photos_sha256
 from plnerf.scene.formats import has_poses, read_listing
@@ -117,8 +109,6 @@ def _reconstruct(
     listener: Listener,
 ) -> Path:
     scene, run = source, out / "run"
-    if not (run / "config.json").exists():
-        compile_kernels_of(training.preset)
     if not has_poses(source):
         scene = out / "scene"
         if not has_poses(scene):

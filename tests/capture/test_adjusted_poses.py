@@ -9,8 +9,9 @@ import torch
 from jaxtyping import Float
 from tests.support.flown_plane import SIZE, write_flight
 
-from plnerf.capture.adjusted_poses import PosesConfig, with_adjusted_poses
-from plnerf.capture.tie_points import TieConfig, neighbour_pairs, tie_points
+from plnerf.capture.adjusted_poses import with_adjusted_poses
+from plnerf.capture.poses_config import PosesConfig, TieConfig
+from plnerf.capture.tie_points import neighbour_pairs, tie_points
 from plnerf.errors import ConfigError
 from plnerf.scene.scene import Scene, load_scene
 

@@ -5,7 +5,8 @@ import pytest
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from plnerf.capture.bundle_adjustment import Adjusted, AdjustmentConfig, adjust
+from plnerf.capture.bundle_adjustment import Adjusted, adjust
+from plnerf.capture.poses_config import AdjustmentConfig
 from plnerf.capture.tie_points import TiePoints
 from plnerf.errors import ConfigError
 

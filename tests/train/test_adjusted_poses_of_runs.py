@@ -8,8 +8,7 @@ import torch
 from tests.support.flown_plane import write_flight
 from tests.support.tiny_run import tiny_config
 
-from plnerf.capture.adjusted_poses import PosesConfig
-from plnerf.capture.tie_points import TieConfig
+from plnerf.capture.poses_config import PosesConfig, TieConfig
 from plnerf.errors import SceneError
 from plnerf.scene.scene import load_scene
 from plnerf.train.guidance import run_wires

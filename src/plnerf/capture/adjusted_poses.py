@@ -6,55 +6,19 @@ show which is the case, and all are adjusted only where those agree clearly bett
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from plnerf.capture.bundle_adjustment import Adjusted, AdjustmentConfig, adjust
+from plnerf.capture.bundle_adjustment import Adjusted, adjust
 from plnerf.capture.pairs import Pair
-from plnerf.capture.tie_points import TieConfig, neighbour_pairs, sampled_pairs, tie_points
-from plnerf.errors import ConfigError
+from plnerf.capture.poses_config import PosesConfig
+from plnerf.capture.tie_points import neighbour_pairs, sampled_pairs, tie_points
 from plnerf.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class PosesConfig:
-    """Whether the given poses of a scene are adjusted before wires are detected."""
-
-    adjust: bool = True
-    """Whether poses are adjusted where that makes photos agree better."""
-    loose_px: float = 0.25
-    """Poses are adjusted where the median reprojection error of tie points is more than this,"""
-    gain: float = 0.7
-    """and falls to this share or less,"""
-    agree_px: float = 1.0
-    """and to no more than this: what stays farther apart are no matches."""
-    groups: int = 5
-    """Groups of neighbouring photos that show whether an adjustment would help."""
-    group_size: int = 5
-    """Photos of a group."""
-    min_points: int = 30
-    """Tie points that groups must have to decide; and without which poses stay as they are."""
-    max_images: int = 2000
-    """Scenes of more images are not adjusted: the equations take memory with the square of this number."""
-    ties: TieConfig = field(default_factory=TieConfig)
-    adjustment: AdjustmentConfig = field(default_factory=AdjustmentConfig)
-
-    def __post_init__(self) -> None:
-        if (
-            not 0 < self.gain <= 1
-            or not min(self.loose_px, self.agree_px) > 0
-            or min(self.groups, self.min_points) < 1
-            or self.group_size < 3
-        ):
-            raise ConfigError(
-                "poses need a gain above 0 and at most 1, loose_px and agree_px above 0, groups and "
-                f"min_points of 1 or more and a group_size of 3 or more, but got {self}."
-            )
 
 
 @dataclass(frozen=True)

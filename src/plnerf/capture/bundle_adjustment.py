@@ -7,7 +7,6 @@ the photos of a synthetic flight whose poses are off by 2 cm came to lie 5 cm of
 Scene units, float64.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,34 +14,11 @@ from jaxtyping import Float
 from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.spatial.transform import Rotation
 
+from plnerf.capture.poses_config import AdjustmentConfig
 from plnerf.capture.tie_points import TiePoints
-from plnerf.errors import ConfigError
 
 LEAST_ANGLE_RAD = 0.05
 """Angle between the rays of a point below which its depth is not known well enough to start from."""
-
-
-@dataclass(frozen=True)
-class AdjustmentConfig:
-    """Noise of features, and accuracy of poses."""
-
-    pose_px: float = 0.5
-    """Standard deviation of what a pose's rotation, and what its position, moves in its photo, from which
-    the learning of these deviations starts."""
-    feature_px: float = 0.5
-    """Standard deviation of a feature's position: twice what is left at good poses, since errors of
-    neighbouring features are not independent."""
-    outlier_px: float = 1.5
-    """Scale of the robust loss (Geman and McClure): residuals beyond it lose their weight."""
-    steps: int = 10
-    """Gauss-Newton steps."""
-
-    def __post_init__(self) -> None:
-        if min(self.pose_px, self.feature_px, self.outlier_px) <= 0 or self.steps < 1:
-            raise ConfigError(
-                "A bundle adjustment needs pose_px, feature_px and outlier_px above 0 and steps of 1 or "
-                f"more, but got {self}."
-            )
 
 
 class Adjusted(NamedTuple):

@@ -8,7 +8,6 @@ its own.
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple, TypeVar
 
@@ -19,44 +18,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from plnerf.capture.pairs import Pair
-from plnerf.errors import ConfigError
+from plnerf.capture.poses_config import TieConfig
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
 
 T = TypeVar("T")
 S = TypeVar("S")
-
-
-@dataclass(frozen=True)
-class TieConfig:
-    """Which features are found, and which of them match."""
-
-    features: int = 2048
-    """Features of a photo at most: the strongest."""
-    contrast: float = 0.02
-    """Least contrast of a feature (OpenCV's contrastThreshold)."""
-    max_image_px: int = 1600
-    """Longer side of the photos in which features are found."""
-    partners: int = 10
-    """Photos that each is matched with: those taken from near by in nearly the same direction."""
-    ratio: float = 0.8
-    """Greatest distance of a match as a share of that of the next best.  Lowe 2004, section 7.1."""
-    epipolar_px: float = 8.0
-    """Greatest distance from the epipolar line: poses may be off by so much."""
-    min_images: int = 3
-    """Least photos that show a tie point.  Any two agree by chance along their epipolar lines."""
-
-    def __post_init__(self) -> None:
-        if min(self.features, self.max_image_px) < 64 or self.partners < 1 or self.min_images < 2:
-            raise ConfigError(
-                "Tie points need features and max_image_px of 64 or more, partners of 1 or more and "
-                f"min_images of 2 or more, but got {self}."
-            )
-        if not 0 < self.ratio <= 1 or min(self.epipolar_px, self.contrast) <= 0:
-            raise ConfigError(
-                "Tie points need a ratio above 0 and at most 1, and epipolar_px and contrast above 0, but "
-                f"got {self}."
-            )
 
 
 class Features(NamedTuple):

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
-from plnerf.capture.adjusted_poses import PosesConfig
+from plnerf.capture.poses_config import PosesConfig
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.ops.backends import Backend
