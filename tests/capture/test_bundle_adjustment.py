@@ -98,6 +98,13 @@ def test_exact_poses_hardly_move() -> None:
     assert place < 0.0005 and turn < 0.0002
 
 
+def test_noise_of_features_is_not_followed_where_poses_are_exact() -> None:
+    """Every step is drawn back to the given poses, not only made shorter."""
+    found = adjusted(true_poses(), ties(0.8))
+    assert errors(found.R_scene_camera, found.centre)[0] < 0.0003
+    assert found.sigma[0] < 0.0005
+
+
 def test_wrong_matches_do_not_count() -> None:
     given = off(0.01, 0.002)
     found = adjusted(given, ties(0.2, outliers=0.1))
