@@ -53,7 +53,7 @@ def export_source(
     if (source / SURVEY_FILE).is_file() or source.name == SURVEY_FILE:
         do = "Give the folder of the run that it was made of,"
         chosen = _known(source, "a survey", formats, FORMATS, do)
-        return export_survey(source, chosen or None, out, codes)  # type: ignore[arg-type]  # of FORMATS
+        return export_survey(source, chosen or None, out, codes)  # type: ignore[arg-type]  # all FORMATS
     if (source / "config.json").is_file():
         survey = source / "survey"
         surveyed = (survey / SURVEY_FILE).is_file()

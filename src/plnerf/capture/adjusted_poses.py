@@ -23,7 +23,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class PoseAdjustment:
-    """What an adjustment of all poses did."""
+    """The result of an adjustment of all poses, in numbers."""
 
     images: int
     points: int

@@ -2,9 +2,8 @@
 
 Gauss-Newton over n poses and p points, the points eliminated (Schur complement; Triggs et al. 2000, section
 6).  All six numbers of every pose have a prior at what was given, of a standard deviation that is learnt, so
-that the poses together neither drift nor turn and world coordinates keep their meaning.  Without the prior
-the photos of a synthetic flight whose poses are off by 2 cm came to lie 5 cm off.  Lenses stay as they are.
-Scene units, float64.
+that the poses together neither drift nor turn and world coordinates keep their meaning: tie points alone
+leave a similarity of all poses and points free.  Lenses stay as they are.  Scene units, float64.
 """
 
 from typing import NamedTuple
@@ -186,7 +185,9 @@ class _Problem:
         weighted = J * w[:, None, None]
         V = np.add.reduceat(weighted.transpose(0, 2, 1) @ J, self.starts)
         h = np.add.reduceat(-(weighted * r[:, :, None]).sum(1), self.starts)
-        return V + 1e-6 * np.trace(V, axis1=1, axis2=2)[:, None, None] * np.eye(3), h
+        # Of a point whose observations all lost their weight nothing is left: it must still be invertible.
+        damping = 1e-6 * np.trace(V, axis1=1, axis2=2) + np.finfo(np.float32).tiny
+        return V + damping[:, None, None] * np.eye(3), h
 
     def _matrix(self, blocks: Float[np.ndarray, "m 6 3"]) -> csr_matrix:
         """Poses by points, a block for each observation."""

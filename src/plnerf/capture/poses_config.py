@@ -1,4 +1,4 @@
-"""What decides whether, and how, given poses are adjusted to tie points."""
+"""Settings of the adjustment of given poses to tie points."""
 
 from dataclasses import dataclass, field
 
@@ -42,8 +42,8 @@ class AdjustmentConfig:
     """Noise of features, and accuracy of poses."""
 
     pose_px: float = 0.5
-    """Standard deviation of what a pose's rotation, and what its position, moves in its photo, from which
-    the learning of these deviations starts."""
+    """Initial standard deviation of poses, as the displacement in the photo that an error of the rotation, or
+    of the position, causes; the final one is learnt."""
     feature_px: float = 0.5
     """Standard deviation of a feature's position: twice what is left at good poses, since errors of
     neighbouring features are not independent."""
@@ -77,7 +77,8 @@ class PosesConfig:
     group_size: int = 5
     """Photos of a group."""
     min_points: int = 30
-    """Tie points that groups must have to decide; and without which poses stay as they are."""
+    """Fewest tie points: with fewer the groups decide nothing, and all photos are tried; with fewer in all
+    photos, poses stay as they are."""
     max_images: int = 2000
     """Scenes of more images are not adjusted: the equations take memory with the square of this number."""
     ties: TieConfig = field(default_factory=TieConfig)

@@ -193,7 +193,7 @@ def doctor(
 
 
 def _machine_shown(console: Console, out: Path | None) -> None:
-    """What this machine brings, and its JSON."""
+    """Print `examine_machine`, and write it as JSON."""
     from plnerf.console import say
     from plnerf.doctor.machine import examine_machine, machine_text, write_machine
 

@@ -26,7 +26,7 @@ class KeptWires:
 
     path: Path
     scene_sha256: str
-    """Of all that decides what the scene shows: `listing_sha256`."""
+    """Fingerprint of all that decides what the scene shows: `listing_sha256`."""
 
     def __call__(
         self, scene: Scene, config: DetectConfig, progress: Progress | None = None

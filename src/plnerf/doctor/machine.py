@@ -1,4 +1,4 @@
-"""What this machine brings: backend, cores, memory; and which kernels are compiled already, and where."""
+"""The machine: backend, cores, memory; and which kernels are compiled already, and where."""
 
 import json
 import os
@@ -24,12 +24,12 @@ class KernelFolder:
     kernels: int
     """Kernels of this version of plnerf that belong here."""
     compiled: int
-    """Of these, the ones that were compiled before."""
+    """How many of these are compiled already."""
     files: int
     """Machine code for one kind of arguments each."""
     megabytes: float
     other_megabytes: float
-    """Of kernels of other versions, which are removed after two weeks."""
+    """Size of the kernels of other versions, which are removed after two weeks."""
 
 
 @dataclass(frozen=True)
