@@ -95,6 +95,17 @@ def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
     assert known.odds.sharp_px == search.sharpness.odds_px
 
 
+def test_ridges_count_farther_away_while_they_are_blurred_and_not_after() -> None:
+    search = a_search()
+    search.mask_ridges(line(planes=3))
+    sharp_px, wide_px = search.odds.sharp_px, search.config.odds.sharp_px
+    assert search.sharpness is not None and sharp_px == search.sharpness.odds_px < wide_px
+    with search.blurred():
+        search.mask_ridges(line(y=0.2, planes=3))
+        assert search.odds.sharp_px == search.all_odds.sharp_px == wide_px
+    assert search.odds.sharp_px == search.all_odds.sharp_px == sharp_px
+
+
 def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     best, twin, road = line(odds=900.0), line(y=0.1, odds=210.0, planes=60), line(sag=0.0, odds=2000.0)
     faint = line(y=-0.1, odds=SELECT.min_odds_similar - 1)

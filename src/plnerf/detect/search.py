@@ -1,6 +1,7 @@
 """The search for lines among the ridges that are left: a ridge counts for one line only."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple, no_type_check
 
@@ -282,6 +283,20 @@ class Search:
         fine = np.linspace(self.x[first], self.x[last], 40 * (last - first + 1))
         mask_ridges(self.views, T @ line.theta, fine, self.mask_px(line), own)
         return own
+
+    @contextmanager
+    def blurred(self) -> Iterator[None]:
+        """Ridges may lie as far from a line as before the first wire had shown how near to it they lie."""
+        sharp_px = self.all_odds.sharp_px
+        self._blur(max(sharp_px, self.config.odds.sharp_px))
+        try:
+            yield
+        finally:
+            self._blur(sharp_px)
+
+    def _blur(self, sharp_px: float) -> None:
+        self.all_odds = self.all_odds._replace(sharp_px=sharp_px)
+        self.odds = self.odds._replace(sharp_px=sharp_px)
 
     def update_odds(self) -> None:
         """Lets the odds know which ridges are left."""

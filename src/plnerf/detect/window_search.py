@@ -57,6 +57,9 @@ def find_lines(
         # Fitted again, the lines leave more of their ridges to others.
         if more := _like_the_leaders(search, met, lines, judged):
             lines = refit_all(search, [*lines, *more])
+        # A wire beside the camera is ten pixels wide: its ridges lie farther from it than the first one's.
+        with search.blurred():
+            lines += refit_all(search, _like_the_leaders(search, met, lines, judged))
         pixel = typical_footprint(search.views, first[0].theta, search.x, config.certainty)
         lines = without_gaps(lines, len(search.x), pixel, config.search)
     wires = select_wires(lines, search.length, config.select)
