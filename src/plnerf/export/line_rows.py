@@ -14,8 +14,8 @@ SPANS, PHASES, ATTACHMENTS, STRINGS = "spans.csv", "phases.csv", "attachments.cs
 
 
 def span_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
-    """A row for each span: its structures with their names, its stations, its length between structures, its
-    direction, and how many phases and other wires it has."""
+    """A row for each span: its structures with their names, its stations, its length (empty where a
+    structure is not known), its direction, and how many phases and other wires it has."""
     rows = []
     for line in survey.lines:
         names = {one.id: one.name for one in line.structures}
@@ -29,7 +29,7 @@ def span_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
                 "line": line.id, "line_name": line.name, "voltage_kv": line.voltage_kv, "span": span.id,
                 "structure_a": held_a, "name_a": names.get(held_a or 0), "structure_b": held_b,
                 "name_b": names.get(held_b or 0), "station_a_m": stretch.from_m,
-                "station_b_m": stretch.to_m, "length_m": stretch.base.length_m,
+                "station_b_m": stretch.to_m, "length_m": stretch.length_m,
                 "azimuth_deg": math.degrees(math.atan2(b[0] - a[0], b[1] - a[1])) % 360,
                 "phases": sum(one.kind == "phase" for one in phases),
                 "other_wires": sum(one.kind != "phase" for one in phases),

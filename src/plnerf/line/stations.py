@@ -33,6 +33,11 @@ class Stretch:
     """Station of where it begins."""
 
     @property
+    def length_m(self) -> float | None:
+        """Horizontal distance between its structures; None where one of them is not known."""
+        return None if None in self.held else self.base.length_m
+
+    @property
     def to_m(self) -> float:
         """Station of where it ends."""
         return self.from_m + self.base.length_m

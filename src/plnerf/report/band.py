@@ -7,6 +7,7 @@ from plnerf.line.line import Structure
 from plnerf.line.stations import Chain, azimuth_deg
 from plnerf.report.figures import Units, degrees
 from plnerf.report.side import BOTTOM, TOP, Scale
+from plnerf.report.words import length_of
 
 BAND = 40
 """Its height, in pixels."""
@@ -29,7 +30,7 @@ def band(
     ]
     for one in sheet:
         left, right = scale.x(one.from_m), scale.x(one.to_m)
-        length, azimuth = units.with_unit(one.base.length_m, 1), degrees(azimuth_deg(frame, one.base), 1)
+        length, azimuth = length_of(one, units), degrees(azimuth_deg(frame, one.base), 1)
         texts = [f"span {one.span.id}: {length}, {azimuth}", f"{one.span.id}: {length}", f"{one.span.id}"]
         text = next((text for text in texts if LETTER_PX * len(text) + 8 < right - left), None)
         if text is not None:

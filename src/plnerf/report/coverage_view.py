@@ -51,7 +51,7 @@ def coverage_tables(survey: Survey) -> list[Table]:
         "found there does not mean that nothing is there."
     )
     return [
-        Table([head, *units.heads("length"), "ground seen", "air seen", "images",
+        Table([head, *units.heads("examined"), "ground seen", "air seen", "images",
                *units.heads("not seen"), "not seen at stations"], spans, about, frozenset({6})),
         Table([head, *units.heads("stations"), "ground seen", "air seen", "images", ""], rows,
               "Stretch by stretch.", frozenset({5}), folded="Coverage, stretch by stretch"),

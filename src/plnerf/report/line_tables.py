@@ -11,7 +11,7 @@ from plnerf.line.wire import Wire
 from plnerf.report.figures import AS_THEY_ARE, CERTAIN, NOTHING, Units, degrees, listed, runs_of, wires_named
 from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Table
-from plnerf.report.words import number_of, numbers_of_spans, span_head
+from plnerf.report.words import length_of, number_of, numbers_of_spans, span_head
 
 
 def span_table(survey: Survey) -> Table | None:
@@ -30,7 +30,7 @@ def span_table(survey: Survey) -> Table | None:
     return Table(
         columns, rows,
         "Stations count along each line from its first structure; lengths are horizontal, from structure to "
-        "structure or to where the wires end. Direction: clockwise from "
+        "structure; a dash: no structure is seen at one end. Direction: clockwise from "
         f"{'north' if survey.frame.crs else 'the y axis'}. Sag and swing: the least and the greatest of the "
         "span's wires. Swing: the angle of the load about the span, to the left of its direction where "
         "positive; a dash: the wires were taken to hang straight down.",
@@ -45,7 +45,7 @@ def _span(survey: Survey, line: Line, one: Stretch, units: Units) -> list[str]:
     swings = [_turned(wire, one) for wire in wires]
     return [
         number_of(survey, line, one.span), f"{first} to {last}", units.length(one.from_m, 1),
-        units.length(one.base.length_m, 1), degrees(azimuth_deg(survey.frame, one.base), 1),
+        units.length(one.length_m, 1), degrees(azimuth_deg(survey.frame, one.base), 1),
         runs_of([wire.id for wire in wires]), value_range([wire.sag for wire in wires], units, 2) or NOTHING,
         value_range(swings, AS_THEY_ARE, 1) or NOTHING, open_ends(wires) or NOTHING,
     ]  # fmt: skip
@@ -163,6 +163,5 @@ def span_headings(survey: Survey) -> list[tuple[int, str]]:
         held = [str(id_) for id_ in one.held if id_ is not None]
         between = f"structure{'s' * (len(held) > 1)} {listed(held)}" if held else "no structure is seen"
         several = f"Line {line.id}, span {span.id}" if len(survey.lines) > 1 else f"Span {span.id}"
-        text = f"{several}: {between}, {units.with_unit(one.base.length_m, 1)}"
-        found.append((len(span.wires), text))
+        found.append((len(span.wires), f"{several}: {between}, {length_of(one, units)}"))
     return found

@@ -25,6 +25,7 @@ from plnerf.report.plan_encroachments import about_marks, encroachment_marks
 from plnerf.report.profile import LEAST_WIDTH, Drawing
 from plnerf.report.shown import shown, shows_world
 from plnerf.report.side import ticks
+from plnerf.report.words import length_of
 
 WIDTH, MOST_HEIGHT, LEAST_HEIGHT = 1100.0, 560.0, 150.0
 """Width of the drawing, and bounds on its height, in pixels."""
@@ -97,7 +98,8 @@ def _about(survey: Survey, *, north: bool, several: bool, crossed: bool) -> str:
     return (
         f"The arrow points {'north' if north else 'along the y axis'}. "
         + ("Line and span" if several else "Spans")
-        + f", each with its length and its direction, clockwise from {'north' if north else 'the y axis'}. "
+        + ", each with its length, unless an end of it is open, and with its direction, clockwise from "
+        + f"{'north' if north else 'the y axis'}. "
         + "Squares are strain and terminal structures, circles all others" * bool(kinds & SQUARE)
         + "Circles are structures" * (not kinds & SQUARE)
         + "; beside their numbers, by how much the line turns there" * turns
@@ -159,10 +161,10 @@ def _span(paper: _Paper, survey: Survey, one: Stretch, name: str, taken: list[Fl
     a, b = paper.at(shown(survey.frame, ends))
     along = float(np.hypot(*(b - a)))
     azimuth = degrees(azimuth_deg(survey.frame, one.base), 1)
-    length, number = one.base.length_m, name.removeprefix("span ")
+    number = name.removeprefix("span ")
     texts = [
-        f"{name}: {units.with_unit(length, 1)}, {azimuth}",
-        f"{number}: {units.with_unit(length, 0)}, {degrees(azimuth_deg(survey.frame, one.base), 0)}",
+        f"{name}: {length_of(one, units)}, {azimuth}",
+        f"{number}: {length_of(one, units, 0)}, {degrees(azimuth_deg(survey.frame, one.base), 0)}",
         name,
         number,
     ]

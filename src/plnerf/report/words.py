@@ -11,6 +11,7 @@ from plnerf.capture.heights import crs_name
 from plnerf.findings import Degree
 from plnerf.line.cloud import GROUND
 from plnerf.line.line import Line, Span
+from plnerf.line.stations import Stretch
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.report.colours import KINDS
@@ -54,6 +55,12 @@ def numbers_of_spans(survey: Survey) -> dict[int, str]:
 def span_head(survey: Survey) -> str:
     """Head of a column of spans' numbers."""
     return "span" if len(survey.lines) == 1 else "line / span"
+
+
+def length_of(stretch: Stretch, units: Units, digits: int = 1) -> str:
+    """The length of a span between its structures, or that it is open: without a structure at one end."""
+    length = stretch.length_m
+    return "open" if length is None else units.with_unit(length, digits)
 
 
 def title_of(survey: Survey, line: Line, spans: list[int]) -> str:
