@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,10 +10,14 @@ import torch
 from jaxtyping import Float
 from tests.support.flown_plane import SIZE, write_flight
 
-from plnerf.capture.adjusted_poses import with_adjusted_poses
+from plnerf.capture import tie_points as tie_points_module
+from plnerf.capture.adjusted_poses import PoseAdjustment, with_adjusted_poses
+from plnerf.capture.pairs import Pair
 from plnerf.capture.poses_config import PosesConfig, TieConfig
-from plnerf.capture.tie_points import neighbour_pairs, tie_points
+from plnerf.capture.tie_points import Features, TiePoints, features_of, images_of, neighbour_pairs, tie_points
 from plnerf.errors import ConfigError
+from plnerf.scene.cameras import Cameras
+from plnerf.scene.photos import Pictures
 from plnerf.scene.scene import Scene, load_scene
 
 FEW = PosesConfig(groups=2, group_size=4, ties=TieConfig(features=400, partners=6))
@@ -23,14 +28,37 @@ def errors_m(scene: Scene, true: list[Float[np.ndarray, "4 4"]]) -> Float[np.nda
     return centre - np.array(true)[:, :3, 3]
 
 
+def tied(scene: Scene, pairs: list[Pair], config: TieConfig = FEW.ties) -> TiePoints:
+    cameras = scene.photo_cameras
+    return tie_points(features_of(scene.photos, cameras, images_of(pairs), config), cameras, pairs, config)
+
+
 def rms(x: Float[np.ndarray, "..."]) -> float:
     return float(np.sqrt((x**2).mean()))
 
 
-def test_poses_that_are_off_are_adjusted(tmp_path: Path) -> None:
-    true = write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
-    scene = load_scene(tmp_path / "s")
-    moved, change = with_adjusted_poses(scene, FEW)
+class Off(NamedTuple):
+    """A scene with poses that are off, and the true ones."""
+
+    scene: Scene
+    true: list[Float[np.ndarray, "4 4"]]
+
+
+@pytest.fixture(scope="module")
+def off(tmp_path_factory: pytest.TempPathFactory) -> Off:
+    folder = tmp_path_factory.mktemp("off") / "s"
+    true = write_flight(folder, off_m=0.05, off_deg=0.15)
+    return Off(load_scene(folder), true)
+
+
+@pytest.fixture(scope="module")
+def adjusted(off: Off) -> tuple[Scene, PoseAdjustment | None]:
+    return with_adjusted_poses(off.scene, FEW)
+
+
+def test_poses_that_are_off_are_adjusted(off: Off, adjusted: tuple[Scene, PoseAdjustment | None]) -> None:
+    scene, true = off
+    moved, change = adjusted
     assert change is not None and change.images == 12
     assert change.after_px < 0.2 * change.before_px
     # What all have in common is not seen in photos.
@@ -43,12 +71,22 @@ def test_poses_that_are_off_are_adjusted(tmp_path: Path) -> None:
     assert "unscaled" in change.text("unscaled")
 
 
-def test_the_same_photos_give_the_same_poses(tmp_path: Path) -> None:
-    write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
-    scene = load_scene(tmp_path / "s")
-    one, other = (with_adjusted_poses(scene, FEW)[0] for _ in range(2))
-    assert torch.equal(one.cameras.centre, other.cameras.centre)
-    assert torch.equal(one.cameras.R_scene_camera, other.cameras.R_scene_camera)
+def test_the_same_photos_give_the_same_poses_and_each_is_read_once(
+    off: Off, adjusted: tuple[Scene, PoseAdjustment | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, steps = list[int](), list[tuple[int, int]]()
+
+    def counted(pictures: Pictures, cameras: Cameras, image: int, config: TieConfig) -> Features:
+        read.append(image)
+        return found_in(pictures, cameras, image, config)
+
+    found_in = tie_points_module._features
+    monkeypatch.setattr(tie_points_module, "_features", counted)
+    again, _ = with_adjusted_poses(off.scene, FEW, lambda done, of: steps.append((done, of)))
+    assert torch.equal(again.cameras.centre, adjusted[0].cameras.centre)
+    assert torch.equal(again.cameras.R_scene_camera, adjusted[0].cameras.R_scene_camera)
+    assert sorted(read) == list(range(12))
+    assert [done for done, _ in steps] == list(range(1, steps[-1][1] + 1))
 
 
 def test_poses_that_agree_stay(tmp_path: Path) -> None:
@@ -58,20 +96,16 @@ def test_poses_that_agree_stay(tmp_path: Path) -> None:
     assert change is None and same is scene
 
 
-def test_without_the_setting_or_with_too_many_images_poses_stay(tmp_path: Path) -> None:
-    write_flight(tmp_path / "s", off_m=0.05, off_deg=0.15)
-    scene = load_scene(tmp_path / "s")
+def test_without_the_setting_or_with_too_many_images_poses_stay(off: Off) -> None:
     for config in (replace(FEW, adjust=False), replace(FEW, max_images=11), replace(FEW, min_points=10_000)):
-        same, change = with_adjusted_poses(scene, config)
-        assert change is None and same is scene
+        same, change = with_adjusted_poses(off.scene, config)
+        assert change is None and same is off.scene
 
 
 def test_tie_points_are_where_the_photos_show_them(tmp_path: Path) -> None:
     true = write_flight(tmp_path / "s")
     scene = load_scene(tmp_path / "s")
-    cameras = scene.photo_cameras
-    pairs = neighbour_pairs(cameras, 6)
-    found = tie_points(scene.photos, cameras, pairs, FEW.ties)
+    found = tied(scene, neighbour_pairs(scene.cameras, 6))
     assert found.point.max() > 100 and np.bincount(found.point).min() >= 3
     assert (np.diff(found.point) >= 0).all()
     apart = []
@@ -89,9 +123,9 @@ def test_tie_points_are_where_the_photos_show_them(tmp_path: Path) -> None:
 def test_features_in_smaller_photos_are_at_the_same_place(tmp_path: Path) -> None:
     write_flight(tmp_path / "s", views=6)
     scene = load_scene(tmp_path / "s")
-    cameras, pairs = scene.photo_cameras, neighbour_pairs(scene.cameras, 5)
-    halved = tie_points(scene.photos, cameras, pairs, replace(FEW.ties, max_image_px=SIZE[0] // 2))
-    whole = tie_points(scene.photos, cameras, pairs, FEW.ties)
+    pairs = neighbour_pairs(scene.cameras, 5)
+    halved = tied(scene, pairs, replace(FEW.ties, max_image_px=SIZE[0] // 2))
+    whole = tied(scene, pairs)
     assert np.allclose(halved.focal_px, whole.focal_px / 2)
     near = [np.linalg.norm(whole.plane[whole.image == i][:, None] - halved.plane[halved.image == i], axis=2)
             for i in range(6)]  # fmt: skip
@@ -116,7 +150,8 @@ def test_pixels_that_masks_ignore_have_no_features(tmp_path: Path) -> None:
             return keep
 
     pairs = neighbour_pairs(scene.cameras, 6)
-    found = tie_points(LeftHalf(), scene.photo_cameras, pairs, replace(FEW.ties, min_images=2))
+    cameras, config = scene.photo_cameras, replace(FEW.ties, min_images=2)
+    found = tie_points(features_of(LeftHalf(), cameras, range(12), config), cameras, pairs, config)
     assert len(found.image) and found.plane[:, 0].max() <= 0.01
 
 
@@ -126,7 +161,7 @@ def test_what_lies_far_from_the_epipolar_line_is_no_match(tmp_path: Path) -> Non
         write_flight(tmp_path / name, off_deg=off_deg, views=6)
         scene = load_scene(tmp_path / name)
         pairs = neighbour_pairs(scene.cameras, 5)
-        counts.append(len(tie_points(scene.photos, scene.photo_cameras, pairs, FEW.ties).image))
+        counts.append(len(tied(scene, pairs).image))
     assert counts[1] < 0.2 * counts[0]
 
 

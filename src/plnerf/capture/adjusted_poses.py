@@ -5,7 +5,7 @@ is some pixels; those of structure from motion were adjusted before and gain not
 show which is the case, and all are adjusted only where those agree clearly better afterwards.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +15,18 @@ from scipy.spatial.transform import Rotation
 from plnerf.capture.bundle_adjustment import Adjusted, adjust
 from plnerf.capture.pairs import Pair
 from plnerf.capture.poses_config import PosesConfig
-from plnerf.capture.tie_points import neighbour_pairs, sampled_pairs, tie_points
+from plnerf.capture.tie_points import (
+    Features,
+    Progress,
+    features_of,
+    images_of,
+    neighbour_pairs,
+    sampled_pairs,
+    silent,
+    tie_points,
+)
+from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -53,18 +61,23 @@ def with_adjusted_poses(
     Held-out images move too: without it they would be compared with pictures of other places.  Frames, lenses
     and pixels stay.
     """
-    report = progress or (lambda done, of: None)
-    images = len(scene.names)
+    report, images = progress or silent, len(scene.names)
     if not config.adjust or not 3 <= images <= config.max_images:
         return scene, None
-    sample = _adjusted(scene, sampled_pairs(scene.cameras, config.groups, config.group_size), config, None)
+    cameras = scene.photo_cameras
+    sampled = sampled_pairs(cameras, config.groups, config.group_size)
+    features = features_of(scene.photos, cameras, images_of(sampled), config.ties)
+    sample = _adjusted(cameras, features, sampled, config)
     if sample.points >= config.min_points and not _helps(sample, config):
         report(1, 1)
         return scene, None
-    found = _adjusted(scene, neighbour_pairs(scene.cameras, config.ties.partners), config, progress)
+    pairs = neighbour_pairs(cameras, config.ties.partners)
+    others = [image for image in images_of(pairs) if image not in features]
+    first, steps = len(others), len(others) + len(pairs)
+    more = features_of(scene.photos, cameras, others, config.ties, lambda done, of: report(done, steps))
+    found = _adjusted(cameras, features | more, pairs, config, lambda done, of: report(first + done, steps))
     if not _helps(found, config):
         return scene, None
-    cameras = scene.cameras
     gone = np.linalg.norm(found.centre - cameras.centre.double().numpy(), axis=1)
     R = found.R_scene_camera @ cameras.R_scene_camera.double().numpy().transpose(0, 2, 1)
     change = PoseAdjustment(
@@ -77,10 +90,13 @@ def with_adjusted_poses(
 
 
 def _adjusted(
-    scene: Scene, pairs: Sequence[Pair], config: PosesConfig, progress: Progress | None
+    cameras: Cameras,
+    features: Mapping[int, Features],
+    pairs: Sequence[Pair],
+    config: PosesConfig,
+    progress: Progress = silent,
 ) -> Adjusted:
-    cameras = scene.photo_cameras
-    ties = tie_points(scene.photos, cameras, pairs, config.ties, progress or (lambda done, of: None))
+    ties = tie_points(features, cameras, pairs, config.ties, progress)
     R, centre = cameras.R_scene_camera.double().numpy(), cameras.centre.double().numpy()
     return adjust(R, centre, ties, config.adjustment)
 

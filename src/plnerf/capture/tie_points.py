@@ -6,7 +6,7 @@ its own.
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
 from typing import NamedTuple, TypeVar
@@ -24,6 +24,12 @@ from plnerf.scene.photos import Pictures
 
 T = TypeVar("T")
 S = TypeVar("S")
+Progress = Callable[[int, int], None]
+"""Called with what is done, and of how much."""
+
+
+def silent(done: int, of: int) -> None:
+    """A `Progress` that reports nothing."""
 
 
 class Features(NamedTuple):
@@ -70,31 +76,46 @@ def sampled_pairs(cameras: Cameras, groups: int, size: int) -> list[Pair]:
     return sorted(pairs)
 
 
-def tie_points(
+def features_of(
     pictures: Pictures,
+    cameras: Cameras,
+    images: Sequence[int],
+    config: TieConfig,
+    progress: Progress = silent,
+) -> dict[int, Features]:
+    """Features of some photos.  cameras: of all photos at their full size.
+
+    Memory: 1.1 MB a photo at most.
+    """
+    found = dict[int, Features]()
+    for image, features in _in_threads(lambda image: _features(pictures, cameras, image, config), images):
+        found[image] = features
+        progress(len(found), len(images))
+    return found
+
+
+def images_of(pairs: Iterable[Pair]) -> list[int]:
+    """The photos of some pairs, in order."""
+    return sorted({image for pair in pairs for image in pair})
+
+
+def tie_points(
+    found: Mapping[int, Features],
     cameras: Cameras,
     pairs: Sequence[Pair],
     config: TieConfig,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Progress = silent,
 ) -> TiePoints:
-    """Points that the photos of some pairs show in common.  cameras: of the photos at their full size.
+    """Points that the photos of some pairs show in common.  cameras: of all photos at their full size.
 
-    Memory: the features of these photos, 1.1 MB each at most, and for each core a matrix of features by
-    features.
+    Memory: for each core a matrix of features by features.
     """
-    images = sorted({image for pair in pairs for image in pair})
-    steps = len(images) + len(pairs)
     none = Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
-    features = [none] * len(cameras)
-    for done, (image, found) in enumerate(
-        _in_threads(lambda image: _features(pictures, cameras, image, config), images), 1
-    ):
-        features[image] = found
-        progress(done, steps)
+    features = [found.get(image, none) for image in range(len(cameras))]
     links = list[tuple[Pair, Int[np.ndarray, "_ 2"]]]()
     for link in _in_threads(lambda pair: _matches(features, cameras, pair, config), pairs):
         links.append(link)
-        progress(len(images) + len(links), steps)
+        progress(len(links), len(pairs))
     sizes = cameras.size_px.numpy()
     shrunk = np.minimum(1.0, config.max_image_px / sizes.max(1))
     return _joined(features, links, config.min_images, cameras.focal_px.double().numpy().mean(1) * shrunk)
