@@ -13,6 +13,7 @@ from plnerf.line.ends import Attached
 from plnerf.line.survey import Survey
 from plnerf.survey.config_names import NamesConfig
 from plnerf.survey.config_wires import KindsConfig
+from plnerf.survey.named_places import read_places
 from plnerf.survey.names import with_names
 
 pyogrio, shapely = pytest.importorskip("pyogrio"), pytest.importorskip("shapely")
@@ -81,6 +82,8 @@ def test_what_is_too_far_stays_without_a_name_and_is_said(tmp_path: Path) -> Non
         ("name,x,y\na,1,two\n", "Row 2"),
         ("name,x,y\na,1,nan\n", "no finite coordinates"),
         ("x,y\n1,2\n", "names no structure"),
+        ("name,x,y,kv\na,1,2,\nb,1,2,110 kV\n", "Row 3 .* has the voltage_kv '110 kV'"),
+        ("name,x,y,kv\na,1,2,nan\n", "Row 2 .* has the voltage_kv 'nan'"),
     ],
 )
 def test_a_list_that_is_none_is_refused_before_the_survey(tmp_path: Path, text: str, said: str) -> None:
@@ -96,3 +99,25 @@ def test_a_list_that_is_missing_or_no_map_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bad.kml").write_text("nothing")
     with pytest.raises(ConfigError, match="cannot be read"):
         NamesConfig(tmp_path / "bad.kml")
+
+
+def test_a_map_s_voltage_that_is_no_number_is_refused_and_shapes_without_points_are_passed_over(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "a.gpkg"
+
+    def write(kv: str) -> None:
+        path.unlink(missing_ok=True)
+        shapes = shapely.to_wkb(shapely.from_wkt(["POINT EMPTY", "POINT (5 52)"]))
+        columns = [np.array([kv, kv], object), np.array(["a", "b"], object)]
+        pyogrio.raw.write(
+            path, shapes, columns, ["voltage_kv", "name"], driver="GPKG", geometry_type="Point",
+            crs="EPSG:4326",
+        )  # fmt: skip
+
+    write("110 kV")
+    with pytest.raises(ConfigError, match=r"Object 2 of the list of names .* has the voltage_kv '110 kV'"):
+        NamesConfig(path)
+    write("110")
+    (place,) = read_places(path, surveys.long(0.02).frame)
+    assert (place.name, place.voltage_kv, len(place.points)) == ("b", 110.0, 1)

@@ -1,6 +1,5 @@
 """The circumstances of a measurement: machine, versions, memory of this process."""
 
-import os
 import platform
 import sys
 from datetime import UTC, datetime
@@ -11,6 +10,7 @@ from typing import Any
 import numba
 
 import plnerf
+from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.train.protocol import hardware
 
 MEMORY_MEANING = (
@@ -26,7 +26,7 @@ def circumstances(device: str) -> dict[str, Any]:
         "date_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "device": device,
         **hardware(device),
-        "usable_cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "usable_cores": usable_cores(),
         "numba_threads": numba.get_num_threads(),
         "system": platform.platform(),
         "versions": {

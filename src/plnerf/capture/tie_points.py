@@ -5,7 +5,6 @@ epipolar line.  The poses give that line, so that few false matches pass and no 
 its own.
 """
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
@@ -19,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from plnerf.capture.pairs import Pair
 from plnerf.capture.poses_config import TieConfig
+from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
 
@@ -123,7 +123,7 @@ def tie_points(
 
 def _in_threads(work: Callable[[T], S], items: Sequence[T]) -> Iterator[tuple[T, S]]:
     """Each item with what becomes of it, in order: OpenCV and NumPy work beside each other."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         yield from zip(items, pool.map(work, items), strict=True)
 
 

@@ -1,7 +1,6 @@
 """The machine: backend, cores, memory; and which kernels are compiled already, and where."""
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import psutil
 import torch
 
+from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.ops.dispatch import resolve_backend
 from plnerf.ops.kernel_cache import PACKAGE, PREFIX, kept_kernels, kernel_files, kernel_hash
 from plnerf.scene.files import write_text
@@ -59,12 +59,11 @@ def examine_machine() -> Machine:
     device = "cuda" if torch.cuda.is_available() else "cpu"
     places = kept_kernels()
     about = hardware(device)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Machine(
         device=device,
         backend=resolve_backend("auto", torch.device(device)),
         processor=str(about.get("cpu", "")),
-        usable_cores=cores,
+        usable_cores=usable_cores(),
         memory_gb=psutil.virtual_memory().total / 1e9,
         free_gb=available_bytes() / 1e9,
         kernel_hash=kernel_hash(),

@@ -1,5 +1,7 @@
 """Where torch hands over to Numba: tensors as flat arrays, how many threads, gradients added in place."""
 
+import os
+
 import numba
 import numpy as np
 import torch
@@ -13,6 +15,11 @@ FAST = {"contract", "nsz", "arcp"}
 def num_threads() -> int:
     """Threads that share a kernel's work.  Called outside of kernels, which would not be cached otherwise."""
     return int(numba.get_num_threads())
+
+
+def usable_cores() -> int:
+    """Cores that this process may use: a container or `taskset` may leave it fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def array(tensor: Shaped[Tensor, "*n"]) -> Shaped[np.ndarray, "*n"]:

@@ -92,13 +92,7 @@ class _Layer:
 
 def _layers(path: Path, field: str) -> list[_Layer]:
     """All layers of a map that hold some."""
-    import pyogrio
-
-    try:
-        names = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
-        contents = [pyogrio.raw.read(path, layer=name) for name in names]
-    except (RuntimeError, ValueError) as error:  # GDAL's are the former; a text that is not UTF-8
-        raise ConfigError(f"The map {path} cannot be read ({error}). Write it again.") from error
+    contents = read_layers(path)
     found = [layer for content in contents if (layer := _layer(path, content, field)) is not None]
     if not found:
         raise ConfigError(
@@ -106,6 +100,20 @@ def _layers(path: Path, field: str) -> list[_Layer]:
             "attribute that says what they are: --rules.object-field."
         )
     return found
+
+
+def read_layers(path: Path) -> list[Any]:
+    """The layers of a map that have shapes, as `pyogrio.raw.read` returns them.
+
+    Raises ConfigError where the map cannot be read.
+    """
+    import pyogrio
+
+    try:
+        names = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
+        return [pyogrio.raw.read(path, layer=name) for name in names]
+    except (RuntimeError, ValueError) as error:  # GDAL's are the former; a text that is not UTF-8
+        raise ConfigError(f"The map {path} cannot be read ({error}). Write it again.") from error
 
 
 def _layer(path: Path, content: Any, field: str) -> _Layer | None:

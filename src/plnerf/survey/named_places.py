@@ -7,8 +7,9 @@ those.  Of maps that GDAL reads (the extra `plnerf[gis]`) a height counts where 
 """
 
 import csv
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from jaxtyping import Float
 
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.line.frame import LineFrame
-from plnerf.survey.map_objects import EXTRA, onto_line
+from plnerf.survey.map_objects import EXTRA, onto_line, read_layers
 
 ALIASES = {
     "x": ("x", "east", "easting"), "y": ("y", "north", "northing"),
@@ -74,7 +75,7 @@ def _placed(one: NamedPlace, crs: str | None, frame: LineFrame, path: Path) -> N
         z = frame.from_world(np.column_stack([np.zeros((len(flat), 2)), height]))[:, 2]
         xyz = np.column_stack([flat, z])
     xyz[~known, 2] = np.nan
-    return NamedPlace(one.name, one.phase, one.circuit, one.line, one.voltage_kv, xyz)
+    return replace(one, points=xyz)
 
 
 def _read(path: Path) -> tuple[list[NamedPlace], str | None]:
@@ -110,12 +111,11 @@ def _of_csv(path: Path) -> tuple[list[NamedPlace], str | None]:
         try:
             at = [float(text[name]) for name in pairs[0]]
             at.append(float(text["z"]) if text.get("z") else np.nan)
-            kv = float(text["voltage_kv"]) if text.get("voltage_kv") else None
         except ValueError as error:
             raise ConfigError(f"Row {number} of the list of names {path}: {error}.") from error
         if not np.isfinite(at[:2]).all():
             raise ConfigError(f"Row {number} of the list of names {path} has no finite coordinates.")
-        places += _place(text, np.array([at]), kv)
+        places += _place(text, np.array([at]), f"Row {number} of the list of names {path}")
     return places, "EPSG:4326" if pairs[0][0] == "lon" else None
 
 
@@ -124,27 +124,23 @@ def _of_map(path: Path) -> tuple[list[NamedPlace], str]:
         raise ConfigError(
             f"{path} is read by pyogrio and shapely, not installed. Install: {EXTRA}, or give a CSV."
         )
-    import pyogrio
     import shapely
 
-    try:
-        names = [str(name) for name, kind in pyogrio.list_layers(path) if kind is not None]
-        layers = [pyogrio.raw.read(path, layer=name) for name in names]
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
-        raise ConfigError(f"The list of names {path} cannot be read ({error}).") from error
     places: list[NamedPlace] = []
     systems = set()
-    for meta, _, geometry, values in layers:
+    for meta, _, geometry, values in read_layers(path):
         columns = _columns([str(name) for name in meta["fields"]])
         index = {str(name): k for k, name in enumerate(meta["fields"])}
         for k, wkb in enumerate(geometry):
             if wkb is None:
                 continue
             text = {name: _text(values[index[column]][k]) for name, column in columns.items()}
-            xyz = shapely.get_coordinates(shapely.from_wkb(wkb), include_z=True)
+            try:
+                xyz = shapely.get_coordinates(shapely.from_wkb(wkb), include_z=True)
+            except shapely.errors.ShapelyError as error:
+                raise ConfigError(f"The map {path} has a shape that is none ({error}). Repair it.") from error
             xyz[xyz[:, 2] == 0, 2] = np.nan  # clients' maps have 0 for a height that they do not know
-            kv = text.get("voltage_kv")
-            found = _place(text, xyz, float(kv) if kv else None)
+            found = _place(text, xyz, f"Object {k + 1} of the list of names {path}") if len(xyz) else []
             places += found
             if found:
                 systems.add(str(meta["crs"]))
@@ -168,16 +164,25 @@ def _text(value: Any) -> str:
     return "" if value is None or value != value else str(value).strip()
 
 
-def _place(
-    text: Mapping[str, str], points: Float[np.ndarray, "n 3"], kv: float | None
-) -> list[NamedPlace]:
-    """Nothing where a row names neither."""
+def _kilovolts(text: str, where: str) -> float | None:
+    """A nominal voltage; None of a cell that is empty or 0.  Raises ConfigError for what is none."""
+    try:
+        value = float(text or 0)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < math.inf:
+        raise ConfigError(f"{where} has the voltage_kv {text[:40]!r}. Give kilovolts, or nothing.")
+    return value or None
+
+
+def _place(text: Mapping[str, str], points: Float[np.ndarray, "n 3"], where: str) -> list[NamedPlace]:
+    """Nothing where a row names neither.  where: which one it is, for errors."""
     phase, name = text.get("phase") or None, text.get("name") or None
     if phase is None and name is None:
         return []
     return [
         NamedPlace(
-            name if phase is None else None, phase, text.get("circuit") or None, text.get("line") or None, kv,
-            points,
+            name if phase is None else None, phase, text.get("circuit") or None, text.get("line") or None,
+            _kilovolts(text.get("voltage_kv", ""), where), points,
         )
     ]  # fmt: skip

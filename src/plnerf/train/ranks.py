@@ -24,6 +24,7 @@ import torch.distributed as dist
 from torch import Generator, Tensor, nn
 
 from plnerf.errors import ConfigError, TrainingError
+from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.rays.jitter import SharedGenerator
 from plnerf.scene.only_writer import only_writer
 from plnerf.train.config import TrainConfig
@@ -158,7 +159,7 @@ def join_ranks(device: str) -> Iterator[Ranks]:
         return
     import numba  # takes time, and few processes come here
 
-    threads = max(1, _cores() // processes_here())
+    threads = max(1, usable_cores() // processes_here())
     torch.set_num_threads(threads)
     numba.set_num_threads(min(threads, numba.get_num_threads()))
     if device == "cuda":
@@ -180,11 +181,6 @@ def started_by_torchrun() -> bool:
 def processes_here() -> int:
     """How many of the processes run on this machine."""
     return int(os.environ["LOCAL_WORLD_SIZE"]) if started_by_torchrun() else 1
-
-
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
