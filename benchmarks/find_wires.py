@@ -37,13 +37,13 @@ def main() -> None:
     for folder in options.scenes:
         with tempfile.TemporaryDirectory() as store:
             scene = load_scene(Path(folder), store=Path(store))
+            if scene.truth is None:
+                sys.exit(f"{folder} has no truth.json: give scenes that `plnerf synth` made.")
             start = time.perf_counter()
             scene, change = with_adjusted_poses(scene, PosesConfig(adjust=not options.given_poses))
             adjusting = time.perf_counter() - start
             detected = detect_wires(scene)
             seconds = time.perf_counter() - start
-        if scene.truth is None:
-            sys.exit(f"{folder} has no truth.json: give scenes that `plnerf synth` made.")
         frame = LineFrame.of_scene(scene.frames)
         true = json.loads(scene.truth.read_text())["conductors"]
         axes = [frame.from_world(dense(np.array(wire["polyline"]))) for wire in true]

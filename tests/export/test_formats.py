@@ -131,3 +131,12 @@ def test_a_map_that_reads_back_differently_is_not_kept(
     with pytest.raises(SurveyError, match=r"survey\.gpkg reads back differently"):
         export_survey(folder, ("gpkg",), tmp_path)
     assert not list(tmp_path.glob("*gpkg"))
+
+
+def test_a_survey_without_wires_has_no_maps_and_the_reason(tmp_path: Path) -> None:
+    write_survey(surveys.empty(), tmp_path)
+    found = export_survey(tmp_path)
+    assert not {"survey.gpkg", "survey.kml"} & found.files.keys()
+    assert "needs a wire or a structure" in " ".join(found.about)
+    with pytest.raises(SurveyError, match=r"survey\.kml needs a wire or a structure"):
+        export_survey(tmp_path, ("kml",))

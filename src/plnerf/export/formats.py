@@ -24,6 +24,8 @@ NEEDS: dict[Format, tuple[str, ...]] = {
 NAMES: dict[Format, str] = {
     "gpkg": "survey.gpkg", "kml": "survey.kml", "copc": "cloud.copc.laz", "pls-cadd": XYZ,
 }  # fmt: skip
+MAPS: tuple[Format, ...] = ("gpkg", "kml")
+"""Formats that hold layers alone."""
 EXTRA = 'pip install "plnerf[gis]"'
 
 
@@ -79,6 +81,9 @@ def write_formats(
 def lacking(survey: Survey, transform: CrsTransform) -> dict[Format, str]:
     """What a survey lacks, in words, by the formats that need it."""
     lacks: dict[Format, str] = {}
+    if not (survey.wires or survey.structures):
+        why = f"needs a wire or a structure, but {survey.source} has none. Leave it out."
+        lacks |= {one: f"{NAMES[one]} {why}" for one in MAPS}
     if transform.crs is None:
         lacks["gpkg"] = (
             f"{NAMES['gpkg']} needs a coordinate reference system, which {survey.source} has not. Give the "

@@ -6,7 +6,7 @@ from plnerf.line.encroachments import IN_WORDS, Encroachment
 from plnerf.line.survey import Survey
 from plnerf.report.figures import AS_THEY_ARE, CERTAIN, NOTHING, counted, listed
 from plnerf.report.nearest import STANDINGS
-from plnerf.report.possible_view import Looked, shown_crop
+from plnerf.report.possible_view import CropRow, shown_crop
 from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Cell, Table, Verdict
 from plnerf.report.words import numbers_of_spans, span_head
@@ -49,14 +49,14 @@ def about_encroachments(survey: Survey) -> str:
     return f"Required by {listed(list(found.required))}. {' '.join(found.not_examined)}"
 
 
-def encroachment_crops(survey: Survey) -> list[Looked]:
+def encroachment_crops(survey: Survey) -> list[CropRow]:
     """Of the most urgent, parts of photos with a ring around the place that is nearest to the wire."""
     found = survey.encroachments
     if found is None:
         return []
     units = units_of(survey)
     return [
-        Looked(
+        CropRow(
             f"{one.id}: {NAMES[one.object]}, {units.interval_with_unit(one.radial)} from wire {one.wire} as "
             "surveyed",
             tuple(shown_crop(crop) for crop in survey.encroachment_crops if crop.of == k),

@@ -22,8 +22,8 @@ RING_PX = 22
 
 
 @dataclass(frozen=True)
-class Looked:
-    """One obstacle's crops, and what they are of."""
+class CropRow:
+    """Parts of photos of one obstacle, and what they show."""
 
     title: str
     crops: tuple[Shown, ...]
@@ -56,12 +56,12 @@ def possible_table(survey: Survey) -> Table | None:
     )  # fmt: skip
 
 
-def possible_crops(survey: Survey) -> list[Looked]:
+def possible_crops(survey: Survey) -> list[CropRow]:
     """Each obstacle's parts of photos, with a ring around its place and a line from there to the wire."""
     found = survey.clearances.possible if survey.clearances is not None else ()
     units = units_of(survey)
     return [
-        Looked(_title(k, one, units), tuple(shown_crop(crop) for crop in survey.crops if crop.of == k - 1))
+        CropRow(_title(k, one, units), tuple(shown_crop(crop) for crop in survey.crops if crop.of == k - 1))
         for k, one in enumerate(found, 1)
     ]
 

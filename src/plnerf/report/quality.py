@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 
+from plnerf.line.encroachments import POSSIBLE
 from plnerf.line.survey import Survey
 from plnerf.report.figures import CERTAIN, NOTHING, counted, share
 from plnerf.report.shown import units_of
@@ -94,10 +95,10 @@ def _judged(survey: Survey) -> list[list[str]]:
     rows = []
     if survey.encroachments is not None:
         found = survey.encroachments.records
-        doubtful = sum(one.priority == 5 for one in found)
+        doubtful = sum(one.priority == POSSIBLE for one in found)
         rows.append([
             "encroachments", "within their uncertainty", f"{doubtful} of {len(found)}",
-            "to be looked at in the photos or in the field",
+            "to be checked in the photos or in the field",
         ])  # fmt: skip
     if survey.rules is not None:
         counts = Counter(one.verified for one in survey.rules.rules)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from plnerf.line.cloud import Cloud
 from plnerf.line.ends import Quantity
@@ -133,10 +133,6 @@ class ThingsNear:
             return self._least(np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
         value, s, some = (np.concatenate(column) for column in zip(*found, strict=True))
         return self._least(value, s, some)
-
-    def of_kind(self, kind: RuleObject) -> Bool[np.ndarray, " o"]:
-        """Which objects are of a class."""
-        return np.array([one.kind == kind for one in self.things], np.bool_)
 
     @property
     def _all(self) -> Int[np.ndarray, " m"]:

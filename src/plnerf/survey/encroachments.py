@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plnerf.line.clearances import Crossing, verdict_of
-from plnerf.line.encroachments import Approach, Encroachment, Encroachments, Way, priority_of
+from plnerf.line.encroachments import WAYS, Approach, Encroachment, Encroachments, Way, priority_of
 from plnerf.line.ends import Quantity
 from plnerf.line.rules import Direction, RuleObject, StateKind
 from plnerf.line.states import SURVEYED
@@ -348,9 +348,8 @@ def _way(state: RuleState) -> Way:
 
 def _sorted(approaches: tuple[Approach, ...]) -> tuple[Approach, ...]:
     """The most urgent first: certain before doubtful, then by way."""
-    order: tuple[Way, ...] = ("as surveyed", "sag", "blow-out", "fall-in", "grow-in")
     return tuple(
-        sorted(approaches, key=lambda one: (one.verdict != "closer than required", order.index(one.way)))
+        sorted(approaches, key=lambda one: (one.verdict != "closer than required", WAYS.index(one.way)))
     )
 
 
