@@ -16,7 +16,7 @@ SPAN_PRESETS = ("nerfacto", "pl-nerf", "pl-nerf-wire")
 """Systems of the suite span."""
 REPORTED_SEEDS = tuple(range(41, 80, 2))
 """Seeds of the scenes whose figures are reported; settings were chosen on even seeds, and after those
-of odd ones up to 39 had been looked at."""
+of odd ones up to 39 had been inspected."""
 
 
 @dataclass(frozen=True)

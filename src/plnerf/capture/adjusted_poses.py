@@ -78,11 +78,11 @@ def with_adjusted_poses(
     found = _adjusted(cameras, features | more, pairs, config, lambda done, of: report(first + done, steps))
     if not _helps(found, config):
         return scene, None
-    gone = np.linalg.norm(found.centre - cameras.centre.double().numpy(), axis=1)
+    moved_by = np.linalg.norm(found.centre - cameras.centre.double().numpy(), axis=1)
     R = found.R_scene_camera @ cameras.R_scene_camera.double().numpy().transpose(0, 2, 1)
     change = PoseAdjustment(
         images, found.points, found.before_px, found.after_px,
-        moved=scene.frames.length_to_world(float(np.median(gone))),
+        moved=scene.frames.length_to_world(float(np.median(moved_by))),
         turned_deg=float(np.degrees(np.median(Rotation.from_matrix(R).magnitude()))),
     )  # fmt: skip
     poses = (torch.from_numpy(part).float() for part in (found.R_scene_camera, found.centre))

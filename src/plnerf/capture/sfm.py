@@ -50,7 +50,7 @@ Model = Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 
 @dataclass(frozen=True)
 class SfmConfig:
-    """What structure from motion is told."""
+    """Settings of structure from motion."""
 
     camera_model: Model = "OPENCV"
     intrinsics: Literal["shared", "per-image"] = "shared"

@@ -23,7 +23,7 @@ from plnerf.scene.files import complete_file, write_text
 FORMAT_VERSION = 1
 JSON_FILE, CSV_FILE = "change.json", "change.csv"
 FIGURES = ("before", "after", "difference", "expected", "by_object")
-"""Of a row; `values.py` says what they are."""
+"""Columns of a row, which `values.py` describes."""
 Row = dict[str, str | float | int | None]
 
 

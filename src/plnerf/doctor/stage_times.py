@@ -23,8 +23,9 @@ FIELD_S = 30.0
 EVAL_S_PER_MP, RENDER_S_PER_MP = 10.0, 8.0
 """Seconds of a megapixel of held-out views, with their measures, and of frames of the fly-along."""
 FRAMES = 96
-EIGHTH = 8
-"""One of so many images is held out, unless the scene's file says otherwise."""
+"""Frames of the fly-along, the default of `plnerf render`."""
+HELD_OUT = 8
+"""One of so many images is held out, where the scene states no split of its own."""
 
 
 def capture_s(source: Path) -> float | None:
@@ -51,7 +52,7 @@ def field_survey_s(listing: Listing, downscale: int) -> float:
 
 def eval_s(listing: Listing, downscale: int) -> float:
     """Seconds of the held-out views."""
-    return EVAL_S_PER_MP * _megapixels(listing) / EIGHTH / downscale**2
+    return EVAL_S_PER_MP * _megapixels(listing) / HELD_OUT / downscale**2
 
 
 def render_s(listing: Listing, downscale: int) -> float:

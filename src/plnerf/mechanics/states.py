@@ -47,7 +47,7 @@ def compute_states(
     """The states of a line's wires, and what a reader must know of them.
 
     temperature_c: of the conductors at the survey, if it is given; loads: in place of those of the settings.
-    None, and a finding that says what is missing, without a conductor, a temperature or the extra; a finding
+    None, and a finding that names what is missing, without a conductor, a temperature or the extra; a finding
     names wires that no tension answers a state of.  Raises ConfigError for conductors and states that cannot
     be.
     """

@@ -127,7 +127,7 @@ class TensionStringConfig:
     least_px_per_m: float = 25.0
     """Pixels that a metre across the wire must have."""
     window_m: tuple[float, float] = (0.1, 0.4)
-    """Where strings are told from wires: no tension string is shorter."""
+    """Where strings are distinguished from wires: no tension string is shorter."""
     beyond_m: float = 2.0
     """The wire is compared with itself over so much beyond the longest string."""
     min_samples: int = 40

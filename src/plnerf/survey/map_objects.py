@@ -97,7 +97,7 @@ def _layers(path: Path, field: str) -> list[_Layer]:
     if not found:
         raise ConfigError(
             f"The map {path} has no object whose attribute {field!r} is {', '.join(CLASSES)}. Name the "
-            "attribute that says what they are: --rules.object-field."
+            "attribute that holds their class: --rules.object-field."
         )
     return found
 

@@ -119,7 +119,7 @@ class GroundHeights:
         return cls(cells, cKDTree(cells[:, :2]))
 
     def at(self, xy: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
-        """Height of the nearest cell, as fine as objects are told apart by it; NaN where none is near."""
+        """Height of the nearest cell, precise enough to separate objects; NaN where none is near."""
         if self.tree is None:
             return np.full(len(xy), np.nan)
         distance, nearest = self.tree.query(xy, distance_upper_bound=GROUND_REACH_M, workers=-1)
