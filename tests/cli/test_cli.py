@@ -3,6 +3,7 @@
 Texts of the scene are stored by test_scene_errors.py; the others in tests/snapshots/cli_*.txt.
 """
 
+import io
 import json
 import os
 import re
@@ -353,10 +354,17 @@ WRONG_SETTINGS = {
 
 
 @pytest.mark.parametrize("name", WRONG_SETTINGS)
-def test_text_of_wrong_settings(name: str, snapshot: Callable[[str, str], None]) -> None:
-    done = run_plnerf("train", "scene", "-o", "out", *WRONG_SETTINGS[name])
-    assert done.returncode == 2 and done.stdout == "" and "Traceback" not in done.stderr
-    snapshot(f"options_{name}", "\n".join(line.rstrip() for line in done.stderr.rstrip().splitlines()))
+def test_text_of_wrong_settings(
+    name: str, plnerf: Call, monkeypatch: pytest.MonkeyPatch, snapshot: Callable[[str, str], None]
+) -> None:
+    for variable, value in (("COLUMNS", "100"), ("NO_COLOR", "1")):
+        monkeypatch.setenv(variable, value)
+    terminal = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")  # where this can be written, boxes are drawn
+    monkeypatch.setattr(sys, "stdout", terminal)
+    done = plnerf("train", "scene", "-o", "out", *WRONG_SETTINGS[name])
+    terminal.flush()
+    assert done.status == 2 and terminal.buffer.tell() == 0 and "Traceback" not in done.err
+    snapshot(f"options_{name}", "\n".join(line.rstrip() for line in done.err.rstrip().splitlines()))
 
 
 def test_a_run_from_the_first_step_to_its_pictures(tiny_scene: Path, tmp_path: Path, plnerf: Call) -> None:
@@ -463,10 +471,12 @@ def test_a_signal_where_nothing_can_be_raised_comes_again(
 
     monkeypatch.setattr("plnerf.pipeline.train_loop", train)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
+    began = time.monotonic()
     try:
         done = plnerf("train", tiny_scene, "-o", tmp_path / "run", "--steps", "1", *SET)
     finally:
         signal.signal(signal.SIGINT, before)
+    assert time.monotonic() - began < 15  # it does not sleep to the end
     assert done.status == status and "Traceback" not in done.err
     assert done.err.endswith("ed. The run goes on with --resume.\n")
 

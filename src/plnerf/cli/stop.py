@@ -37,6 +37,17 @@ def _terminate(*_: object) -> None:
     raise Terminated
 
 
+def _send(number: signal.Signals) -> None:
+    """Sends the main thread a signal that it handles; where the system can, also while it sleeps or waits."""
+    if not callable(signal.getsignal(number)):
+        return
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:  # Windows
+        _thread.interrupt_main(number)
+
+
 def _again_before(hook: Callable[[Any], object]) -> Callable[[Any], object]:
     def heard(unraisable: Any) -> None:
         stop = unraisable.exc_value
@@ -45,7 +56,7 @@ def _again_before(hook: Callable[[Any], object]) -> Callable[[Any], object]:
             return
         number = signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT
         # By another thread: here, too, nothing can be raised.
-        once_more = threading.Timer(AGAIN_S, _thread.interrupt_main, (number,))
+        once_more = threading.Timer(AGAIN_S, _send, (number,))
         once_more.daemon = True
         once_more.start()
 
