@@ -3,14 +3,16 @@ runs without weights, and a small run from end to end."""
 
 import json
 import shutil
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.support.surveys import short
-from tests.support.tiny_run import run_plnerf, small
+from tests.support.tiny_run import small
 
+from plnerf.cli.main import main
 from plnerf.errors import CheckpointError, ConfigError
 from plnerf.export.run_formats import run_wires
 from plnerf.export.splat_config import SplatConfig
@@ -188,7 +190,14 @@ def test_a_fit_that_does_not_fit_into_memory_is_refused_before_anything_is_rende
         export_source(run, ("ply",), tmp_path, splats=SplatConfig(count=90_000_000_000))
 
 
-def test_the_command_ends_with_a_line_that_helps_and_status_1(run: Path, tmp_path: Path) -> None:
-    done = run_plnerf("export", run, "--format", "gpkg", "-o", tmp_path)
-    assert done.returncode == 1 and done.stderr.startswith("ConfigError: ") and "Traceback" not in done.stderr
-    assert "but gpkg was asked for. Survey it, plnerf survey" in done.stderr
+def test_the_command_ends_with_a_line_that_helps_and_status_1(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        sys, "argv", ["plnerf", "export", str(run), "--format", "gpkg", "-o", str(tmp_path)]
+    )  # fmt: skip
+    with pytest.raises(SystemExit) as end:
+        main()
+    err = capsys.readouterr().err
+    assert end.value.code == 1 and err.startswith("ConfigError: ") and "Traceback" not in err
+    assert "but gpkg was asked for. Survey it, plnerf survey" in err

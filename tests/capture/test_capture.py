@@ -1,9 +1,11 @@
 """Photos with positions, and a video, become scenes that the rest of the program reads."""
 
 import json
+import shutil
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -52,12 +54,31 @@ def photos_with_positions(folder: Path) -> np.ndarray:
     return centres
 
 
-def test_photos_become_a_scene_in_metres(tmp_path: Path) -> None:
-    truth = photos_with_positions(tmp_path / "photos")
-    (tmp_path / "photos" / "broken.jpg").write_bytes(b"\xff\xd8 no more")
-    whole = (tmp_path / "photos" / "04.jpg").read_bytes()
-    (tmp_path / "photos" / "cut-off.jpg").write_bytes(whole[: len(whole) // 3])  # its header is fine
-    path = capture(tmp_path / "photos", tmp_path / "scene", CONFIG)
+class Captured(NamedTuple):
+    """A folder with photos and what `capture` made of them, and the true camera centres in metres."""
+
+    folder: Path
+    truth: np.ndarray
+
+    def copied(self, folder: Path) -> np.ndarray:
+        """Copies both, with the times of files; returns the centres."""
+        shutil.copytree(self.folder, folder, dirs_exist_ok=True)
+        return self.truth
+
+
+@pytest.fixture(scope="module")
+def captured(tmp_path_factory: pytest.TempPathFactory) -> Captured:
+    folder = tmp_path_factory.mktemp("captured")
+    truth = photos_with_positions(folder / "photos")
+    (folder / "photos" / "broken.jpg").write_bytes(b"\xff\xd8 no more")
+    whole = (folder / "photos" / "04.jpg").read_bytes()
+    (folder / "photos" / "cut-off.jpg").write_bytes(whole[: len(whole) // 3])  # its header is fine
+    capture(folder / "photos", folder / "scene", CONFIG)
+    return Captured(folder, truth)
+
+
+def test_photos_become_a_scene_in_metres(captured: Captured, tmp_path: Path) -> None:
+    truth, path = captured.copied(tmp_path), tmp_path / "scene" / "transforms.json"
     report = json.loads((tmp_path / "scene" / "capture.json").read_text())
     assert report["registered"] == COUNT and not report["failed"]
     assert any("cut-off.jpg: its pixels cannot be read (" in text for text in report["left_out"])
@@ -92,12 +113,12 @@ def test_photos_become_a_scene_in_metres(tmp_path: Path) -> None:
         assert np.abs(one.T_world_camera - other.T_world_camera).max() < 1e-9
 
 
-def test_control_points_in_the_photos_hold_the_scene(tmp_path: Path) -> None:
+def test_control_points_in_the_photos_hold_the_scene(captured: Captured, tmp_path: Path) -> None:
     """Without them, positions good to 3 m leave it degrees off: with four on the floor it is in its place.
 
     Two more say how well.  Heights that are above something else than those of good positions are an error.
     """
-    truth = photos_with_positions(tmp_path / "photos")
+    truth = captured.copied(tmp_path)
     lines = ["EPSG:4979"]
     for k, (x, y) in enumerate([(2.2, 1.0), (3.2, 2.2), (4.0, 1.2), (4.6, 2.0), (2.8, 1.6), (4.9, 1.5)]):
         place = PLACE.to_crs(np.array([[10 * x, -10 * y, 0.0]]))[0]

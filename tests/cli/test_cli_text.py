@@ -2,7 +2,6 @@
 
 import os
 import re
-import statistics
 import subprocess
 import sys
 from collections.abc import Callable
@@ -61,8 +60,12 @@ def help_of(command: str) -> tuple[str, float]:
 
 
 @cache
+def first_help_of(command: str) -> tuple[str, float]:
+    return help_of(command)
+
+
 def text_of(command: str) -> str:
-    return help_of(command)[0]
+    return first_help_of(command)[0]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -79,7 +82,9 @@ def test_text(command: str, snapshot: Callable[[str, str], None]) -> None:
 @pytest.mark.skipif(not hasattr(os, "wait4"), reason="needs a system that tells a process's time")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_answers_within_a_second(command: str) -> None:
-    assert statistics.median(help_of(command)[1] for _ in range(3)) < 1.0
+    """The median of three is: two of them are, or else the third decides."""
+    quick = [first_help_of(command)[1] < 1.0, help_of(command)[1] < 1.0]
+    assert all(quick) or (any(quick) and help_of(command)[1] < 1.0)
 
 
 def test_imports_nothing_heavy() -> None:

@@ -98,17 +98,9 @@ def log_of(run: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
 
 
-def start_plnerf(*arguments: str | Path, **options: Any) -> subprocess.Popen[str]:
-    """The real command in a process of its own, at a fixed width and without colours."""
-    environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}
-    command = [sys.executable, "-m", "plnerf.cli.main", *map(str, arguments)]
-    return subprocess.Popen(
-        command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options
-    )
-
-
-def run_plnerf(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    """`start_plnerf`, waited for."""
-    process = start_plnerf(*arguments, **options)
-    out, err = process.communicate(timeout=120)
-    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+def run_plnerf(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """The real command in a process that a shell would start, at a fixed width and without colours."""
+    return subprocess.run(
+        [sys.executable, "-m", "plnerf.cli.main", *map(str, arguments)], text=True, capture_output=True,
+        env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}, timeout=120, check=False,
+    )  # fmt: skip

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -92,16 +93,16 @@ def test_the_next_step_is_the_same_as_without_the_disk_between(tmp_path: Path) -
 
 
 def test_loading_keeps_nothing(tmp_path: Path) -> None:
-    """As a reader did that kept two objects of every tensor."""
+    """As a reader did that kept two objects of every tensor, in every round; others may keep some in one."""
     path = save(tmp_path, 5)
     model, optimizer = a_model()
     blocks = []
-    for _ in range(2):
+    for _ in range(3):
         for _ in range(4):
             load_checkpoint(path, model, optimizer)
         gc.collect()
         blocks.append(sys.getallocatedblocks())
-    assert blocks[1] - blocks[0] < 4 * len(list(model.parameters())), blocks
+    assert min(b - a for a, b in pairwise(blocks)) < 4 * len(list(model.parameters())), blocks
 
 
 def test_files_hold_no_pickle(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import torch
 from tests.support.changed import options
+from tests.support.forked import LIMIT_S, ONE_THREAD, Forked
 from tests.support.tiny_run import SMALL, Recorder, assert_same_bits, log_of, newest_tensors, tiny_config
 
 from plnerf.errors import ConfigError
@@ -21,7 +22,7 @@ from plnerf.train.config import TrainConfig
 from plnerf.train.loop import train
 from plnerf.train.ranks import Ranks
 
-STEPS, WARM_UP = 200, "train.warmup_steps=50"
+STEPS, WARM_UP = 100, "train.warmup_steps=50"
 
 
 @pytest.mark.parametrize("of", [2, 3])
@@ -49,15 +50,7 @@ def arguments(scene: Path, out: Path) -> list[str]:
     return ["train", str(scene), "-o", str(out), "--steps", str(STEPS), *options(settings)]
 
 
-def start(command: list[str], **environment: str) -> subprocess.Popen[str]:
-    one = {"COLUMNS": "100", "NO_COLOR": "1", "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(
-        [sys.executable, "-m", *command], env={**os.environ, **one, **environment}, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
-
-
-def start_two(command: list[str]) -> list[subprocess.Popen[str]]:
+def start_two(*arguments: str | Path) -> list[Forked]:
     """Two ranks as torchrun starts them, without torchrun, which would end one when the other has ended."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -66,15 +59,7 @@ def start_two(command: list[str]) -> list[subprocess.Popen[str]]:
         "TORCHELASTIC_RUN_ID": "test", "WORLD_SIZE": "2", "LOCAL_WORLD_SIZE": "2",
         "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port,
     }  # fmt: skip
-    return [start(command, RANK=rank, LOCAL_RANK=rank, **of_all) for rank in "01"]
-
-
-def wait(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    try:
-        out, err = process.communicate(timeout=100)
-    finally:
-        process.kill()
-    return process.returncode, out, err
+    return [Forked(*arguments, RANK=rank, LOCAL_RANK=rank, **of_all) for rank in "01"]
 
 
 @pytest.fixture(scope="module")
@@ -91,10 +76,13 @@ def by_two(
 ) -> tuple[Path, str]:
     """A run of two processes that torchrun started, and what they printed.  Kernels are compiled by then."""
     folder = tmp_path_factory.mktemp("ranks") / "run"
-    torchrun = ["torch.distributed.run", "--nproc-per-node", "2", "-m", "plnerf"]
-    status, out, err = wait(start([*torchrun, *arguments(built_tiny_scene, folder)]))
-    assert status == 0, err
-    return folder, out + err
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "plnerf"]
+    done = subprocess.run(
+        [*torchrun, *arguments(built_tiny_scene, folder)], env={**os.environ, **ONE_THREAD}, text=True,
+        capture_output=True, timeout=LIMIT_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout + done.stderr
 
 
 @pytest.mark.slow
@@ -114,21 +102,20 @@ def test_one_process_killed_ends_the_other_and_both_go_on_to_the_same_bits(
     by_two: tuple[Path, str], built_tiny_scene: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "run"
-    zero, one = start_two(["plnerf", *arguments(built_tiny_scene, folder)])
-    give_up = time.monotonic() + 100
+    zero, one = start_two(*arguments(built_tiny_scene, folder))
+    give_up = time.monotonic() + LIMIT_S
     while not list_checkpoints(folder / "checkpoints"):
-        assert zero.poll() is None, zero.communicate()
+        assert zero.status() is None, zero.wait()
         assert time.monotonic() < give_up
         time.sleep(0.005)
     one.kill()
-    status, _, err = wait(zero)
-    wait(one)
+    status, _, err = zero.wait()
     assert status == 1
     assert "TrainingError: Another process of this training has ended" in err and "--resume" in err
     assert not (folder / ".lock").exists()
-    both = start_two(["plnerf", "train", str(built_tiny_scene), "-o", str(folder), "--resume"])
+    both = start_two("train", built_tiny_scene, "-o", folder, "--resume")
     for process in both:
-        status, out, err = wait(process)
+        status, out, err = process.wait()
         assert status == 0, err
         assert ("resumed at step" in out) == (process is both[0])
     assert_same_bits(newest_tensors(folder), newest_tensors(by_two[0]))
@@ -136,8 +123,8 @@ def test_one_process_killed_ends_the_other_and_both_go_on_to_the_same_bits(
 
 
 def test_uneven_shares_are_refused_by_rank_0(built_tiny_scene: Path, tmp_path: Path) -> None:
-    uneven = ["plnerf", "train", str(built_tiny_scene), "-o", str(tmp_path / "run"), "--train.rays", "33"]
-    (status, _, err), (other, _, late) = map(wait, start_two(uneven))
+    both = start_two("train", built_tiny_scene, "-o", tmp_path / "run", "--train.rays", "33")
+    (status, _, err), (other, _, late) = (process.wait() for process in both)
     assert (status, other) == (1, 1)
     assert "ConfigError: 2 processes" in err and "train.rays must be a multiple of 2, but is 33" in err
     assert late.startswith("TrainingError (rank 1): Another process of this training has ended")

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 from tests.support.changed import options
-from tests.support.tiny_run import SMALL, assert_same_bits, log_of, newest_tensors, run_plnerf, start_plnerf
+from tests.support.forked import Forked
+from tests.support.tiny_run import SMALL, assert_same_bits, log_of, newest_tensors
 
 from plnerf.train.checkpoint import list_checkpoints
 
@@ -27,15 +28,14 @@ def newest_step(run: Path) -> int:
 
 def kill_at(step: int, run: Path, *arguments: str | Path) -> int:
     """Starts the command and kills it once the run's newest checkpoint is of the step; returns that step."""
-    process = start_plnerf(*arguments)
+    process = Forked(*arguments)
     give_up = time.monotonic() + 100
     while newest_step(run) < step:
-        assert process.poll() is None, f"it ended before it was killed: {process.communicate()}"
+        assert process.status() is None, f"it ended before it was killed: {process.wait()}"
         assert time.monotonic() < give_up
         time.sleep(0.002)
-    process.send_signal(signal.SIGKILL)  # no handler, no clean-up
-    process.communicate()
-    assert process.returncode == -signal.SIGKILL
+    process.kill()
+    assert process.status() == -signal.SIGKILL
     return newest_step(run)
 
 
@@ -48,16 +48,16 @@ def told(run: Path) -> list[dict[str, Any]]:
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a system with SIGKILL")
 def test_kill_and_resume_gives_the_bits_of_an_uninterrupted_run(tiny_scene: Path, tmp_path: Path) -> None:
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    done = run_plnerf(*train_arguments(tiny_scene, whole))
-    assert done.returncode == 0, done.stderr
+    status, _, err = Forked(*train_arguments(tiny_scene, whole)).wait()
+    assert status == 0, err
 
     first = kill_at(2 * EVERY, killed, *train_arguments(tiny_scene, killed))
     resume = ["train", tiny_scene, "-o", killed, "--resume"]
     second = kill_at(first + 2 * EVERY, killed, *resume)
     assert 0 < first < second < STEPS
-    done = run_plnerf(*resume)
-    assert done.returncode == 0, done.stderr
-    assert f"resumed at step {second}" in done.stdout and f"{STEPS} steps in" in done.stdout
+    status, out, err = Forked(*resume).wait()
+    assert status == 0, err
+    assert f"resumed at step {second}" in out and f"{STEPS} steps in" in out
 
     assert newest_step(killed) == newest_step(whole) == STEPS
     assert told(killed) == told(whole)  # first, since it says at which step they part
