@@ -12,7 +12,7 @@ from plnerf.export.splat_project import Pinhole
 from plnerf.export.splat_score import rendered_view
 from plnerf.export.splat_seed import seeds, surface_points, z_along
 from plnerf.export.splat_sh import Y_0
-from plnerf.export.splat_views import TargetView, evenly
+from plnerf.export.splat_views import TargetView
 from plnerf.export.splat_wires import STEP, wire_splats
 from plnerf.train.metrics import psnr
 
@@ -130,11 +130,6 @@ def test_z_along_turns_z_into_any_direction() -> None:
 def test_a_field_that_shows_nothing_is_refused() -> None:
     with pytest.raises(TrainingError, match="shows no surface in any of 2 renders"):
         fit_splats([looking_down(0, 0, surface=False)] * 2, NONE, SplatConfig(count=10, steps=1))
-
-
-def test_views_are_chosen_evenly() -> None:
-    assert evenly(range(10), 20) == list(range(10))
-    assert evenly(range(101), 5) == [0, 25, 50, 75, 100]
 
 
 @pytest.mark.parametrize("wrong", [{"count": 0}, {"degree": 3}, {"steps": -1}, {"views": 0}, {"seed": -1}])

@@ -17,7 +17,7 @@ from plnerf.render.model import PLNeRF
 from plnerf.render.pictures import rgb_picture
 from plnerf.render.views import render_view
 from plnerf.scene.scene import Scene, load_scene
-from plnerf.train.render_run import FLIGHT, refined_cameras, render_run, shots_of
+from plnerf.train.render_run import FLIGHT, evenly, refined_cameras, render_run, shots_of
 
 
 @pytest.fixture
@@ -196,3 +196,8 @@ def test_normals_of_a_model_without_any_are_refused(scene: Scene, tmp_path: Path
     run.model.config = replace(config, field=replace(config.field, normals=False))
     with pytest.raises(ConfigError, match="predicts no normals"):
         render_run(run, views="test", outputs=("rgb", "normals"))
+
+
+def test_views_are_chosen_evenly() -> None:
+    assert evenly(range(10), 20) == list(range(10))
+    assert evenly(range(101), 5) == [0, 25, 50, 75, 100]

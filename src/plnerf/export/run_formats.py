@@ -14,7 +14,7 @@ from plnerf.export.splat_gltf import write_splat_glb
 from plnerf.export.splat_place import Y_UP, Placement, about_drawn, placement, write_sidecar
 from plnerf.export.splat_ply import write_splat, write_splat_ply
 from plnerf.export.splat_score import Agreement, agreement
-from plnerf.export.splat_views import evenly, target_views
+from plnerf.export.splat_views import target_views
 from plnerf.export.splat_wires import wire_splats
 from plnerf.export.splats import Splats
 from plnerf.line.files import SURVEY_FILE, read_survey
@@ -23,7 +23,7 @@ from plnerf.line.move import move_wire
 from plnerf.line.wire import Wire
 from plnerf.scene.memory import require_memory
 from plnerf.train.guidance import certain
-from plnerf.train.render_run import refined_cameras
+from plnerf.train.render_run import evenly, refined_cameras
 from plnerf.train.run import TrainedRun
 
 SplatFormat = Literal["ply", "glb", "splat"]

@@ -1,6 +1,5 @@
 """What the Gaussians are fitted to: renders of the field from its own cameras, without lens distortion."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,10 +74,3 @@ def pinhole(frame: LineFrame, camera: Cameras, near: float) -> Pinhole:
         moved.R_scene_camera[0].float(), moved.centre[0].float(), camera.focal_px[0], camera.principal_px[0],
         (w, h), near,
     )  # fmt: skip
-
-
-def evenly(images: Sequence[int], count: int) -> list[int]:
-    """At most `count` of the images, evenly over their order, first and last among them."""
-    if len(images) <= count:
-        return list(images)
-    return [images[k] for k in np.linspace(0, len(images) - 1, count).round().astype(int)]

@@ -5,7 +5,7 @@ renders under a wiper, and the run's survey in space.  The page is `data/report/
 """
 
 import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from plnerf.scene.build_store import Progress
 from plnerf.scene.files import write_text
 from plnerf.scene.ply import read_ply
 from plnerf.train.evaluate import mean_appearance
-from plnerf.train.render_run import shots_of
+from plnerf.train.render_run import evenly, shots_of
 from plnerf.train.run import TrainedRun
 
 VIDEO = "renders/path-rgb.mp4"
@@ -104,7 +104,7 @@ def _wipes(run: TrainedRun, missing: list[str], done: Callable[[int], None]) -> 
         missing.append(f"No photos are shown: {error}")
         return []
     appearance, wipes = mean_appearance(run), []
-    for k, i in enumerate(_some(scene.test, WIPES)):
+    for k, i in enumerate(evenly(scene.test, WIPES)):
         seen = rgb_picture(render_view(run.model, scene.cameras[[i]], appearance, normals=False).rgb)
         name = scene.names[i].removeprefix("images/")
         h, w = seen.shape[:2]
@@ -147,10 +147,3 @@ def _survey(folder: Path, missing: list[str]) -> Survey | None:
     places = xyz if survey.frame.unit == "unscaled" else survey.frame.from_world(xyz)
     wire = np.full(len(xyz), NO_WIRE, np.int64)
     return replace(survey, cloud=Cloud(places, rows["classification"].astype(np.uint8), wire))
-
-
-def _some(images: Sequence[int], count: int) -> list[int]:
-    """At most `count` of them, evenly."""
-    if len(images) <= count:
-        return list(images)
-    return [images[k] for k in np.linspace(0, len(images) - 1, count).round().astype(int)]

@@ -8,6 +8,7 @@ Those of an earlier call stay until all are there.
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -122,6 +123,13 @@ def _write_pictures(
         if progress is not None:
             progress(i + 1, len(shots))
     return pictures
+
+
+def evenly(images: Sequence[int], count: int) -> list[int]:
+    """At most `count` of the images, evenly over their order, first and last among them."""
+    if len(images) <= count:
+        return list(images)
+    return [images[k] for k in np.linspace(0, len(images) - 1, count).round().astype(int)]
 
 
 def shots_of(run: TrainedRun, views: Views, frames: int, scale: float) -> list[Shot]:
