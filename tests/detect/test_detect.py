@@ -144,7 +144,9 @@ def test_a_frame_of_another_unit_changes_units_alone(three: tuple[Scene, tuple[W
         assert other.evidence.certain == one.evidence.certain
 
 
-def test_progress_counts_up_to_its_total_and_changes_nothing(three: tuple[Scene, tuple[Wire, ...]]) -> None:
+def test_the_same_pictures_give_the_same_wires_and_progress_counts_up_to_its_total(
+    three: tuple[Scene, tuple[Wire, ...]],
+) -> None:
     scene, found = three
     steps: list[tuple[int, int]] = []
     again = detect_wires(scene, DEFAULT, lambda *step: steps.append(step))
@@ -164,11 +166,6 @@ def same(some: tuple[Wire, ...], others: tuple[Wire, ...]) -> bool:
     return [one.theta.tolist() + one.covariance.tolist() for one in some] == [
         one.theta.tolist() + one.covariance.tolist() for one in others
     ]
-
-
-def test_the_same_pictures_give_the_same_wires(three: tuple[Scene, tuple[Wire, ...]]) -> None:
-    scene, found = three
-    assert same(detect_wires(scene, DEFAULT), found)
 
 
 def test_the_order_of_the_pictures_does_not_count(
