@@ -16,6 +16,7 @@ from plnerf.export import copc, geopackage
 from plnerf.export.crs import crs_transform
 from plnerf.export.formats import write_formats
 from plnerf.exporting import export_survey
+from plnerf.line.cloud import Cloud
 from plnerf.line.files import read_survey, write_survey_json
 from plnerf.pipeline import write_survey
 
@@ -131,6 +132,16 @@ def test_a_map_that_reads_back_differently_is_not_kept(
     with pytest.raises(SurveyError, match=r"survey\.gpkg reads back differently"):
         export_survey(folder, ("gpkg",), tmp_path)
     assert not list(tmp_path.glob("*gpkg"))
+
+
+def test_a_survey_without_anything_is_exported_as_nothing_with_the_reasons(tmp_path: Path) -> None:
+    nothing = Cloud(np.zeros((0, 3)), np.zeros(0, np.uint8), np.zeros(0, np.int64))
+    write_survey(replace(surveys.empty(), cloud=nothing), tmp_path)
+    found = export_survey(tmp_path)
+    assert found.files == {} and len(found.about) == 4
+    for wanted in ("copc", "pls-cadd"):
+        with pytest.raises(SurveyError, match="needs points"):
+            export_survey(tmp_path, (wanted,))
 
 
 def test_a_survey_without_wires_has_no_maps_and_the_reason(tmp_path: Path) -> None:

@@ -6,6 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal, get_args
 
+import laspy
+
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.export.copc import write_copc
 from plnerf.export.crs import CrsTransform, crs_transform
@@ -52,7 +54,8 @@ def write_formats(
     asked for needs.
     """
     transform = crs_transform(survey)
-    lacks = lacking(survey, transform)
+    laz = folder / LAS
+    lacks = lacking(survey, transform, laz)
     if formats is None:
         formats, about = [one for one in FORMATS if one not in lacks], tuple(lacks.values())
     else:
@@ -63,7 +66,6 @@ def write_formats(
     missing = sorted({name for one in formats for name in NEEDS[one] if find_spec(name) is None})
     if missing:
         raise ConfigError(f"{', '.join(missing)} is not installed. Install: {EXTRA}.")
-    laz = folder / LAS
     if {"copc", "pls-cadd"} & set(formats) and not laz.is_file():
         raise SurveyError(f"{folder} has no {LAS}, which {' and '.join(formats)} need. Survey again.")
     given = _Given(survey, transform, laz, load_codes(codes))
@@ -78,8 +80,8 @@ def write_formats(
     return Exports(files, about)
 
 
-def lacking(survey: Survey, transform: CrsTransform) -> dict[Format, str]:
-    """What a survey lacks, in words, by the formats that need it."""
+def lacking(survey: Survey, transform: CrsTransform, laz: Path) -> dict[Format, str]:
+    """What a survey lacks, in words, by the formats that need it.  laz: its cloud."""
     lacks: dict[Format, str] = {}
     if not (survey.wires or survey.structures):
         why = f"needs a wire or a structure, but {survey.source} has none. Leave it out."
@@ -93,7 +95,16 @@ def lacking(survey: Survey, transform: CrsTransform) -> dict[Format, str]:
         lacks["kml"] = f"{NAMES['kml']} needs longitudes and latitudes, which {survey.source} has not."
     if survey.frame.unit != "m":
         lacks["pls-cadd"] = f"{NAMES['pls-cadd']} needs metres, but {survey.source} has no scale."
+    if laz.is_file() and not _points_in(laz):
+        lacks["copc"] = f"{NAMES['copc']} needs points, but {laz} has none. Leave it out."
+        if not survey.wires:
+            lacks["pls-cadd"] = f"{NAMES['pls-cadd']} needs points or wires, but {laz.parent} has none."
     return lacks
+
+
+def _points_in(laz: Path) -> int:
+    with laspy.open(laz) as reader:
+        return int(reader.header.point_count)
 
 
 def _gpkg(path: Path, of: _Given) -> None:
