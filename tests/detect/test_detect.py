@@ -218,6 +218,7 @@ def test_a_line_of_any_azimuth_is_found(three: tuple[Scene, tuple[Wire, ...]], a
         assert min(apart) < CLOSE
 
 
+@pytest.mark.slow
 def test_two_lines_that_cross_are_both_found(tmp_path: Path) -> None:
     """The second runs above the first, across it, and is filmed by the same passes.  They go on beyond."""
     R = turned(70.0)
