@@ -166,9 +166,22 @@ def test_what_lies_far_from_the_epipolar_line_is_no_match(tmp_path: Path) -> Non
 
 
 def test_settings_that_mean_nothing_are_refused() -> None:
-    for wrong in ({"gain": 0.0}, {"group_size": 2}, {"agree_px": 0.0}, {"loose_px": 0.0}):
+    for wrong in (
+        {"gain": 0.0},
+        {"group_size": 2},
+        {"agree_px": 0.0},
+        {"loose_px": 0.0},
+        {"agree_px": float("nan")},
+    ):
         with pytest.raises(ConfigError, match="poses need"):
             PosesConfig(**wrong)
-    for wrong in ({"features": 10}, {"min_images": 1}, {"ratio": 0.0}, {"ratio": 1.5}, {"epipolar_px": 0.0}):
+    for wrong in (
+        {"features": 10},
+        {"min_images": 1},
+        {"ratio": 0.0},
+        {"ratio": 1.5},
+        {"epipolar_px": 0.0},
+        {"contrast": float("nan")},
+    ):
         with pytest.raises(ConfigError, match="Tie points need"):
             TieConfig(**wrong)

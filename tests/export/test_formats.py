@@ -14,7 +14,7 @@ from tests.support.encroaching import with_encroachments
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.export import copc, geopackage
 from plnerf.export.crs import crs_transform
-from plnerf.export.formats import write_formats
+from plnerf.export.formats import Format, write_formats
 from plnerf.exporting import export_survey
 from plnerf.line.cloud import Cloud
 from plnerf.line.files import read_survey, write_survey_json
@@ -93,9 +93,20 @@ def test_pls_cadd_lines_have_the_codes_of_the_map(folder: Path, tmp_path: Path) 
     assert np.abs(phases[: len(wanted), 1:] - wanted).max() < 1e-3
     table = (tmp_path / "pls-cadd-codes.csv").read_text().splitlines()
     assert table[0] == "feature_code,what,points" and f"7,ground,{(las.classification == 2).sum()}" in table
-    (tmp_path / "codes.toml").write_text("[codes]\ngravel = 7\n")
-    with pytest.raises(ConfigError, match="gravel"):
-        export_survey(folder, ("pls-cadd",), tmp_path, tmp_path / "codes.toml")
+    for text, said in (("gravel = 7", "gravel"), ("ground = true", "no whole numbers")):
+        (tmp_path / "codes.toml").write_text(f"[codes]\n{text}\n")
+        with pytest.raises(ConfigError, match=said):
+            export_survey(folder, ("pls-cadd",), tmp_path, tmp_path / "codes.toml")
+    with pytest.raises(ConfigError, match=r"There is no map of feature codes none\.toml"):
+        export_survey(folder, ("pls-cadd",), tmp_path, Path("none.toml"))
+
+
+@pytest.mark.parametrize("wanted", ["copc", "pls-cadd"])
+def test_a_cloud_that_is_cut_off_is_refused(folder: Path, tmp_path: Path, wanted: Format) -> None:
+    for name, size in (("survey.json", None), ("cloud.laz", 500)):
+        (tmp_path / name).write_bytes((folder / name).read_bytes()[:size])
+    with pytest.raises(SurveyError, match=r"cloud\.laz cannot be read as LAS or LAZ"):
+        export_survey(tmp_path, (wanted,))
 
 
 def test_what_a_format_lacks_is_said(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -160,7 +160,10 @@ def test_an_outline_is_convex_and_of_few_points_a_square() -> None:
 
 
 def test_settings_that_cannot_be_are_refused() -> None:
-    with pytest.raises(ConfigError, match="growth_m of 0 or more"):
-        EncroachmentConfig(growth_m=-1.0)
+    for growth in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ConfigError, match="growth_m of 0 or more"):
+            EncroachmentConfig(growth_m=growth)
+    with pytest.raises(ConfigError, match="growth_years"):
+        EncroachmentConfig(growth_sigma=float("nan"))
     with pytest.raises(ConfigError, match="cell_m"):
         EncroachmentConfig(cell_m=0.0)

@@ -30,7 +30,7 @@ class TieConfig:
                 "Tie points need features and max_image_px of 64 or more, partners of 1 or more and "
                 f"min_images of 2 or more, but got {self}."
             )
-        if not 0 < self.ratio <= 1 or min(self.epipolar_px, self.contrast) <= 0:
+        if not (0 < self.ratio <= 1 and self.epipolar_px > 0 and self.contrast > 0):
             raise ConfigError(
                 "Tie points need a ratio above 0 and at most 1, and epipolar_px and contrast above 0, but "
                 f"got {self}."
@@ -53,7 +53,7 @@ class AdjustmentConfig:
     """Gauss-Newton steps."""
 
     def __post_init__(self) -> None:
-        if min(self.pose_px, self.feature_px, self.outlier_px) <= 0 or self.steps < 1:
+        if not (self.pose_px > 0 and self.feature_px > 0 and self.outlier_px > 0 and self.steps >= 1):
             raise ConfigError(
                 "A bundle adjustment needs pose_px, feature_px and outlier_px above 0 and steps of 1 or "
                 f"more, but got {self}."
@@ -86,8 +86,7 @@ class PosesConfig:
 
     def __post_init__(self) -> None:
         if (
-            not 0 < self.gain <= 1
-            or not min(self.loose_px, self.agree_px) > 0
+            not (0 < self.gain <= 1 and self.loose_px > 0 and self.agree_px > 0)
             or min(self.groups, self.min_points) < 1
             or self.group_size < 3
         ):

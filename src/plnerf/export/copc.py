@@ -15,6 +15,7 @@ from laspy.vlrs.known import WktCoordinateSystemVlr
 
 from plnerf.export.read_back import check_all, check_same
 from plnerf.scene.files import complete_file
+from plnerf.scene.las_files import open_las
 
 CELLS = 64
 """Along each edge of a cube, of which each keeps a point."""
@@ -27,7 +28,8 @@ def write_copc(path: Path, laz: Path) -> None:
     """Writes the points of a LAZ file, and reads them back.  Raises SurveyError where they differ."""
     import copclib
 
-    las = laspy.read(laz)
+    with open_las(laz) as reader:
+        las = reader.read()
     header, size = las.header, laspy.PointFormat(las.header.point_format.id).size
     config = copclib.CopcConfigWriter(
         header.point_format.id, _vector(header.scales), _vector(header.offsets), _wkt(header)

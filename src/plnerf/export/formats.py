@@ -6,8 +6,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal, get_args
 
-import laspy
-
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.export.copc import write_copc
 from plnerf.export.crs import CrsTransform, crs_transform
@@ -17,6 +15,7 @@ from plnerf.export.las import wkt_of
 from plnerf.export.layers import layers_of
 from plnerf.export.pls_cadd import XYZ, load_codes, write_xyz
 from plnerf.line.survey import Survey
+from plnerf.scene.las_files import open_las
 
 Format = Literal["gpkg", "kml", "copc", "pls-cadd"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -51,7 +50,7 @@ def write_formats(
     folder: of the survey, with its cloud; formats: None: all but those for which the survey lacks something,
     which are named with the reason; codes: PLS-CADD's feature codes (TOML); None: the default ones.
     Raises ConfigError where a library is missing, SurveyError where the survey lacks what a format that was
-    asked for needs.
+    asked for needs, or its cloud cannot be read.
     """
     transform = crs_transform(survey)
     laz = folder / LAS
@@ -103,7 +102,7 @@ def lacking(survey: Survey, transform: CrsTransform, laz: Path) -> dict[Format, 
 
 
 def _points_in(laz: Path) -> int:
-    with laspy.open(laz) as reader:
+    with open_las(laz) as reader:
         return int(reader.header.point_count)
 
 

@@ -6,7 +6,6 @@ curves, attachments and structures' tops are points of their own.
 
 from pathlib import Path
 
-import laspy
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -16,6 +15,7 @@ from plnerf.export.read_back import check_all, check_same
 from plnerf.line.ends import Attached
 from plnerf.line.survey import Survey
 from plnerf.scene.files import complete_file, write_text
+from plnerf.scene.las_files import open_las
 from plnerf.scene.toml_files import Fields, read_toml
 
 NAMES = (
@@ -36,11 +36,11 @@ def load_codes(path: Path | None) -> dict[str, int]:
     """Feature codes out of a TOML file, `[codes]` with any of `NAMES`; the rest as by default."""
     if path is None:
         return CODES
-    fields = Fields(read_toml(path, "codes", "map of feature codes"), f"The map of feature codes {path}")
+    fields = Fields(read_toml(path, None, "map of feature codes"), f"The map of feature codes {path}")
     given = fields.table("codes") or {}
     fields.done()
     strange = sorted(set(given) - set(NAMES))
-    if strange or not all(isinstance(one, int) and 0 <= one < 1_000_000 for one in given.values()):
+    if strange or not all(type(one) is int and 0 <= one < 1_000_000 for one in given.values()):
         raise ConfigError(
             f"The map of feature codes {path} has {', '.join(strange) or 'codes that are no whole numbers'}. "
             f"Give whole numbers for any of: {', '.join(NAMES)}."
@@ -69,7 +69,8 @@ def write_xyz(
 def _points(
     survey: Survey, laz: Path, transform: CrsTransform, codes: dict[str, int]
 ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-    las = laspy.read(laz)
+    with open_las(laz) as reader:
+        las = reader.read()
     label = np.asarray(las.classification)
     parts = [(codes[name], las.xyz[label == k]) for k, name in OF_CLASS.items()]
     for wire in survey.wires:

@@ -12,13 +12,16 @@ from typing import Any
 from plnerf.errors import ConfigError
 
 
-def read_toml(path: Path, folder: str, what: str) -> dict[str, Any]:
+def read_toml(path: Path, folder: str | None, what: str) -> dict[str, Any]:
     """A TOML file's values.
 
     path: where nothing is there, the name of a file in the package's `data/<folder>`, with or without its
-    suffix.  what: such as "conductor", for errors.  Raises ConfigError where it is missing or no TOML.
+    suffix; folder: None: the package has none of its kind.  what: such as "conductor", for errors.  Raises
+    ConfigError where it is missing or no TOML.
     """
-    own = files("plnerf") / "data" / folder
+    if folder is None and not path.is_file():
+        raise ConfigError(f"There is no {what} {path}. Give the path of a TOML file.")
+    own = files("plnerf") / "data" / (folder or "")
     place = path
     if not path.is_file() and len(path.parts) == 1:
         place = Path(str(own / f"{path.name.removesuffix('.toml').lower()}.toml"))

@@ -1,5 +1,6 @@
 """What decides the encroachments."""
 
+import math
 from dataclasses import dataclass
 
 from plnerf.errors import ConfigError
@@ -30,15 +31,16 @@ class EncroachmentConfig:
     """Encroachments, the most urgent, of which the report shows parts of photos."""
 
     def __post_init__(self) -> None:
-        if self.growth_m is not None and not self.growth_m >= 0:
-            raise ConfigError(f"Encroachments need growth_m of 0 or more, but got {self.growth_m}.")
-        if min(self.growth_years, self.growth_sigma, self.stem_sigma_m, self.prominence_share) < 0:
+        if self.growth_m is not None and not 0 <= self.growth_m < math.inf:
+            raise ConfigError(f"Encroachments need a finite growth_m of 0 or more, but got {self.growth_m}.")
+        shares = (self.growth_years, self.growth_sigma, self.stem_sigma_m, self.prominence_share)
+        if not all(0 <= one < math.inf for one in shares):
             raise ConfigError(
                 "Encroachments need growth_years, growth_sigma, stem_sigma_m and prominence_share of 0 or "
                 f"more, but got {self.growth_years}, {self.growth_sigma}, {self.stem_sigma_m} and "
                 f"{self.prominence_share}."
             )
-        if min(self.cell_m, self.prominence_m) <= 0 or self.reach_cells < 1 or self.pictures < 0:
+        if not (self.cell_m > 0 and self.prominence_m > 0) or self.reach_cells < 1 or self.pictures < 0:
             raise ConfigError(
                 "Encroachments need cell_m and prominence_m greater than 0, reach_cells of 1 or more and "
                 f"pictures of 0 or more, but got {self.cell_m}, {self.prominence_m}, {self.reach_cells} and "

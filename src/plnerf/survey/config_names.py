@@ -22,7 +22,7 @@ class NamesConfig:
     else in plan."""
 
     def __post_init__(self) -> None:
-        if min(self.structure_m, self.wire_m) <= 0:
+        if not (self.structure_m > 0 and self.wire_m > 0):
             raise ConfigError(
                 "Names need structure_m and wire_m greater than 0, but got "
                 f"{self.structure_m} and {self.wire_m}."
