@@ -72,7 +72,7 @@ def test_every_mask_pixel_lies_on_a_projected_wire():
         for i in range(len(LINES)):
             pixel, _, radius_px = project(frame, slice(i, i + 1))
             if len(pixel):
-                distance, nearest = cKDTree(pixel).query(centres)
+                distance, nearest = cKDTree(pixel, balanced_tree=False, compact_nodes=False).query(centres)
                 beside = np.minimum(beside, distance - radius_px[nearest])
         assert beside.max() <= 1.5, frame["file_path"]
 

@@ -66,8 +66,9 @@ def test_a_rod_before_a_wall_is_seen_where_and_as_far_away_as_it_is(tmp_path):
 
 
 @needs_mitsuba
-def test_strips_of_wires_are_what_the_whole_picture_shows(tmp_path):
+def test_strips_of_wires_are_what_the_whole_picture_shows(tmp_path, monkeypatch):
     """Both are 36 random samples a pixel: one at 1/2 has a deviation of 1/12 at most, stratified or not."""
+    coarsen(monkeypatch)
     span = build_site(TINY.span)
     capture = CaptureConfig(width_px=120, height_px=77, focal_px=110.0, views_per_pass=4)
     wires = [part for part in site_parts(span) if part.wire]
