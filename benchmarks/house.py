@@ -29,7 +29,7 @@ import json
 import sys
 import tempfile
 import tomllib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from traceback import walk_stack
@@ -156,9 +156,13 @@ def reads(node: ast.AST, types: dict[str, str]) -> Iterator[tuple[ast.AST, str, 
     elif isinstance(node, ast.FunctionDef):
         given = [a for a in (*node.args.args, *node.args.kwonlyargs) if a.annotation is not None]
         types = types | {a.arg: ast.unparse(a.annotation or a).removesuffix(" | None") for a in given}
-        strings = {str(part.value) for part in ast.walk(node) if isinstance(part, ast.Constant)}
+        computed = [
+            part for part in ast.walk(node)
+            if isinstance(part, ast.Call) and isinstance(part.func, ast.Name) and part.func.id == "getattr"
+        ]  # fmt: skip
+        strings = {str(part.value) for part in ast.walk(node) if computed and isinstance(part, ast.Constant)}
         for a in given:
-            if f"getattr({a.arg}," in ast.unparse(node):
+            if any(isinstance(part.args[0], ast.Name) and part.args[0].id == a.arg for part in computed):
                 yield from ((node, name, types[a.arg]) for name in strings)
     elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
         yield node, node.attr, types.get(node.value.id, "") if isinstance(node.value, ast.Name) else ""
@@ -177,13 +181,17 @@ def unread_settings(src: Path) -> list[str]:
     statements = [(path, node) for path, tree in trees.items() for node in classes(tree)]
     bases = {node.name: set(map(ast.unparse, node.bases)) for _, node in statements}
     all_reads = [read for tree in trees.values() for read in reads(tree, {})]
+    counts = Counter((name, of) for _, name, of in all_reads)
+    of_node = defaultdict[int, list[tuple[str, str]]](list)
+    for node, name, of in all_reads:
+        of_node[id(node)].append((name, of))
     unread = []
     for path, owner in statements:
         if not is_settings(owner):
             continue
         strangers = {n for n in bases if owner.name not in bases[n] | {n} and n not in bases[owner.name]}
-        inside = set(map(id, ast.walk(owner)))
-        read = {name for node, name, of in all_reads if of not in strangers and id(node) not in inside}
+        inside = Counter(one for node in ast.walk(owner) for one in of_node.get(id(node), ()))
+        read = {one[0] for one, times in counts.items() if one[1] not in strangers and times > inside[one]}
         methods = [node for node in owner.body if isinstance(node, ast.FunctionDef)]
         own = {node.name: {name for _, name, _ in reads(node, {})} for node in methods}
         while more := {name for method in own.keys() & read for name in own[method]} - read:

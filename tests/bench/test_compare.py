@@ -2,8 +2,10 @@
 
 import json
 import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from tests.support.changed import changed
 
 from plnerf.bench.compare import RESULT, CompareConfig, _crop, compare
 from plnerf.bench.compare_page import curves_svg
+from plnerf.bench.suites import in_fresh_process
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.presets._find import find_preset
 from plnerf.train.config import Settings
@@ -31,6 +34,18 @@ def few(preset: str) -> Settings:
 
 NERF = find_preset("nerf")
 WRONG = changed(Settings(NERF.model, NERF.train), ("train.loss.interlevel_blur=[0.1, 0.1, 0.1]",))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _here_unless_it_fails() -> Iterator[None]:
+    """What succeeds is trained in this process, where types are checked: another takes seconds to start."""
+
+    def run(function: Callable[[Any], Any], task: tuple[CompareConfig, str]) -> Any:
+        return in_fresh_process(function, task) if task[1] == "nerf" else function(task)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("plnerf.bench.compare.in_fresh_process", run)
+        yield
 
 
 @pytest.fixture(scope="module")
