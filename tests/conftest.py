@@ -1,13 +1,23 @@
 """Fixtures that several test files share: a tiny scene on disk, the shared real data, error-text
 snapshots."""
 
+import atexit
 import json
 import os
 import shutil
+import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line does; before torch is imported
+
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+    # Hundreds of files would be compiled again by every worker and every process that a test starts; where
+    # no compiled file may lie beside a source, they lie in a folder of this session.
+    os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="plnerf-tests-")
+    sys.dont_write_bytecode, sys.pycache_prefix = False, os.environ["PYTHONPYCACHEPREFIX"]
+    atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
 
 import numba
 import numpy as np

@@ -5,6 +5,7 @@ import inspect
 import re
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from traceback import walk_stack
 from types import FrameType
@@ -75,7 +76,10 @@ def room(module: str) -> str:
     return module.split(".")[1]
 
 
-GRAPH = {module: imports(path) for module, path in MODULES.items()}
+@cache
+def graph() -> dict[str, set[str]]:
+    """The modules that each one imports; every worker collects these tests, and one needs it."""
+    return {module: imports(path) for module, path in MODULES.items()}
 
 
 def test_every_room_has_its_floor() -> None:
@@ -86,7 +90,7 @@ def test_every_room_has_its_floor() -> None:
 @pytest.mark.parametrize("module", [module for module in MODULES if not module.endswith("__init__")])
 def test_imports_go_downwards(module: str) -> None:
     mine = FLOORS[room(module)]
-    for other in GRAPH[module] - {"plnerf"}:
+    for other in graph()[module] - {"plnerf"}:
         below = FLOORS[room(other)] < mine
         assert below or room(other) == room(module), f"{module} (floor {mine}) imports {other}"
 
@@ -95,12 +99,12 @@ def test_packages_import_nothing() -> None:
     """So that `plnerf --help` loads none of the rooms."""
     for module, path in MODULES.items():
         if path.name == "__init__.py":
-            assert not GRAPH[module], module
+            assert not graph()[module], module
 
 
 def test_no_circles() -> None:
     """By taking away, again and again, the modules that import none of those left."""
-    left = {module: {other for other in others if other in MODULES} for module, others in GRAPH.items()}
+    left = {module: {other for other in others if other in MODULES} for module, others in graph().items()}
     while free := {module for module, others in left.items() if not others & left.keys()}:
         left = {module: others for module, others in left.items() if module not in free}
     assert not left, f"imports in a circle among {sorted(left)}"
