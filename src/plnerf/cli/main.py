@@ -85,7 +85,7 @@ def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
 
 
 def lack_of_memory(error: Exception) -> str | None:
-    """What an exception says of memory that ran out, itself or as its cause; None where it is another one.
+    """The message of an exception about memory that ran out, or of its cause; None where it is another one.
 
     NumPy and Python raise MemoryError; PyTorch, threads and the loader of libraries say it in words.
     """

@@ -61,7 +61,7 @@ def _table(survey: Survey, state: State) -> Table:
 
 
 def _named(load: Load) -> str:
-    """A state's name, and what acts where that says more."""
+    """A state's name, and the load where the name does not state it."""
     return load.name if load.name == load.words else f"{load.name}: {load.words}"
 
 

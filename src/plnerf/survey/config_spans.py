@@ -121,7 +121,7 @@ class TensionStringConfig:
     far_m: tuple[float, float] = (0.18, 0.28)
     """Samples between these show what is behind: the other conductors of a bundle are farther."""
     noise: float = 3.0
-    """Deviation of grey values, of 255, that says nothing."""
+    """Difference of grey values (0 to 255) that noise alone makes."""
     end_on: float = 0.3
     """Least sine of the angle between a wire and the ray that it is seen by."""
     least_px_per_m: float = 25.0

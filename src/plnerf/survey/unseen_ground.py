@@ -55,8 +55,8 @@ def without_unseen_ground(
     label[index[doubted]] = UNCLASSIFIED
     finding = harms(
         UNSEEN,
-        f"{doubted.sum():,} points where too little ground was seen to tell it from the tops of plants are "
-        "unclassified.",
+        f"{doubted.sum():,} points where too little ground was seen to distinguish it from the tops of "
+        "plants are unclassified.",
         "See under Coverage, and take more images there.",
     )
     return replace(survey, cloud=replace(survey.cloud, label=label)), (finding,)
