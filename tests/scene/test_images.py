@@ -1,6 +1,9 @@
 """The image store holds exactly what a direct read and resize gives, and is built once."""
 
 import os
+import socket
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -116,6 +119,20 @@ def test_a_failed_build_leaves_no_store_and_no_rest(tmp_path: Path) -> None:
     assert not list((tmp_path / "store").glob("*.partial"))
     Image.new("RGB", SIZES[2], (9, 9, 9)).save(shots[2].path)
     assert (open_store(shots, tmp_path, tmp_path / "store", downscale=1).image(2) == 9).all()
+
+
+def test_what_a_killed_process_left_of_a_store_is_removed(tmp_path: Path) -> None:
+    """And not what one that lives, or one of another machine, is writing."""
+    ended, host = subprocess.Popen([sys.executable, "-c", ""]), socket.gethostname()
+    ended.wait()
+    store = tmp_path / "store"
+    store.mkdir()
+    left = store / f"images.u8.{host}-{ended.pid}.partial"
+    others = {f"images.u8.{host}-{os.getppid()}.partial", f"images.u8.not{host}-{ended.pid}.partial"}
+    for name in (left.name, *others):
+        (store / name).write_bytes(b"half")
+    open_store(make_shots(tmp_path), tmp_path, store, downscale=1)
+    assert {path.name for path in store.iterdir()} == {"images.u8", "index.json"} | others
 
 
 def test_a_store_that_cannot_be_written_says_why(tmp_path: Path) -> None:

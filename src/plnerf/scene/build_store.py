@@ -8,15 +8,18 @@ Memory: two decoded images, one per worker (measured: 115 MB each for 12 megapix
 array and the compressed file), whatever the number of images.
 """
 
+import glob
 import hashlib
 import json
 import os
+import socket
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
 import numpy as np
+import psutil
 from jaxtyping import Int, Shaped
 
 from plnerf.errors import SceneError
@@ -60,8 +63,8 @@ def open_store(
     """The store of these images, built first unless ``folder`` already holds it.
 
     A store is reused while the files' paths, sizes and modification times, the expected sizes and
-    ``downscale`` are the same.  One process builds at a time; files are written beside and renamed, the index
-    last.  Raises SceneError when an image or a mask cannot be used, or the disk is full.
+    ``downscale`` are the same.  Files are written beside and renamed, the index last; a build removes what
+    killed ones have left.  Raises SceneError when an image or a mask cannot be used, or the disk is full.
     """
     sizes = reduced_sizes_px(shots, downscale)
     fingerprint = _fingerprint(shots, root, downscale)
@@ -116,8 +119,10 @@ def _build(
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     starts = np.concatenate([[0], np.cumsum(sizes[:, 0] * sizes[:, 1])])
+    _remove_left(folder)
     beside = {
-        name: folder / f"{name}.{os.getpid()}.partial" for name in ("images.u8", "valid.u8", "index.json")
+        name: folder / f"{name}.{socket.gethostname()}-{os.getpid()}.partial"
+        for name in ("images.u8", "valid.u8", "index.json")
     }
     masked = any(shot.mask is not None for shot in shots)
     try:
@@ -170,6 +175,14 @@ def reduce_by_area(
     if (full.shape[1], full.shape[0]) == size_px:
         return full
     return cv2.resize(full, size_px, interpolation=cv2.INTER_AREA)
+
+
+def _remove_left(folder: Path) -> None:
+    """Removes partial files of processes of this machine that were killed; they are as large as the store."""
+    for path in folder.glob(f"*.{glob.escape(socket.gethostname())}-*.partial"):
+        process = path.name.removesuffix(".partial").rpartition("-")[2]
+        if process.isdecimal() and not psutil.pid_exists(int(process)):
+            path.unlink(missing_ok=True)
 
 
 def _allocate(path: Path, size: int) -> None:
