@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.cut_off import cut_off
 from tests.support.surveys import short
 from tests.support.tiny_run import small
 
@@ -166,6 +167,22 @@ def test_the_page_of_a_surveyed_run_asks_no_server_for_anything(own_run: Path, t
     data = json.loads(text.split('id="view-data">')[1].split("</script>")[0])
     assert len(data["wires"]) == len(survey.wires) and data["count"] > 100
     assert "was not surveyed" not in text and "No flight" not in text
+
+
+def test_results_whose_exchange_was_cut_off_are_in_the_export(own_run: Path, tmp_path: Path) -> None:
+    frame, survey = LineFrame.of_scene(open_run(own_run).record.frames), short(0.05)
+    write_survey(type(survey)(frame, survey.lines, survey.cloud, "a run"), own_run / "survey")
+    (own_run / "renders").mkdir(exist_ok=True)
+    (own_run / "renders" / "path-rgb.mp4").write_bytes(b"a film")
+    for name in ("survey", "renders"):
+        cut_off(own_run / name)
+    surveyed = shutil.copytree(own_run / "survey", tmp_path / "surveyed")
+    export_source(own_run, ("html", "ply"), tmp_path, splats=FEW)
+    text = (tmp_path / "handout.html").read_text()
+    assert "was not surveyed" not in text and "No flight" not in text
+    wires_from = json.loads((tmp_path / "splats.json").read_text())["wires_from"]
+    assert wires_from == "the survey of the run"
+    assert list(export_source(surveyed, ("pls-cadd",)).files)
 
 
 def test_a_film_too_large_for_a_page_is_left_out(

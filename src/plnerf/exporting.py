@@ -20,7 +20,7 @@ from plnerf.export.run_formats import (
     write_splats,
 )
 from plnerf.export.splat_config import SplatConfig
-from plnerf.line.files import SURVEY_FILE, read_survey
+from plnerf.line.files import SURVEY_FILE, read_survey, survey_in
 from plnerf.report.handout import write_handout
 from plnerf.scene.only_writer import only_writer
 from plnerf.scene.whole_result import whole_result
@@ -50,13 +50,13 @@ def export_source(
     ConfigError where the source is neither, or has not a format; other PlnerfErrors where it cannot be read
     or written.
     """
-    if (source / SURVEY_FILE).is_file() or source.name == SURVEY_FILE:
+    if source.name == SURVEY_FILE or survey_in(source) is not None:
         do = "Give the folder of the run that it was made of,"
         chosen = _known(source, "a survey", formats, FORMATS, do)
         return export_survey(source, chosen or None, out, codes)  # type: ignore[arg-type]  # all FORMATS
     if (source / "config.json").is_file():
         survey = source / "survey"
-        surveyed = (survey / SURVEY_FILE).is_file()
+        surveyed = survey_in(survey) is not None
         do = f"Give its survey, {survey}," if surveyed else f"Survey it, plnerf survey {source},"
         chosen = _known(source, "a run", formats, RUN_FORMATS, do)
         if codes is not None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.cut_off import cut_off
 from tests.support.surveys import short, unscaled
 from tests.support.tiny_run import small
 
@@ -45,6 +46,13 @@ def test_a_survey_is_opened_with_its_cloud(written: Path, survey: Survey) -> Non
     assert opened.points.label is not None and set(opened.points.label) == set(survey.cloud.label)
     middle = opened.frame.to_line(np.zeros(3))
     assert np.abs(middle[:2]).max() < 3 and 5 < middle[2] < 15  # of the wires
+
+
+def test_a_survey_that_was_complete_and_not_in_its_place_is_opened(survey: Survey, tmp_path: Path) -> None:
+    write_survey(survey, tmp_path)
+    cut_off(tmp_path)
+    opened = open_source(tmp_path)
+    assert opened.survey is not None and len(opened.survey.wires) == 5 and opened.points is not None
 
 
 def test_an_unscaled_survey_has_points_in_its_own_frame(tmp_path: Path) -> None:

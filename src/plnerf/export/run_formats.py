@@ -17,7 +17,7 @@ from plnerf.export.splat_score import Agreement, agreement
 from plnerf.export.splat_views import target_views
 from plnerf.export.splat_wires import wire_splats
 from plnerf.export.splats import Splats
-from plnerf.line.files import SURVEY_FILE, read_survey
+from plnerf.line.files import read_survey, survey_in
 from plnerf.line.frame import LineFrame
 from plnerf.line.move import move_wire
 from plnerf.line.wire import Wire
@@ -81,8 +81,8 @@ def splats_of(run: TrainedRun, config: SplatConfig, progress: Stage) -> Fitted:
 
 def run_wires(run: TrainedRun, frame: LineFrame) -> tuple[tuple[Wire, ...], str]:
     """The wires of a run's survey, else those that it detected before training; and which of them."""
-    path = run.folder / "survey" / SURVEY_FILE
-    if path.is_file():
+    path = survey_in(run.folder / "survey")
+    if path is not None:
         survey = read_survey(path)
         wires = survey.wires
         if not survey.frame.same_as(frame):

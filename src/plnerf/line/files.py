@@ -80,6 +80,17 @@ def write_survey_json(path: Path, survey: Survey) -> None:
     write_text(path, json.dumps(survey_json(survey), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
 
+def survey_in(folder: Path) -> Path | None:
+    """The survey.json of a folder; None: it holds no survey.
+
+    A survey whose files were being exchanged when that was interrupted is put in its place first.  Raises
+    PlnerfError where that cannot be done.
+    """
+    finish_exchange(folder)
+    path = folder / SURVEY_FILE
+    return path if path.is_file() else None
+
+
 def read_survey(path: Path) -> Survey:
     """A survey out of survey.json; its cloud is empty, since the points lie in cloud.laz beside it.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from plnerf.errors import PlnerfError, SurveyError
 from plnerf.line.cloud import NO_WIRE, Cloud
-from plnerf.line.files import SURVEY_FILE, read_survey
+from plnerf.line.files import read_survey, survey_in
 from plnerf.line.survey import Survey
 from plnerf.render.pictures import rgb_picture
 from plnerf.render.views import render_view
@@ -25,6 +25,7 @@ from plnerf.report.words import found, where
 from plnerf.scene.build_store import Progress
 from plnerf.scene.files import write_text
 from plnerf.scene.ply import read_ply
+from plnerf.scene.whole_result import finish_exchange
 from plnerf.train.evaluate import mean_appearance
 from plnerf.train.render_run import evenly, shots_of
 from plnerf.train.run import TrainedRun
@@ -87,6 +88,7 @@ def write_handout(path: Path, run: TrainedRun, progress: Progress | None = None)
 
 def _video(path: Path, missing: list[str]) -> str | None:
     """The flight as a data URL; None where there is none to show."""
+    finish_exchange(path.parent)
     if not path.is_file():
         missing.append("No flight was rendered: plnerf render RUN makes one.")
         return None
@@ -133,10 +135,11 @@ _PLACES = ("at the start of", "in the middle of", "at the end of")
 
 def _survey(folder: Path, missing: list[str]) -> Survey | None:
     """The run's survey with its points; None where it has none."""
-    if not (folder / SURVEY_FILE).is_file():
+    found_at = survey_in(folder)
+    if found_at is None:
         missing.append("The run was not surveyed, so that no wires are drawn: plnerf survey RUN.")
         return None
-    survey, path = read_survey(folder / SURVEY_FILE), folder / "cloud.ply"
+    survey, path = read_survey(found_at), folder / "cloud.ply"
     if not path.is_file():
         missing.append(f"There are no points: {path.name} is not in the survey.")
         return survey

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 
 from plnerf.errors import ConfigError, PlnerfError
-from plnerf.line.files import SURVEY_FILE, read_survey
+from plnerf.line.files import SURVEY_FILE, read_survey, survey_in
 from plnerf.line.frame import LineFrame
 from plnerf.line.survey import Survey
 from plnerf.scene.build_store import reduced_sizes_px
@@ -53,8 +53,8 @@ def open_source(source: Path, made_of: Path | None = None) -> Opened:
     """
     given = source.parent if source.name == SURVEY_FILE else source
     notes: list[str] = []
-    if (given / SURVEY_FILE).is_file():
-        survey: Survey | None = read_survey(given / SURVEY_FILE)
+    if (survey_at := survey_in(given)) is not None:
+        survey: Survey | None = read_survey(survey_at)
         folder, root = given, made_of or given.resolve().parent
         if made_of is not None and not (is_run(made_of) or has_poses(made_of)):
             raise ConfigError(f"{made_of} is neither a run folder nor a scene with poses. Give one of these.")
@@ -95,10 +95,9 @@ def _known(frames: Frames | None) -> Frames:
 
 
 def _survey_of(folder: Path, notes: list[str]) -> Survey | None:
-    if not (folder / SURVEY_FILE).is_file():
-        return None
     try:
-        return read_survey(folder / SURVEY_FILE)
+        path = survey_in(folder)
+        return read_survey(path) if path is not None else None
     except PlnerfError as error:
         notes.append(f"Its survey is not shown: {error}")
         return None
