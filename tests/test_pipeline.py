@@ -18,6 +18,7 @@ from plnerf.reconstruct import reconstruct
 from plnerf.scene.only_writer import only_writer
 from plnerf.train.fitted import fit_to_scene
 from plnerf.train.run import open_run, read_config
+from plnerf.train.scene_record import read_record
 
 
 def test_a_run_records_all_that_decides_it(tiny_scene: Path, tmp_path: Path) -> None:
@@ -116,6 +117,32 @@ def test_a_failed_start_leaves_no_run(tiny_scene: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="only without a CUDA device")
+def test_frames_of_a_start_that_was_interrupted_are_not_those_of_another_scene(
+    tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process ended when frames and wires were written, and the settings were not."""
+
+    def ends(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    other = Path(shutil.copytree(tiny_scene, tmp_path / "other"))
+    content = json.loads((other / "transforms.json").read_text())
+    for frame in content["frames"]:
+        for row in frame["transform_matrix"][:3]:
+            row[3] *= 3.0
+    (other / "transforms.json").write_text(json.dumps(content))
+    settings = small("train.find_wires=true")
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("plnerf.train.loop.write_run", ends)
+        pipeline.train_scene(other, tmp_path / "run", steps=1, **settings)
+    assert (tmp_path / "run" / "wires.json").exists() and not (tmp_path / "run" / "config.json").exists()
+    pipeline.train_scene(tiny_scene, tmp_path / "run", steps=1, **settings)
+    pipeline.train_scene(tiny_scene, tmp_path / "fresh", steps=1, **settings)
+    one, fresh = (read_record(tmp_path / name) for name in ("run", "fresh"))
+    assert one.frames.to_json() == fresh.frames.to_json()
+    assert torch.equal(one.cameras.centre, fresh.cameras.centre)
+
+
 def test_a_device_that_is_not_there(tiny_scene: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="sees no CUDA device"):
         pipeline.train_scene(tiny_scene, tmp_path / "run", steps=1, device="cuda")

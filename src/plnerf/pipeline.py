@@ -50,7 +50,7 @@ from plnerf.train.loop import train as train_loop
 from plnerf.train.ranks import join_ranks
 from plnerf.train.render_run import Output, Views, render_run
 from plnerf.train.report import Report, RunLog
-from plnerf.train.run import open_run, read_config, require_new_run
+from plnerf.train.run import open_run, read_config, remove_start, require_new_run
 from plnerf.train.settings import from_json, to_json
 
 Device = Literal["auto", "cpu", "cuda"]
@@ -106,6 +106,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
         with ranks.first_alone():
             if ranks.first:
                 require_new_run(out)
+                remove_start(out)
             chosen = find_preset(preset)
             config = RunConfig(
                 scene=str(scene.resolve()),

@@ -26,7 +26,8 @@ from plnerf.scene.strict_json import read_json
 from plnerf.train.checkpoint import list_checkpoints, load_checkpoint
 from plnerf.train.config import RunConfig
 from plnerf.train.field import Field
-from plnerf.train.guidance import certain, guides_for, trained_wires
+from plnerf.train.guidance import WIRES, certain, guides_for, trained_wires
+from plnerf.train.scene_record import FILE as RECORD
 from plnerf.train.scene_record import SceneRecord, read_record, write_record
 from plnerf.train.settings import from_json, to_json
 
@@ -154,6 +155,16 @@ def require_new_run(folder: Path) -> None:
             f"{folder} holds the checkpoint {kept[-1].name} of a run, but not its settings, config.json. "
             "Put that file back, or remove the folder to train anew."
         )
+
+
+def remove_start(folder: Path) -> None:
+    """Removes the frames and wires of a run that ended before its settings were written.
+
+    They may be of another scene, or detected by other settings.
+    """
+    if (folder / RECORD).exists():  # wires alone were put there by the user
+        (folder / WIRES).unlink(missing_ok=True)
+        (folder / RECORD).unlink()
 
 
 def write_run(folder: Path, config: RunConfig, scene: Scene) -> None:
