@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from plnerf.cli.main import main
+from plnerf.doctor.machine import _megabytes
 
 CODE = """
 import numpy as np
@@ -30,6 +31,22 @@ def test_what_is_compiled_is_counted(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     counts, folder = done.stdout.splitlines()
     assert counts == "0 1 1 True" and Path(folder).is_relative_to(tmp_path)
+
+
+def test_kernels_that_another_process_removes_meanwhile_are_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "kernel.nbc").write_bytes(b"12")
+    stat = Path.stat
+
+    def then_removed(path: Path, **options: bool) -> os.stat_result:
+        about = stat(path, **options)
+        if path.suffix == ".nbc":
+            path.unlink()
+        return about
+
+    monkeypatch.setattr(Path, "stat", then_removed)
+    assert _megabytes([tmp_path]) == pytest.approx(2e-6)
 
 
 def test_the_command_needs_no_scene(

@@ -1,9 +1,11 @@
 """The machine: backend, cores, memory; and which kernels are compiled already, and where."""
 
 import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
+from stat import S_ISREG
 
 import psutil
 import torch
@@ -88,7 +90,15 @@ def _folder(path: str, indices: list[str]) -> KernelFolder:
 
 
 def _megabytes(folders: list[Path]) -> float:
-    return sum(one.stat().st_size for folder in folders for one in folder.glob("*") if one.is_file()) / 1e6
+    return sum(_bytes(one) for folder in folders for one in folder.glob("*")) / 1e6
+
+
+def _bytes(path: Path) -> int:
+    """Size of a file; 0 of a folder, and of what another process has removed since it was listed."""
+    with suppress(FileNotFoundError):
+        about = path.stat()
+        return about.st_size if S_ISREG(about.st_mode) else 0
+    return 0
 
 
 def machine_text(machine: Machine) -> str:
