@@ -44,3 +44,8 @@ def _content(path: Path, name: str, out: Path) -> bytes:
 def differing(one: dict[str, bytes], other: dict[str, bytes]) -> list[str]:
     """Names of files that only one result holds, or that hold something else."""
     return [name for name in sorted(one.keys() | other.keys()) if one.get(name) != other.get(name)]
+
+
+def inside(folder: str, files: dict[str, bytes]) -> dict[str, bytes]:
+    """Those of a folder."""
+    return {name: content for name, content in files.items() if name.startswith(folder)}

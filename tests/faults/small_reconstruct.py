@@ -10,7 +10,7 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
@@ -25,18 +25,24 @@ LIMIT_S = 300.0
 
 
 def start(
-    source: Path, out: Path, fault: Fault = NONE, command: Sequence[str] = (), **limits: int
+    source: Path,
+    out: Path,
+    fault: Fault = NONE,
+    command: Sequence[str] = (),
+    environment: Mapping[str, str] | None = None,
+    **limits: int,
 ) -> ForkServerProcess:
     """Starts the command; what it prints goes to `log_of(out)`.
 
     command: the arguments of plnerf in place of `reconstruct SOURCE -o OUT`.
+    environment: further variables of the process.
     limits: by the names of `resource`, such as RLIMIT_FSIZE, in bytes.
     """
     arguments = [*command] or ["reconstruct", str(source), "-o", str(out)]
     os.environ.update(ONE_THREAD)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.faults.preloaded"])
-    process = context.Process(target=_main, args=(arguments, str(out), fault, limits))
+    process = context.Process(target=_main, args=(arguments, str(out), fault, environment or {}, limits))
     process.start()
     return process
 
@@ -68,7 +74,10 @@ def stages_of(out: Path) -> dict[str, range]:
     return {name: range(first, end) for (name, _), first, end in named if name != "end"}
 
 
-def _main(arguments: list[str], out: str, fault: Fault, limits: dict[str, int]) -> None:
+def _main(
+    arguments: list[str], out: str, fault: Fault, environment: Mapping[str, str], limits: dict[str, int]
+) -> None:
+    os.environ.update(environment)
     log = os.open(log_of(Path(out)), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     for stream in (1, 2):
         os.dup2(log, stream)

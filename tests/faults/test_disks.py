@@ -1,5 +1,6 @@
 """A disk that is full, read-only or too small ends the command with what to do; then the same one goes on."""
 
+import json
 import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -50,6 +51,17 @@ def test_files_that_may_not_get_so_large(
     status, printed = undisturbed[source].disturbed(out, Fault(0), RLIMIT_FSIZE=limit)
     assert status == 1 and "Traceback" not in printed, printed
     undisturbed[source].check_again(out)
+
+
+def test_a_report_on_the_machine_is_whole_or_the_earlier_one(out: Path) -> None:
+    command = ["doctor", "--machine", "-o", str(out / "machine.json")]
+    out.mkdir()
+    (out / "machine.json").write_text("earlier")
+    status = run(out, out, command=command, RLIMIT_FSIZE=100)
+    assert status == 1 and "Traceback" not in log_of(out).read_text(), log_of(out).read_text()
+    assert [(path.name, path.read_text()) for path in out.iterdir()] == [("machine.json", "earlier")]
+    assert run(out, out, command=command) == 0, log_of(out).read_text()
+    assert json.loads((out / "machine.json").read_text())["usable_cores"]
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from tests.faults.changes import Fault
 from tests.faults.conftest import Undisturbed
-from tests.faults.results import differing, result
+from tests.faults.results import differing, inside, result
 from tests.faults.small_reconstruct import log_of, run, stages_of
 
 pytestmark = pytest.mark.faults
@@ -87,8 +87,3 @@ def test_one_stage_by_itself_is_stopped(
         assert run(whole.source, out, command=command) == status_at_end, log_of(out).read_text()
         assert differing(inside(folder, result(out)), wanted) == [], fault
     assert stopped
-
-
-def inside(folder: str, files: dict[str, bytes]) -> dict[str, bytes]:
-    """Those of a folder."""
-    return {name: content for name, content in files.items() if name.startswith(folder)}
