@@ -17,7 +17,9 @@ class FlightPanel:
         with gui.add_folder("Fly along"):
             names = tuple(self._flights)
             self._way = gui.add_dropdown("way", names, initial_value=names[0], visible=len(names) > 1)
-            self._share = gui.add_slider("along, %", min=0.0, max=100.0, step=0.25, initial_value=0.0)
+            # Where the first view of a run is; other first views are beside all ways.
+            start = 50.0 if browser.opened.run is not None else 0.0
+            self._share = gui.add_slider("along, %", min=0.0, max=100.0, step=0.25, initial_value=start)
             self._plays = gui.add_checkbox("play", initial_value=False)
         self._way.on_update(lambda _: self._fly())
         self._share.on_update(lambda _: self._fly())
