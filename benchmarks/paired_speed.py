@@ -1,5 +1,7 @@
 """Whether a step of training is as fast as in another checkout: `paired_speed.py BEFORE AFTER [--rounds 8]`.
 
+With --view AFTER trains with `--view`, while no browser is connected; both may be the same checkout.
+
 Both checkouts train on the bundled span at the same time, each in a process of its own, and take turns: the
 one waits while the other takes a block of steps.  A pair is a block of each, in turn the one or the other
 first, so that what else the machine does for longer than a second falls on both.  Start-up, the loading of
@@ -61,13 +63,15 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=50, help="of a round at most (default: 50)")
     parser.add_argument("--seconds", type=float, default=600.0, help="of all rounds at most (default: 600)")
     parser.add_argument("--block", type=int, default=10, help="steps of a turn (default: 10)")
+    parser.add_argument("--view", action="store_true", help="AFTER trains with --view")
     options = parser.parse_args()
+    extra = [[], ["--view"] if options.view else []]
     checkouts = [checkout.resolve() for checkout in options.checkouts]
     medians, count, end = [], 0, time.monotonic() + options.seconds
     print("| round | pairs | before, ms a step | after, ms a step | ratio | ratio of work |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: |")
     for number in range(options.rounds):
-        took = one_round(checkouts, options.pairs, options.block, end, swapped=number % 2 == 1)
+        took = one_round(checkouts, options.pairs, options.block, end, extra, swapped=number % 2 == 1)
         if len(took) < 3:  # out of time
             break
         ms = 1e3 * np.median(took[:, :, 0], axis=0) / options.block
@@ -82,16 +86,19 @@ def main() -> None:
         print(f"AFTER / BEFORE, {name}: {mean_of(ratios)}, {len(ratios)} rounds, {count} pairs.")
 
 
-def one_round(checkouts: list[Path], pairs: int, block: int, end: float, *, swapped: bool) -> np.ndarray:
+def one_round(
+    checkouts: list[Path], pairs: int, block: int, end: float, extra: list[list[str]], *, swapped: bool
+) -> np.ndarray:
     """Seconds that pass and that processors work, of each pair and checkout (pairs, 2, 2).
 
-    end: by time.monotonic; swapped: whether the second checkout starts first.
+    end: by time.monotonic; extra: options of each checkout's command; swapped: whether the second checkout
+    starts first.
     """
     took = []
     with tempfile.TemporaryDirectory() as folder:
         steps = (WARM + pairs) * block + 1
         both = {
-            k: Training(checkouts[k], Path(folder) / str(k), block, steps)
+            k: Training(checkouts[k], Path(folder) / str(k), block, steps, extra[k])
             for k in ((1, 0) if swapped else (0, 1))
         }
         for pair in range(-WARM, pairs):
@@ -116,12 +123,12 @@ def mean_of(ratios: np.ndarray) -> str:
 class Training:
     """A process that trains a checkout's model, a block of steps whenever it is asked."""
 
-    def __init__(self, checkout: Path, run: Path, block: int, steps: int) -> None:
+    def __init__(self, checkout: Path, run: Path, block: int, steps: int, extra: list[str]) -> None:
         answers, to_us = os.pipe()
         self._process = subprocess.Popen(
             [
                 sys.executable, "-c", TURNS, str(block), str(to_us), "train", checkout / SPAN, "-o", run,
-                "--preset", PRESET, "--steps", str(steps), "--downscale", "4",
+                "--preset", PRESET, "--steps", str(steps), "--downscale", "4", *extra,
             ],
             # Threads that wait for work must not take the other process's cores.
             env={**os.environ, "PYTHONPATH": str(checkout / "src"), "OMP_WAIT_POLICY": "passive"},

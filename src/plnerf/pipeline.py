@@ -52,6 +52,7 @@ from plnerf.train.render_run import Output, Views, render_run
 from plnerf.train.report import Report, RunLog
 from plnerf.train.run import open_run, read_config, remove_start, require_new_run
 from plnerf.train.settings import from_json, to_json
+from plnerf.train.visitor import NOBODY, Visitor
 
 Device = Literal["auto", "cpu", "cuda"]
 PAGE = "report.html"
@@ -92,14 +93,15 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     backend: BackendChoice = "auto",
     report: Report | None = None,
     finder: FindWires | None = None,
+    visitor: Visitor = NOBODY,
 ) -> Path:
     """Trains a radiance field on a scene, into a new run folder, which returns.
 
     model, train, detect, poses: settings; None: the preset's.  A grid's `finest` that is the preset's is
     fitted to the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step;
-    None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  Where torchrun
-    started several processes, each calls this: see `train/ranks.py`.  Raises PlnerfError where another
-    process writes into the folder.
+    None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  visitor: may look at
+    the model between two steps and end the run early.  Where torchrun started several processes, each calls
+    this: see `train/ranks.py`.  Raises PlnerfError where another process writes into the folder.
     """
     scene, out, on = Path(scene), Path(out), choose_device(device)
     with join_ranks(on) as ranks, ranks.only_writer(out):
@@ -128,7 +130,9 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
             loaded = load_scene(scene, store=out / "pixels", downscale=downscale)
             if finest_of(config.model) == finest_of(chosen.model):
                 config = replace(config, model=fit_to_scene(config.model, loaded, chosen.cells_per_pixel))
-        return train_loop(config, out, report or RunLog(out), scene=loaded, finder=finder, ranks=ranks)
+        return train_loop(
+            config, out, report or RunLog(out), scene=loaded, finder=finder, ranks=ranks, visitor=visitor
+        )
 
 
 def resume_run(
@@ -138,6 +142,7 @@ def resume_run(
     steps: int | None = None,
     seconds: float | None = None,
     report: Report | None = None,
+    visitor: Visitor = NOBODY,
 ) -> Path:
     """Goes on with a run from its newest checkpoint, with its own settings; a larger budget may be given."""
     config = read_config(out)
@@ -149,7 +154,7 @@ def resume_run(
     if steps is not None or seconds is not None:
         config = replace(config, steps=steps, seconds=seconds)
     with join_ranks(config.device) as ranks, ranks.only_writer(out):
-        return train_loop(config, out, report or RunLog(out), ranks=ranks)
+        return train_loop(config, out, report or RunLog(out), ranks=ranks, visitor=visitor)
 
 
 def evaluate(run: Path, progress: Progress | None = None) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The commands that train a radiance field, measure it and render it."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -7,6 +8,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.cli.options import AsOptions, BackendName, Device, Out, Output, PresetName, settings_of
+from plnerf.cli.view import require_viewer
 from plnerf.errors import ConfigError
 from plnerf.terminal import Terminal
 
@@ -20,6 +22,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     steps: int | None = None,
     downscale: int = 1,
     resume: bool = False,
+    view: bool = False,
     seed: int = 0,
     line_azimuth: float | None = None,
     device: Device = "auto",
@@ -38,6 +41,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
         resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
+        view: Show the field in a browser while it is trained (needs plnerf[view]).
         seed: Decides the initial weights and every random draw.
         line_azimuth: Direction of the line in degrees clockwise from north (the world's +y); found in the
             images when left out.
@@ -45,23 +49,37 @@ def train(  # noqa: PLR0913 (an argument is an option)
         backend: Implementation of the ops: numba on a CPU, triton on a CUDA device, plain torch anywhere.
         settings: Settings of the run.
     """
-    from plnerf.console import RunConsole
+    from plnerf.console import RunConsole, say
     from plnerf.pipeline import resume_run, train_scene
+    from plnerf.train.ranks import processes_here
+    from plnerf.train.visitor import NOBODY, Visitor
 
-    report = RunConsole(out, Terminal())
+    console = Terminal()
+    report = RunConsole(out, console)
+    visitor: Visitor = NOBODY
+    if view:
+        require_viewer("plnerf train --view")
+        if processes_here() > 1:
+            raise ConfigError(
+                "--view shows a training in one process, but torchrun started several. Leave it out, and "
+                f"follow the curves: tensorboard --logdir {out}"
+            )
+        from plnerf.view.watched_training import WatchedTraining
+
+        visitor = WatchedTraining(report, partial(say, console))
     if resume and (line_azimuth is not None or settings != settings_of(preset)):
         raise ConfigError(
             "--resume goes on with the run's own settings, so it takes no others. Change them in "
             f"{out / 'config.json'}, or train anew into another folder."
         )
     if resume:
-        resume_run(scene, out, steps=steps, seconds=seconds, report=report)
+        resume_run(scene, out, steps=steps, seconds=seconds, report=report, visitor=visitor)
     else:
         budget = 300.0 if seconds is None and steps is None else seconds
         train_scene(
             scene, out, preset=preset, model=settings.model, train=settings.train,
             detect=settings.detect.along(line_azimuth), poses=settings.poses, steps=steps, seconds=budget,
-            downscale=downscale, seed=seed, device=device, backend=backend, report=report,
+            downscale=downscale, seed=seed, device=device, backend=backend, report=report, visitor=visitor,
         )  # fmt: skip
 
 

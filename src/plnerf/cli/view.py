@@ -13,6 +13,14 @@ from plnerf.terminal import Terminal
 EXTRA = 'pip install "plnerf[view]"'
 
 
+def require_viewer(command: str) -> None:
+    """Raises ConfigError where the extra is not installed."""
+    if find_spec("viser") is None:
+        raise ConfigError(f"{command} shows things by viser, which is not installed. Run: {EXTRA}")
+    # A browser may go while something is on its way to it.
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
+
+
 def view(
     source: tyro.conf.Positional[Path],
     *,
@@ -31,16 +39,13 @@ def view(
         port: Port to listen at; 8080, or the next one that is free, when left out.
         seconds: Ends by itself after so long.
     """
-    if find_spec("viser") is None:
-        raise ConfigError(f"plnerf view shows things by viser, which is not installed. Run: {EXTRA}")
+    require_viewer("plnerf view")
     if seconds is not None and not 0 <= seconds <= threading.TIMEOUT_MAX:
         raise ConfigError(f"--seconds must be 0 or more and finite, but got {seconds}.")
     from plnerf.console import say
     from plnerf.view.opened import open_source
     from plnerf.view.server import ViewServer
 
-    # A browser may go while something is on its way to it.
-    warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     console = Terminal()
     opened = open_source(source, scene)
     for note in opened.notes:

@@ -39,6 +39,7 @@ from plnerf.train.ranks import ALONE, Ranks, SharedGradients, processes_here
 from plnerf.train.report import LOG_EVERY, Report, SilentReport
 from plnerf.train.run import build_model, open_scene, write_run
 from plnerf.train.step import NonFiniteMonitor, Training
+from plnerf.train.visitor import NOBODY, Visitor
 
 VALIDATION_PIXELS = 4096
 CPU = torch.device("cpu")
@@ -52,11 +53,13 @@ def train(
     scene: Scene | None = None,
     finder: FindWires | None = None,
     ranks: Ranks = ALONE,
+    visitor: Visitor = NOBODY,
 ) -> Path:
     """Trains a model, or goes on from the folder's newest checkpoint; returns the run folder.
 
     scene: as it was read; None: it is read.  finder: finds the wires in place of `detect_wires`.
-    ranks: the processes that train it together; each calls this.
+    ranks: the processes that train it together; each calls this.  visitor: may end it early, as if its
+    budget were used up, but it can be resumed.
     Raises TrainingError at a loss that is not finite (the last good checkpoint stays), CheckpointError at a
     full disk.  A run that has used up its budget is left as it is.
     """
@@ -85,7 +88,7 @@ def train(
     device = torch.device(config.device)
     shared = None if ranks.of == 1 else SharedGradients(model.parameters(), ranks)
     training = Training(model, optimizer, scene.cameras.to(device), cfg, NonFiniteMonitor(device), shared)
-    take_step, first = make_step(training, config), step
+    take_step, first, goes_on = make_step(training, config), step, True
     check_every = 1 if device == CPU else LOG_EVERY  # asking a GPU waits for it
 
     def draw(step: int) -> tuple[PixelBatch, Generator]:
@@ -95,8 +98,9 @@ def train(
 
     report.begin(config, scene, step)
     # On a CPU a thread that draws would only take the kernels' place.
-    with closing(report), Ahead(draw, step, ahead=0 if device == CPU else 2) as batches:
-        while progress < 1:
+    with closing(report), closing(visitor), Ahead(draw, step, ahead=0 if device == CPU else 2) as batches:
+        visitor.begin(config, folder, scene, model)
+        while progress < 1 and goes_on:
             clock = time.perf_counter()
             set_learning_rates(optimizer, cfg, step, progress)
             batch, generator = next(batches)
@@ -113,11 +117,12 @@ def train(
             seconds = ranks.same(seconds) if config.seconds else seconds
             before, progress = progress, progress_of(config, step, seconds)
             report.step(step, seconds, progress, terms)
+            goes_on = visitor.between_steps(step)
             if ranks.first and due(before, progress, cfg.validations):
                 same = step_generator(config.seed, 0, CPU)  # the same pixels every time
                 psnr_db = validation_psnr(model, scene, VALIDATION_PIXELS, generator=same)
                 report.validation(step, seconds, psnr_db)
-            if due(before, progress, cfg.checkpoints):
+            if due(before, progress, cfg.checkpoints) or not goes_on:
                 _check_finite(training.monitor, first, step - 1, terms, checkpoints)
                 ranks.require_same(model, step)
                 if ranks.first:

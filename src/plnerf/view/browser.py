@@ -4,6 +4,7 @@ Everything in the page belongs to one browser alone, so that two people do not m
 """
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from plnerf.view.flights import Flight
 from plnerf.view.frustums import SmallPhotos
 from plnerf.view.opened import Opened
 from plnerf.view.render_thread import RenderThread
+from plnerf.view.training_progress import TrainingProgress
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,8 @@ class Shared:
     field: FieldPictures | None
     flights: tuple[Flight, ...]
     small_photos: SmallPhotos | None
+    progress: TrainingProgress | None = None
+    """Of a run that is being trained."""
 
 
 class Browser:
@@ -37,6 +41,8 @@ class Browser:
         self.client, self.shared, self.opened = client, shared, shared.opened
         self.backdrop = Backdrop(client, shared.opened.views)
         self.gone = threading.Event()
+        self.renew: Callable[[], None] = lambda: None
+        """Shows what a training has reached since."""
 
     @property
     def eye(self) -> Eye:

@@ -48,8 +48,14 @@ class FieldPanel:
         """The layer on show; None: the field is hidden."""
         return None if self._layer.value == OFF else cast(Layer, self._layer.value)
 
-    def draw(self, eye: Eye) -> None:
-        """Wishes for pictures from a place; the earlier wish is given up."""
+    def refresh(self) -> None:
+        """Wishes for the finest picture alone, of a field that has changed, if none is on its way."""
+        browser = self._browser
+        if self.shown is not None and browser.shared.renders.rests(browser.client.client_id):
+            self.draw(browser.eye, coarse=False)
+
+    def draw(self, eye: Eye, *, coarse: bool = True) -> None:
+        """Wishes for pictures from a place, coarse ones first; the earlier wish is given up."""
         browser, layer = self._browser, self.shown
         moved, first_s = time.monotonic(), list[float]()
         if layer is None:
@@ -70,19 +76,27 @@ class FieldPanel:
                 picture = replace(picture, depth=np.full_like(picture.depth, FAR))
             browser.backdrop.show_field(picture, eye)
             first_s.append(time.monotonic() - moved)
-            self._status.content = about(picture, first_s[-1], first_s[0])
+            self._status.content = about(picture, first_s[-1], first_s[0] if coarse else None)
             return True
 
         width = min(SIZES[self._size.value], browser.client.camera.image_width or 640)
         most = max(1, round(width * width / eye.aspect))
         failed = browser_failed(browser)
-        browser.shared.renders.wish(Wish(browser.client.client_id, draw, most, failed))
+        drawn_rays = 0 if coarse else most - 1
+        browser.shared.renders.wish(Wish(browser.client.client_id, draw, most, failed, drawn_rays))
 
 
-def about(picture: FieldPicture, seconds: float, first_s: float) -> str:
-    """Size of a picture, how long after the move it and the first one came, and what its colours mean."""
+def about(picture: FieldPicture, seconds: float, first_s: float | None) -> str:
+    """Size of a picture, how long after the move it and the first one came, and what its colours mean.
+
+    first_s: None where there was no move.
+    """
     height, width = picture.picture.shape[:2]
-    parts = [f"{width} × {height} px, {seconds:.2f} s after the move (first picture {first_s:.2f} s)"]
+    if first_s is None:
+        after = f"renewed in {seconds:.1f} s"
+    else:
+        after = f"{seconds:.2f} s after the move (first picture {first_s:.2f} s)"
+    parts = [f"{width} × {height} px, {after}"]
     if picture.shown is not None:
         near, far, unit = picture.shown.near, picture.shown.far, picture.shown.unit
         parts.append(f"bright {near:,.1f} … dark {far:,.1f} {unit}; grey: no surface")

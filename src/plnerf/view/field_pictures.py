@@ -23,10 +23,11 @@ from plnerf.scene.cameras import Cameras
 from plnerf.train.run import TrainedRun
 from plnerf.view.display_frame import DisplayFrame
 from plnerf.view.eye import Eye
+from plnerf.view.turns import Turns
 
 Layer = Literal["rgb", "depth", "normals", "accumulation"]
-STRIP_RAYS = 8192
-"""Between two of these a picture may be given up."""
+STRIP_RAYS, TRAINING_STRIP_RAYS = 8192, 2048
+"""Between two of these a picture may be given up; of a field in training a step is taken."""
 FAR = 160.0
 """Depth of what has no surface, in the viewer's units: the farthest that viser sends is 167."""
 
@@ -45,11 +46,11 @@ class FieldPicture:
 class FieldPictures:
     """Renders one run.  To be called from one thread at a time: kernels share their pool of threads."""
 
-    def __init__(self, run: TrainedRun, frame: DisplayFrame) -> None:
-        self._run, self._frame = run, frame
-        with torch.no_grad():
-            train = torch.tensor(run.record.train, device=run.model.appearance.device)
-            self._appearance = run.model.mean_appearance(1, train)[0].clone()
+    def __init__(self, run: TrainedRun, frame: DisplayFrame, turns: Turns | None = None) -> None:
+        """turns: of a run that is being trained, whose thread then renders."""
+        self._run, self._frame, self._turns = run, frame, turns
+        self._train = torch.tensor(run.record.train, device=run.model.appearance.device)
+        self._strip_rays = STRIP_RAYS if turns is None else TRAINING_STRIP_RAYS
         self._pruning = Pruning() if pruning_pays(run.model) else None
 
     @property
@@ -74,15 +75,10 @@ class FieldPictures:
         frames = self._run.record.frames
         camera = self._frame.scene_camera(frames, eye.camera(rays))
         parts: list[RenderedView] = []
-        for strip in strips(camera, STRIP_RAYS):
+        for strip in strips(camera, self._strip_rays):
             if parts and not goes_on():
                 return None
-            parts.append(
-                render_view(
-                    self._run.model, strip, self._appearance, normals=layer == "normals",
-                    pruning=self._pruning,
-                )
-            )  # fmt: skip
+            parts.append(self._view(strip, self._pruning, normals=layer == "normals"))
         view = joined(parts)
         depth = self._frame.depth_to_viewer(frames, view.z_depth.astype(np.float64))
         depth = np.where(view.has_surface, np.clip(depth, 0.0, FAR), FAR)
@@ -91,6 +87,16 @@ class FieldPictures:
             shown = shown or depth_range([metres], frames)
             return FieldPicture(depth_picture(metres, shown), depth, shown)
         return FieldPicture(self._picture(view, layer), depth, None)
+
+    def _view(self, camera: Cameras, pruning: Pruning | None, *, normals: bool) -> RenderedView:
+        model = self._run.model
+
+        def rendered() -> RenderedView:
+            with torch.no_grad():
+                appearance = model.mean_appearance(1, self._train)[0].clone()
+            return render_view(model, camera, appearance, normals=normals, pruning=pruning)
+
+        return rendered() if self._turns is None else self._turns.take(rendered)
 
     def _picture(self, view: RenderedView, layer: Layer) -> UInt8[np.ndarray, "h w 3"]:
         if layer == "normals":
@@ -106,7 +112,7 @@ class FieldPictures:
         one = Eye(np.stack([x, np.cross(z, x), z], 1), eye.centre, 1e-3, 1.0)
         frames = self._run.record.frames
         camera = self._frame.scene_camera(frames, one.camera(1))
-        view = render_view(self._run.model, camera, self._appearance, normals=False)
+        view = self._view(camera, None, normals=False)
         depth = self._frame.depth_to_viewer(frames, view.z_depth.astype(np.float64))
         return float(depth[0, 0]) if view.has_surface[0, 0] else None
 

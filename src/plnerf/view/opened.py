@@ -84,6 +84,16 @@ def open_source(source: Path, made_of: Path | None = None) -> Opened:
     return Opened(str(source), frame, survey, points, views, run, tuple(notes))
 
 
+def open_training(run: TrainedRun) -> Opened:
+    """Opens a run that is being trained; its folder has a scene.json, but perhaps no checkpoint yet."""
+    notes: list[str] = []
+    listing, frames = _listing_of(run, notes), run.record.frames
+    start = DisplayFrame(LineFrame.of_scene(frames), np.zeros(3))
+    views = _views(run, listing, frames, start, notes)
+    frame = replace(start, origin=_middle(None, None, views))
+    return Opened(str(run.folder), frame, views=views, run=run, notes=tuple(notes))
+
+
 def is_run(source: Path) -> bool:
     """Whether a folder is that of a run."""
     return (source / "config.json").is_file()
@@ -107,21 +117,26 @@ def _root(root: Path, notes: list[str]) -> tuple[TrainedRun | None, Listing | No
     """The run or the scene in a folder, its images, and its scene frame; nothing where it is neither."""
     if is_run(root):
         run = open_run(root)
-        try:
-            listing = read_listing(Path(run.config.scene))
-        except (PlnerfError, OSError) as error:
-            notes.append(f"The photos are not shown: {error}")
-            return run, None, run.record.frames
-        if tuple(shot.name for shot in listing.shots) != run.record.names:
-            notes.append(f"The photos are not shown: {run.config.scene} has changed since it was trained on.")
-            return run, None, run.record.frames
-        return run, listing, run.record.frames
+        return run, _listing_of(run, notes), run.record.frames
     if not has_poses(root):
         return None, None, None
     listing = read_listing(root)
     poses = np.stack([shot.T_world_camera for shot in listing.shots])
     frames = frames_for(poses, up=listing.up, unit=listing.unit, crs=listing.crs, origin=listing.origin)
     return None, listing, frames
+
+
+def _listing_of(run: TrainedRun, notes: list[str]) -> Listing | None:
+    """The images that a run was trained on, where they are still there."""
+    try:
+        listing = read_listing(Path(run.config.scene))
+    except (PlnerfError, OSError) as error:
+        notes.append(f"The photos are not shown: {error}")
+        return None
+    if tuple(shot.name for shot in listing.shots) != run.record.names:
+        notes.append(f"The photos are not shown: {run.config.scene} has changed since it was trained on.")
+        return None
+    return listing
 
 
 def _views(

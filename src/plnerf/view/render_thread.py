@@ -90,6 +90,11 @@ class RenderThread:
                 self._changed.notify_all()
         return future
 
+    def rests(self, client: int) -> bool:
+        """Whether a client waits for no picture."""
+        with self._changed:
+            return client not in self._wishes or self._wishes[client].done
+
     @property
     def idle(self) -> bool:
         """Whether all wishes are drawn to their finest."""

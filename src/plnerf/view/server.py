@@ -20,6 +20,7 @@ from plnerf.view.opened import Opened
 from plnerf.view.origins import own_page
 from plnerf.view.render_thread import RenderThread
 from plnerf.view.session import begin_session
+from plnerf.view.training_progress import TrainingProgress
 
 DEFAULT_PORT = 8080
 TRIES = 100
@@ -30,16 +31,23 @@ ASPECT = 1.25
 class ViewServer:
     """Serves what is opened from its construction until `stop`."""
 
-    def __init__(self, opened: Opened, host: str = "127.0.0.1", port: int | None = None) -> None:
-        """port: None: DEFAULT_PORT or the next that is free.
+    def __init__(
+        self,
+        opened: Opened,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        progress: TrainingProgress | None = None,
+    ) -> None:
+        """port: None: DEFAULT_PORT or the next that is free.  progress: of a run that is being trained.
 
         Raises ConfigError where the port is taken, or the host is no address of this machine.
         """
         free = free_port(host, port)
         self._renders = RenderThread()
-        field = None if opened.run is None else FieldPictures(opened.run, opened.frame)
+        turns = None if progress is None else progress.turns
+        field = None if opened.run is None else FieldPictures(opened.run, opened.frame, turns)
         small = None if opened.views is None else SmallPhotos(opened.views)
-        self._shared = Shared(opened, self._renders, field, flights_of(opened), small)
+        self._shared = Shared(opened, self._renders, field, flights_of(opened), small, progress)
         self._browsers: dict[int, Browser] = {}
         with quiet():
             self._server: Any = viser.ViserServer(host, free, label="plnerf", verbose=False)
@@ -53,7 +61,7 @@ class ViewServer:
         self._server.on_client_disconnect(self._gone)
         self.host, self.port = host, int(self._server.get_port())
         self._renders.start()
-        if field is not None:  # so that the kernels are there when somebody looks
+        if field is not None and progress is None:  # so that the kernels are there when somebody looks
             eye, _ = first_view(self._shared)
             self._renders.call(lambda: field.render(eye, "rgb", 600))
 
@@ -62,6 +70,17 @@ class ViewServer:
         """To be opened in a browser."""
         host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
         return f"http://{host}:{self.port}"
+
+    @property
+    def watched(self) -> bool:
+        """Whether a browser is connected."""
+        return bool(self._browsers)
+
+    def renew(self) -> None:
+        """Shows every browser what a training has reached."""
+        for browser in list(self._browsers.values()):
+            if not browser.gone.is_set():
+                browser.renew()
 
     def stop(self) -> None:
         """Ends all sessions and the server."""

@@ -15,13 +15,15 @@ from plnerf.view.pick import pick_camera, pick_wire
 from plnerf.view.ruler import Ruler
 from plnerf.view.save_panel import SavePanel
 from plnerf.view.show_panel import ShowPanel
+from plnerf.view.training_panel import TrainingPanel
 from plnerf.view.wire_panel import WirePanel
 
 
 def begin_session(browser: Browser) -> None:
     """Draws the scene for a browser and builds its page."""
     opened, shared, client = browser.opened, browser.shared, browser.client
-    client.gui.add_markdown(about(opened))
+    client.gui.add_markdown(about(opened, training=shared.progress is not None))
+    training = TrainingPanel(browser, shared.progress) if shared.progress is not None else None
     field = FieldPanel(browser, shared.field) if shared.field is not None else None
     if shared.flights:
         FlightPanel(browser)
@@ -51,6 +53,13 @@ def begin_session(browser: Browser) -> None:
         if camera is not None and photos is not None:
             photos.go_to(camera.number)
 
+    def renew() -> None:
+        if training is not None:
+            training.show()
+        if field is not None:
+            field.refresh()
+
+    browser.renew = renew
     client.camera.on_update(moved)
     client.scene.on_click()(clicked)
     if field is not None:
@@ -58,11 +67,12 @@ def begin_session(browser: Browser) -> None:
     drawn.fill_photos()
 
 
-def about(opened: Opened) -> str:
+def about(opened: Opened, *, training: bool = False) -> str:
     """What is shown, and what could not be."""
     parts = []
     if opened.run is not None:
-        parts.append(f"field of {plain(opened.run.config.preset)}, step {opened.run.step:,}")
+        reached = "in training" if training else f"step {opened.run.step:,}"
+        parts.append(f"field of {plain(opened.run.config.preset)}, {reached}")
     if opened.survey is not None:
         parts.append(counted(len(opened.survey.wires), "wire"))
     if opened.points is not None:
