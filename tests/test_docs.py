@@ -12,6 +12,7 @@ import pytest
 import torch
 from tests.conftest import ROOT, SNAPSHOTS
 
+import plnerf
 from plnerf.cli.options import settings_of
 from plnerf.doctor.observability import observe_wire
 from plnerf.presets import preset_names
@@ -22,7 +23,7 @@ PAGES = sorted([
     *(ROOT / "docs").rglob("*.md"), *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md"))
 ])  # fmt: skip
 TUTORIAL = runpy.run_path(str(ROOT / ".ci" / "tutorial.py"))
-LARGEST_KB = 150
+LARGEST_KB, ALL_KB = 80, 600
 
 
 def commands_of(page: Path) -> list[str]:
@@ -87,9 +88,11 @@ def test_the_tutorial_runs_every_stage_and_shows_a_small_picture_of_it() -> None
         "synth", "doctor", "doctor", "train", "eval", "render", "survey", "view", "export", "score"
     ]  # fmt: skip
     page = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
-    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", page)
-    for picture in pictures:
-        assert (ROOT / "docs" / picture).stat().st_size < 1000 * LARGEST_KB, picture
+    steps = re.split(r"^## \d+\. ", page, flags=re.MULTILINE)[1:]
+    pictures = [re.findall(r"!\[[^\]]+\]\(([^)]+)\)", step) for step in steps]
+    assert len(steps) == 11 and all(pictures), [step.splitlines()[0] for step in steps]
+    sizes = [(ROOT / "docs" / one).stat().st_size for of_step in pictures for one in of_step]
+    assert max(sizes) < 1000 * LARGEST_KB and sum(sizes) < 1000 * ALL_KB
 
 
 def test_the_quick_form_sets_every_variable_that_the_tutorial_takes() -> None:
@@ -129,3 +132,9 @@ def test_versions_agree() -> None:
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f" {version}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert (ROOT / ".github/workflows/ci.yml").read_text().count("run: bash .ci/run") == 1
+
+
+def test_every_name_of_the_library_is_on_the_page_of_names() -> None:
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^::: ([\w.]+)$", page, re.MULTILINE))
+    assert listed == {f"{module}.{name}" for name, module in plnerf._MODULES.items()}
