@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -61,19 +61,26 @@ def picture(page: Page) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(float)
 
 
+def drawn(page: Page, done: Callable[[], bool]) -> None:
+    """Waits, at most 15 s, until the window shows something: WebGL in software is slow on a busy machine."""
+    for _ in range(50):
+        if done():
+            return
+        page.page.wait_for_timeout(300)
+    raise AssertionError("the window does not show it")
+
+
 def test_it_loads_and_shows_the_field(page: Page) -> None:
     page.text("px, ").wait_for()
     assert page.text("5 wires").is_visible() and page.text("12 cameras").is_visible()
-    page.page.wait_for_timeout(300)
-    assert picture(page).std() > 3.0  # no empty window
+    drawn(page, lambda: picture(page).std() > 3.0)  # no empty window
 
 
 def test_layers_are_switched(page: Page) -> None:
     before = picture(page)
     page.choose("layer", "depth")
     page.text("grey: no surface").wait_for()
-    page.page.wait_for_timeout(300)
-    assert np.abs(picture(page) - before).mean() > 3.0
+    drawn(page, lambda: np.abs(picture(page) - before).mean() > 3.0)
     page.choose("layer", "rgb")
     page.text("grey: no surface").wait_for(state="hidden")
 
