@@ -65,9 +65,16 @@ class Page:
         box.press("Enter")
 
     def choose(self, label: str, value: str) -> None:
-        """Takes an entry of a list."""
-        self._row(label).locator("input[role=combobox]").click()
-        self.page.get_by_role("option", name=value, exact=True).click()
+        """Takes an entry of a list, again where it closes while its folder still moves."""
+        box = self._row(label).locator("input[role=combobox]")
+        for _ in range(10):
+            box.click()
+            option = self.page.get_by_role("option", name=value, exact=True)
+            self.page.wait_for_timeout(300)
+            if option.is_visible():
+                option.click()
+                return
+        raise AssertionError(f"the list of {label} does not stay open")
 
     def press(self, name: str) -> None:
         """A button of the panel."""
