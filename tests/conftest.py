@@ -13,8 +13,8 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line does; before torch is imported
 
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
-    # Hundreds of files would be compiled again by every worker and every process that a test starts; where
-    # no compiled file may lie beside a source, they lie in a folder of this session.
+    # Without compiled files every worker, and every process that a test starts, would compile hundreds of
+    # sources again.  They are kept in a temporary folder, since none may be written beside the sources.
     os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="plnerf-tests-")
     sys.dont_write_bytecode, sys.pycache_prefix = False, os.environ["PYTHONPYCACHEPREFIX"]
     atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)

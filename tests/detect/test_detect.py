@@ -1,7 +1,9 @@
 """Wires drawn into small pictures are found where they are: each once, and nothing besides."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from tests.support.drawn import (
     two_passes,
 )
 
+from plnerf.detect import detect
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig, SearchConfig
 from plnerf.detect.config_lines import DirectionConfig
@@ -34,6 +37,7 @@ from plnerf.line.ends import Open
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
+from plnerf.scene.photos import Pictures
 from plnerf.scene.scene import Scene
 from plnerf.scene.transforms import Frames
 
@@ -317,6 +321,33 @@ def test_light_from_one_side_costs_certainty_as_views_look_from_one_side(
     spread = one_pass.centre[:, 2].std().item() / 0.45
     most = DEFAULT.refit.bias_px * PIXEL / spread
     assert 0.4 * most < (light**2 - dark**2) ** 0.5 < most
+
+
+def test_a_wire_whose_ridges_lie_beside_it_is_found_beside_sharper_ones(
+    three: tuple[Scene, tuple[Wire, ...]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As those of a wire next to the camera do, which is many pixels wide."""
+    scene, _ = three
+    views, exact = views_of(scene.cameras[list(scene.train)]), detect.line_evidence
+    rng = np.random.default_rng(0)
+    points = LineFrame.of_scene(scene.frames).to_scene(polyline(TRUE[0], 4000))
+
+    def scattered(photos: Pictures, cameras: Cameras, images: Sequence[int], *rest: Any) -> list[np.ndarray]:
+        maps = exact(photos, cameras, images, *rest)
+        for image, response in zip(images, maps, strict=True):
+            view = scene.train.index(image)
+            picture = response.reshape(views.sizes[view][::-1])
+            seen = np.array([project_point(views, view, *point) for point in points])
+            columns, rows = seen[seen[:, 2] > 0, :2].astype(int).T
+            for column, row in zip(columns, rows, strict=True):
+                picture[max(0, row - 3) : row + 4, column] = 0
+            for column in np.unique(columns):
+                row = int(np.median(rows[columns == column])) + int(rng.choice((-1, 1)))
+                picture[np.clip(row, 0, len(picture) - 1), column] = 1
+        return maps
+
+    monkeypatch.setattr(detect, "line_evidence", scattered)
+    assert_each_once(detect_wires(scene, DEFAULT))
 
 
 def test_without_wires_none_is_found(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ class ColmapProcess:
             ) from error
 
     def _end(self) -> str:
-        """How the process ended and by which exception; its native stack means nothing to users."""
+        """Its signal or exit status, and the exception that it printed, without the native stack."""
         assert self._process is not None
         code = self._process.wait()
         self._printed.seek(0)

@@ -24,11 +24,11 @@ class KernelFolder:
 
     path: str
     kernels: int
-    """Kernels of this version of plnerf that belong here."""
+    """Number of kernels of this version of plnerf that are kept here once they are compiled."""
     compiled: int
-    """How many of these are compiled already."""
+    """Number of these that are compiled."""
     files: int
-    """Machine code for one kind of arguments each."""
+    """Number of files with machine code; a kernel has one for each combination of argument types."""
     megabytes: float
     other_megabytes: float
     """Size of the kernels of other versions, which are removed after two weeks."""
@@ -36,7 +36,7 @@ class KernelFolder:
 
 @dataclass(frozen=True)
 class Machine:
-    """What decides how fast plnerf is here."""
+    """Device, processor, memory and compiled kernels: they decide how fast plnerf is."""
 
     device: str
     backend: str
@@ -44,9 +44,9 @@ class Machine:
     usable_cores: int
     memory_gb: float
     free_gb: float
-    """What this process may still allocate."""
+    """Memory that this process may still allocate."""
     kernel_hash: str
-    """Of the source of all kernels: an edit to any compiles all anew."""
+    """Hash of the source of all kernels: after an edit to one of them all are compiled anew."""
     kernels: tuple[KernelFolder, ...]
     not_kept: int
     """Kernels for which no place is writable: every process compiles them."""

@@ -19,7 +19,7 @@ SURVEY_S, WIRES_S_PER_IMAGE, STEREO_S_PER_MP = 10.0, 0.4, 10.0
 """Seconds of a survey: whatever it surveys; of an image in which wires are found and fitted; of a megapixel
 at the size at which stereo matches it."""
 FIELD_S = 30.0
-"""What the field's points on wires and its surface add."""
+"""Seconds that a survey of a run takes longer, for the field's points on wires and its surface."""
 EVAL_S_PER_MP, RENDER_S_PER_MP = 10.0, 8.0
 """Seconds of a megapixel of held-out views, with their measures, and of frames of the fly-along."""
 FRAMES = 96

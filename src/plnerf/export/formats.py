@@ -80,7 +80,7 @@ def write_formats(
 
 
 def lacking(survey: Survey, transform: CrsTransform, laz: Path) -> dict[Format, str]:
-    """What a survey lacks, in words, by the formats that need it.  laz: its cloud."""
+    """The formats in which a survey cannot be written, each with the reason.  laz: the survey's cloud."""
     lacks: dict[Format, str] = {}
     if not (survey.wires or survey.structures):
         why = f"needs a wire or a structure, but {survey.source} has none. Leave it out."

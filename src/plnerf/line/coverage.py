@@ -59,5 +59,5 @@ class Coverage:
 
     @property
     def length_m(self) -> float:
-        """Of all that was examined, from the first station to the last."""
+        """Length that was examined, from the first station to the last."""
         return float(self.to_m[-1] - self.from_m[0])

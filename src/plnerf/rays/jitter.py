@@ -16,7 +16,7 @@ class SharedGenerator(Generator):
     of: int
 
     def __new__(cls, device: torch.device, first: int, of: int) -> "SharedGenerator":
-        """Where the numbers are drawn, and which rays they are for."""
+        """device: on which the numbers are drawn; first, of: as above."""
         made = super().__new__(cls, device)  # type: ignore[call-arg]  # of which torch declares none
         made.first, made.of = first, of
         return made
