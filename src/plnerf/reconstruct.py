@@ -32,9 +32,9 @@ STATE = "reconstruct.json"
 LEAST_PX = 200
 """Longer side of images in which stereo still sees plants and structures."""
 FIRST, WIRES = "first survey", "wires.json"
-"""The survey of the scene, in the state; the wires that it found, in the folder."""
+"""Name of the first survey in the state, and of the file that holds the wires that it found."""
 RESULTS = {"survey": "survey", "eval": "eval", "render": "renders"}
-"""Of the stages after training, in their order: folders in that of the run."""
+"""Stages after training, in their order, and the folders of their results in the run's."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Stages:
 
 @dataclass(frozen=True)
 class Listener:
-    """Who hears of the stages: nobody, or the command line."""
+    """Callbacks that announce the stages; without others, nothing is announced."""
 
     skipped: Callable[[str], None] = lambda text: None
     """Called with a line about every stage that is up to date, and about a run that is put aside."""

@@ -63,8 +63,7 @@ def render_s(listing: Listing, downscale: int) -> float:
 ESTIMATES: dict[str, Callable[[Listing, int], float]] = {
     "survey": field_survey_s, "eval": eval_s, "render": render_s,
 }  # fmt: skip
-"""Of the stages after training, by their names: from the scene, and the factor its images are made smaller
-by."""
+"""Seconds of each stage after training, given the scene and by which factor its images are reduced."""
 
 
 def _megapixels(listing: Listing) -> float:
