@@ -123,6 +123,12 @@ def test_weights_alone_can_be_loaded(tmp_path: Path) -> None:
     assert_same_bits(model.state_dict(), a_trained_model()[0].state_dict())
 
 
+def test_whole_seconds_are_seconds(tmp_path: Path) -> None:
+    path = save(tmp_path, 5)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"seconds": 0}))
+    assert type(load_checkpoint(path, a_model(seed=1)[0]).seconds) is float
+
+
 def test_newest_is_by_number_and_a_json_file_alone_makes_a_checkpoint(tmp_path: Path) -> None:
     for step in (9, 100, 20):
         save(tmp_path, step)

@@ -143,7 +143,7 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
     if optimizer is not None:
         optimizer.load_state_dict(_optimizer_state(optimizer, tensors, path))
     model.load_state_dict(state)
-    return Checkpoint(path, about["step"], about["seconds"], about["frames"])
+    return Checkpoint(path, about["step"], float(about["seconds"]), about["frames"])
 
 
 def _read_about(path: Path) -> dict[str, Any]:
