@@ -44,6 +44,7 @@ FLOORS = {
     "exporting": 8,
     "console": 8,
     "bench": 9,
+    "corridor": 9,
     "reconstruct": 9,
     "cli": 10,
     "__main__": 11,

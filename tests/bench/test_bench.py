@@ -16,7 +16,6 @@ from torch.autograd.profiler_util import FunctionEvent
 
 from plnerf.bench import (
     breakdown,
-    machine,
     render_suite,
     suites,
     train_suite,
@@ -68,11 +67,11 @@ def test_a_run_too_short_for_a_rate_is_refused() -> None:
 
 
 def test_memory_grows_with_what_is_held() -> None:
-    before = machine.peak_resident_bytes()
+    before = peak_resident_bytes()
     assert before is not None
     held = bytearray(before + 2**28)  # more than has been resident at once so far
     held[:: 2**12] = bytes(len(held[:: 2**12]))
-    after = machine.peak_resident_bytes()
+    after = peak_resident_bytes()
     assert after is not None
     assert after - before > 2**27
 

@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from plnerf.bench.compare_page import comparison_table, write_pages
-from plnerf.bench.machine import circumstances, peak_resident_bytes
+from plnerf.bench.machine import circumstances
 from plnerf.bench.suites import in_fresh_process
 from plnerf.console import RunConsole, bar
 from plnerf.errors import ConfigError, PlnerfError
@@ -23,6 +23,7 @@ from plnerf.pipeline import Device, choose_device, resume_run, train_scene
 from plnerf.render.picture_files import write_text
 from plnerf.render.pictures import world_depth
 from plnerf.render.views import render_view
+from plnerf.scene.memory import peak_resident_bytes
 from plnerf.scene.strict_json import object_of, read_json
 from plnerf.terminal import Terminal
 from plnerf.train.config import Settings

@@ -1,10 +1,8 @@
 """The circumstances of a measurement: machine, versions, memory of this process."""
 
 import platform
-import sys
 from datetime import UTC, datetime
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -43,22 +41,3 @@ def version(package: str) -> str | None:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return None
-
-
-def peak_resident_bytes() -> int | None:
-    """The most memory this process had resident so far (`MEMORY_MEANING`); None where the system tells none.
-
-    Linux's own high-water mark of this program.  What getrusage says there starts from the memory of the
-    process that started this one, which is another program; it serves where there is no such mark.
-    """
-    status = Path("/proc/self/status")
-    if status.exists():
-        marks = [line for line in status.read_text().splitlines() if line.startswith("VmHWM:")]
-        if marks:
-            return int(marks[0].split()[1]) * 1024
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024

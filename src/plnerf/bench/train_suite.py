@@ -16,13 +16,14 @@ from rich.console import Console
 from torch import Tensor
 
 from plnerf.bench.config import BenchConfig
-from plnerf.bench.machine import MEMORY_MEANING, peak_resident_bytes
+from plnerf.bench.machine import MEMORY_MEANING
 from plnerf.bench.tables import Table, figure
 from plnerf.console import bar
 from plnerf.errors import ConfigError
 from plnerf.pipeline import bundled_span, train_scene
 from plnerf.presets._find import find_preset
 from plnerf.scene.build_store import Progress
+from plnerf.scene.memory import peak_resident_bytes
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig, Settings
 from plnerf.train.report import SilentReport

@@ -20,6 +20,7 @@ import tyro
 from plnerf.bench.config import SPAN_PRESETS, for_the_span
 from plnerf.cli.capture import capture, reconstruct, synth
 from plnerf.cli.change import change
+from plnerf.cli.corridor import corridor
 from plnerf.cli.export import export
 from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
@@ -35,8 +36,8 @@ from plnerf.terminal import Terminal, one_line
 from plnerf.train.config import Settings
 
 COMMANDS: tuple[Callable[..., Any], ...] = (
-    demo, capture, reconstruct, train, eval, render, synth, hang, survey, export, change,
-    view, score, doctor, bench, compare,
+    demo, capture, reconstruct, corridor, train, eval, render, synth, hang, survey, export,
+    change, view, score, doctor, bench, compare,
 )  # fmt: skip
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70
@@ -50,7 +51,7 @@ LESS_MEMORY = (
     "of the cloud."
 )
 GOES_ON = {"train": "The run goes on with --resume."} | dict.fromkeys(
-    ("capture", "reconstruct", "compare"), "The same command goes on from what is done."
+    ("capture", "reconstruct", "corridor", "compare"), "The same command goes on from what is done."
 )
 """What a user can do about a command that was interrupted."""
 OF_A_PRESET = (train, bench, compare)

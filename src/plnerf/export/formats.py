@@ -62,7 +62,7 @@ def write_formats(
         for one in formats:
             if one in lacks:
                 raise SurveyError(lacks[one])
-    missing = sorted({name for one in formats for name in NEEDS[one] if find_spec(name) is None})
+    missing = sorted({name for one in formats for name in lacks_library(one)})
     if missing:
         raise ConfigError(f"{', '.join(missing)} is not installed. Install: {EXTRA}.")
     if {"copc", "pls-cadd"} & set(formats) and not laz.is_file():
@@ -77,6 +77,11 @@ def write_formats(
         writers[one](out / NAMES[one], given)
         files[NAMES[one]] = out / NAMES[one]
     return Exports(files, about)
+
+
+def lacks_library(one: Format) -> tuple[str, ...]:
+    """The libraries that a format needs and that are not installed."""
+    return tuple(name for name in NEEDS[one] if find_spec(name) is None)
 
 
 def lacking(survey: Survey, transform: CrsTransform, laz: Path) -> dict[Format, str]:

@@ -262,6 +262,7 @@ def _line_row(line: Line) -> dict[str, Any]:
         "name": line.name,
         "circuits": line.circuits,
         "voltage_kv": line.voltage_kv,
+        "from_m": line.from_m,
         "structures": [asdict(one) for one in line.structures],
         "spans": [
             {"id": span.id, "structures": span.structures, "wires": [_wire_row(wire) for wire in span.wires]}
@@ -285,6 +286,7 @@ def _line(row: Mapping[str, Any]) -> Line:
         name=row["name"],
         circuits=row["circuits"],
         voltage_kv=row["voltage_kv"],
+        from_m=float(row.get("from_m", 0.0)),
     )
 
 

@@ -57,6 +57,8 @@ class Line:
     circuits: int | None = None
     voltage_kv: float | None = None
     """Nominal."""
+    from_m: float = 0.0
+    """Station of its first structure: above 0 where it is a part of a longer line."""
 
     @property
     def wires(self) -> Iterator[Wire]:

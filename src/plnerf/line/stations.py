@@ -2,7 +2,7 @@
 
 A line's spans make chains, in each of which every span begins at the structure where the one before ends.  A
 chain's axis leads from structure to structure, and where none is seen to where the wires end; stations are
-counted along it from its first structure.  LineFrame.
+counted along it from its first structure, or on from what a part of a longer line begins with.  LineFrame.
 """
 
 import math
@@ -62,7 +62,7 @@ def chains(line: Line) -> tuple[Chain, ...]:
         if span.wires and not (found and _joined(found[-1], span)):
             found.append([(span, span.structures)])
     feet = {one.id: one for one in line.structures}
-    return tuple(_chain(one, feet) for one in found)
+    return tuple(_chain(one, feet, line.from_m) for one in found)
 
 
 def _joined(chain: list[tuple[Span, Held]], span: Span) -> bool:
@@ -95,11 +95,11 @@ def azimuth_deg(frame: LineFrame, base: Base) -> float:
     return math.degrees(math.atan2(b[0] - a[0], b[1] - a[1])) % 360
 
 
-def _chain(spans: Sequence[tuple[Span, Held]], feet: dict[int, Structure]) -> Chain:
+def _chain(spans: Sequence[tuple[Span, Held]], feet: dict[int, Structure], from_m: float) -> Chain:
     made: list[Stretch] = []
     for span, held in spans:
         base = _base(span, held, feet)
-        made.append(Stretch(span, held, base, made[-1].to_m if made else 0.0))
+        made.append(Stretch(span, held, base, made[-1].to_m if made else from_m))
     return tuple(made)
 
 

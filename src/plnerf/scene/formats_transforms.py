@@ -3,8 +3,9 @@ keys.
 
 Poses in the file are camera-to-world with OpenGL camera axes; they leave this file with OpenCV's.  An
 instant-ngp file is recognised by its key ``aabb_scale``.  plnerf's keys (all optional, under ``plnerf``):
-format_version, unit, crs, origin_lon_lat_height, up, test, truth; and per frame wire_mask_path and
-depth_path.  Keys that are not known are passed over.
+format_version, unit, crs, origin_lon_lat_height, up, test, truth, root (the folder below which all paths
+lie, where it is not that of the file); and per frame wire_mask_path and depth_path.  Keys that are not known
+are passed over.
 """
 
 import math
@@ -19,6 +20,7 @@ from plnerf.scene.json_fields import (
     Json,
     file_of,
     is_file,
+    is_folder,
     number_of,
     numbers_of,
     section_of,
@@ -52,7 +54,7 @@ def read_transforms(path: Path) -> Listing:
             f'{path} needs a list "frames" with one object per image, but has {came} there. Is it the file '
             "of another program?"
         )
-    root = path.parent
+    root = _root(ours, path)
     located = [(_name(frame, path), frame) for frame in frames]
     files = {name: _locate(root, name) for name, _ in located}
     missing = sorted(name for name, file in files.items() if file is None)
@@ -86,6 +88,18 @@ def _load(path: Path) -> Json:
             "the file of another program?"
         )
     return data
+
+
+def _root(ours: Json, path: Path) -> Path:
+    """The folder below which the paths of the file lie."""
+    stated = text_of(ours, "root", f"{path}, key plnerf")
+    root = path.parent if stated is None else path.parent / stated
+    if not is_folder(root):
+        raise SceneError(
+            f"{path} states that its images lie below {root}, which is no folder. Put them there, or correct "
+            "plnerf.root."
+        )
+    return root
 
 
 def _name(frame: Json, path: Path) -> str:

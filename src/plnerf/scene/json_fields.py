@@ -58,6 +58,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path) -> bool:
+    """Whether a folder is there; a name that no folder can have names none."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def file_of(root: Path, values: Json, key: str, where: str) -> Path | None:
     """An existing file, named relative to ``root``, or None when absent."""
     name = text_of(values, key, where)

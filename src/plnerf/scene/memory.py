@@ -1,9 +1,10 @@
-"""Whether something fits into memory, asked before it is allocated.
+"""Whether something fits into memory, asked before it is allocated; and how much a process took.
 
 An allocation that is too large may end the process, or others of the machine, instead of failing.
 """
 
 import math
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -42,6 +43,25 @@ def available_bytes() -> float:
         limit = float((CGROUP / "memory.max").read_text())
         free = min(free, max(0.0, limit - float((CGROUP / "memory.current").read_text())))
     return free
+
+
+def peak_resident_bytes() -> int | None:
+    """The most memory this process had resident so far; None where the system states none.
+
+    Linux's own high-water mark of this program.  What getrusage says there starts from the memory of the
+    process that started this one, which is another program; it serves where there is no such mark.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        marks = [line for line in status.read_text().splitlines() if line.startswith("VmHWM:")]
+        if marks:
+            return int(marks[0].split()[1]) * 1024
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
 
 
 def _below_own_limit() -> float:

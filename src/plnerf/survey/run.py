@@ -45,6 +45,7 @@ from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.names import with_names
 from plnerf.survey.no_wires import why_none
+from plnerf.survey.part import Part, numbered_part, own_points
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.rules import judge_rules, maps_near
 from plnerf.survey.span_refits import refine_spans
@@ -73,10 +74,12 @@ def survey_run(
     config: SurveyConfig | None = None,
     progress: Progress | None = None,
     finder: FindWires | None = None,
+    part: Part | None = None,
 ) -> Survey:
     """A survey of a trained run: its field shows points on wires, and supports hidden from stereo.
 
-    finder: finds the wires in place of `detect_wires` where the run was trained without.
+    finder: finds the wires in place of `detect_wires` where the run was trained without.  part: the part of
+    a corridor that the survey is about; None: all that is seen.
     """
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
@@ -86,7 +89,7 @@ def survey_run(
     points = wire_points(run, photos.frame, found, config.points, parts[0])
     field = field_surface(run, photos.frame, found, config.surface, parts[1])
     made = {"input": _images_in(run.scene), "preset": f"{run.config.preset}, step {run.step:,}"}
-    return _of_images(photos, found, (field, points), config, parts[2:], str(run.folder), made)
+    return _of_images(photos, found, (field, points), config, parts[2:], str(run.folder), made, part)
 
 
 def survey_scene(
@@ -94,10 +97,12 @@ def survey_scene(
     config: SurveyConfig | None = None,
     progress: Progress | None = None,
     finder: FindWires | None = None,
+    part: Part | None = None,
 ) -> Survey:
     """A survey from images and poses alone: no training is needed.
 
-    finder: finds the wires in place of `detect_wires`.
+    finder: finds the wires in place of `detect_wires`.  part: the part of a corridor that the survey is
+    about; None: all that is seen.
     """
     config = config or SurveyConfig()
     parts = _parts(progress, 4)
@@ -109,7 +114,7 @@ def survey_scene(
         photos = _with_heights(photos_of(scene), config)
         made["poses"] = adjusted.text(scene.frames.unit)
     found = (finder or detect_wires)(scene, config.detect, parts[1])
-    return _of_images(photos, found, None, config, parts[2:], str(scene.root), made)
+    return _of_images(photos, found, None, config, parts[2:], str(scene.root), made, part)
 
 
 def survey_cloud(
@@ -144,6 +149,7 @@ def _of_images(
     parts: Sequence[Progress],
     source: str,
     made: Mapping[str, str],
+    part: Part | None,
 ) -> Survey:
     """What runs and scenes have in common.  rendered: what the field of a run shows."""
     field, points = rendered or (None, None)
@@ -167,19 +173,25 @@ def _of_images(
     lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
     lines = with_tension_strings(lines, photos, config.strings)
     every = [wire for line in lines for wire in line.wires]
-    as_detected = [replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)]
+    as_detected = tuple(
+        replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)
+    )
     cloud, more = classified(surface, ground, every, supports.points, config.classify)
     cloud = with_witnesses(cloud, sights, config.stereo.witnesses)
+    if part is not None:
+        lines, cloud, as_detected = numbered_part(part, photos.frame, lines, cloud, as_detected)
+        every = [wire for line in lines for wire in line.wires]
     if not every:
         findings = (why_none(found, photos, surface, config.refine.diameter_m), *findings)
     survey = Survey(
         photos.frame, lines, cloud, source, made, findings=(*_about(found, lines), *findings, *more),
-        detected=tuple(as_detected), wire_points=points,
+        detected=as_detected, wire_points=points,
         pictures=pictures_of(photos, every, config.pictures), from_images=True,
     )  # fmt: skip
     survey = _finished(survey, config, sights)
     possible = survey.clearances.possible if survey.clearances is not None else ()
     near = survey.encroachments.records if survey.encroachments is not None else ()
+    survey = survey if part is None else own_points(survey, part)
     return replace(
         survey,
         crops=crops_of(photos, [(one.place.on_obstacle, one.place.on_wire) for one in possible]),
@@ -253,7 +265,7 @@ def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:
     """What a reader must know of the wires that were detected."""
     findings = []
     spans = [span for line in lines for span in line.spans]
-    left = len(found) - sum(len(span.wires) for span in spans)
+    left = sum(not wire.evidence.certain for wire in found)
     if spans and left:
         findings.append(note("wires", f"The views do not fix the place of {left} more that may be wires."))
     unseen = sum(one is None for span in spans for one in span.structures)

@@ -1,0 +1,50 @@
+"""How a corridor is cut, and what is done in its blocks."""
+
+from dataclasses import dataclass, field
+
+from plnerf.errors import ConfigError
+from plnerf.survey.config import SurveyConfig
+
+
+@dataclass(frozen=True)
+class CutConfig:
+    """Where a corridor is cut into blocks.  Metres."""
+
+    block_m: float = 150.0
+    """Length of a block in which wires are looked for, along the cameras' way or the cloud."""
+    overlap_m: float = 50.0
+    """How far a block reaches beyond its ends.  Of clouds: at least the longest span, so that each is whole
+    in a block."""
+    link_share: float = 0.25
+    """Cameras, or squares of a cloud, that are no farther apart than so much of a block are neighbours."""
+    cell_m: float = 10.0
+    """Side of the squares that a cloud's plan is divided into."""
+    see_m: float = 100.0
+    """Cameras farther from a span than this show too little of it."""
+
+    def __post_init__(self) -> None:
+        for name in ("block_m", "cell_m", "see_m", "link_share"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"{name} must be above 0, but is {getattr(self, name)}.")
+        if not self.overlap_m >= 0:
+            raise ConfigError(f"overlap_m must not be below 0, but is {self.overlap_m}.")
+
+
+@dataclass(frozen=True)
+class FieldOfBlock:
+    """The radiance field of a block."""
+
+    seconds: float = 0.0
+    """Of training; 0: none, blocks are surveyed from images and poses alone."""
+    preset: str = "pl-nerf-wire"
+    downscale: int = 1
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class CorridorConfig:
+    """Everything that decides a corridor's result."""
+
+    cut: CutConfig = field(default_factory=CutConfig)
+    train: FieldOfBlock = field(default_factory=FieldOfBlock)
+    survey: SurveyConfig = field(default_factory=SurveyConfig)

@@ -1,0 +1,212 @@
+"""A whole corridor from blocks whose wires are known: joined once, numbered once, done once."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.corridors import KnownLine, photos_along
+from tests.support.many_spans import FEET, PHASES, line_along
+from tests.support.read_html import Read
+
+from plnerf.corridor.config import CorridorConfig, CutConfig
+from plnerf.corridor.corridor import survey_corridor
+from plnerf.corridor.engine import InThisProcess
+from plnerf.corridor.ledger import Ledger, Task
+from plnerf.corridor.results import CLOUDS, INDEX, MAP, STATE, Corridor
+from plnerf.errors import ConfigError, SurveyError
+from plnerf.line.files import SURVEY_FILE, read_survey
+from plnerf.line.stations import structure_stations
+from plnerf.scene.las_files import open_las
+
+LINE = line_along([*FEET, (300.0, -130.0)], PHASES)
+"""Four spans of 75 to 92 m, with bends of 1, 27 and 27 degrees."""
+CONFIG = CorridorConfig(CutConfig(block_m=70.0, overlap_m=30.0))
+
+
+def run(scene: Path, out: Path, work: object = None) -> Corridor:
+    return survey_corridor(scene, out, CONFIG, InThisProcess(work or KnownLine(LINE)))  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return photos_along(tmp_path_factory.mktemp("corridor") / "scene", LINE)
+
+
+@pytest.fixture(scope="module")
+def done(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Corridor:
+    return run(scene, tmp_path_factory.mktemp("corridor") / "out")
+
+
+def did(out: Path) -> list[str]:
+    path = out / "did.txt"
+    names = path.read_text().split() if path.exists() else []
+    path.unlink(missing_ok=True)
+    return names
+
+
+def test_every_span_and_structure_comes_once(done: Corridor) -> None:
+    survey = done.survey
+    assert [len(line.spans) for line in survey.lines] == [4]
+    assert [span.id for span in survey.spans] == [1, 2, 3, 4]
+    assert [one.id for one in survey.structures] == [1, 2, 3, 4, 5]
+    assert len(survey.wires) == len(list(LINE.wires))
+    assert len({wire.id for wire in survey.wires}) == len(survey.wires)
+    assert not done.failed
+
+
+def test_wires_are_where_they_are(done: Corridor) -> None:
+    frame = done.survey.frame
+    ends = np.array([wire.points(np.array([0.0, wire.base.length_m])) for wire in LINE.wires])
+    for wire in done.survey.wires:
+        mine = frame.to_world(wire.points(np.array([0.0, wire.base.length_m])))
+        apart = [min(np.abs(mine - one).max(), np.abs(mine[::-1] - one).max()) for one in ends]
+        assert min(apart) < 1e-6
+
+
+def test_structures_are_shared_and_stations_go_through(done: Corridor) -> None:
+    line = done.survey.lines[0]
+    truth = list(structure_stations(LINE).values())
+    found = list(structure_stations(line).values())
+    assert found == pytest.approx(truth) or found == pytest.approx(truth[-1] - np.array(truth)[::-1])
+    for span, after in zip(line.spans, line.spans[1:], strict=False):
+        assert span.structures[1] == after.structures[0]
+    for span in line.spans:
+        held = {end.structure for wire in span.wires for end in wire.ends}  # type: ignore[union-attr]
+        assert held == set(span.structures)
+
+
+def test_a_block_counts_stations_from_the_line_s_beginning(done: Corridor) -> None:
+    whole = structure_stations(done.survey.lines[0])
+    block = read_survey(done.folder / "spans/0003/survey" / SURVEY_FILE)
+    mine = structure_stations(block.lines[0])
+    assert mine[3] == pytest.approx(whole[3], abs=1.0) and mine[3] > 100
+
+
+def test_clouds_divide_the_points(done: Corridor) -> None:
+    index = json.loads((done.folder / CLOUDS).read_text())
+    assert [one["spans"] for one in index] == [[1], [2], [3], [4]]
+    points = []
+    for one in index:
+        with open_las(done.folder / one["file"]) as reader:
+            las = reader.read()
+        assert len(las.points) == one["points"] > 0
+        on = np.asarray(las.wire_id)
+        assert set((on[on > 0] - 1) // 100) == set(one["spans"])
+        points.append(las.xyz)
+    every = np.concatenate(points)
+    assert len(every) == 4 * 4 * 80  # each block saw those of its neighbours, too
+
+
+def test_the_page_leads_to_every_span(done: Corridor) -> None:
+    page = Read((done.folder / INDEX).read_text())
+    links = [value for tag, name, value in page.attributes if (tag, name) == ("a", "href")]
+    assert links[:4] == [f"spans/000{number}/survey/report.html" for number in range(1, 5)]
+    assert all((done.folder / link).is_file() for link in links)
+    rows = page.tables[0]
+    assert [row[1] for row in rows[1:]] == ["1", "2", "3", "4"] and {len(row) for row in rows} == {13}
+    state = json.loads((done.folder / STATE).read_text())
+    assert state["spans"] == 4 and state["tasks"] == {"done": len(state["records"])}
+
+
+def test_one_geopackage_holds_all_spans(done: Corridor) -> None:
+    pyogrio = pytest.importorskip("pyogrio")
+    layers = {name for name, _ in pyogrio.list_layers(done.folder / MAP)}
+    assert {"wires", "spans", "structures"} <= layers
+    meta, _, _, values = pyogrio.raw.read(done.folder / MAP, layer="wires")
+    spans = values[list(meta["fields"]).index("span")]
+    assert sorted(set(spans.tolist())) == [1, 2, 3, 4] and len(spans) == 16
+
+
+def test_what_is_done_is_not_done_again(scene: Path, tmp_path: Path) -> None:
+    run(scene, tmp_path)
+    first = did(tmp_path)
+    assert len(first) == len(set(first)) > 6
+    run(scene, tmp_path)
+    assert did(tmp_path) == []
+    (tmp_path / "spans/0002/survey/cloud.laz").unlink()
+    run(scene, tmp_path)
+    assert did(tmp_path) == ["spans-0002-survey"]
+
+
+def test_a_block_with_other_photos_is_done_again(scene: Path, tmp_path: Path) -> None:
+    own = photos_along(tmp_path / "scene", LINE)
+    run(own, tmp_path / "out")
+    did(tmp_path / "out")
+    (own / "images/0000.jpg").write_bytes(b"another photo")
+    run(own, tmp_path / "out")
+    again = did(tmp_path / "out")
+    assert len([one for one in again if one.startswith("find")]) == 1
+    assert 1 <= len([one for one in again if one.startswith("spans")]) <= 2
+
+
+class Failing(KnownLine):
+    """Fails on one span."""
+
+    def __call__(self, out: Path, task: Task) -> None:
+        if task.folder == "spans/0002":
+            raise SurveyError("a photo is damaged")
+        super().__call__(out, task)
+
+
+def test_a_block_that_fails_keeps_no_other_from_being_done(scene: Path, tmp_path: Path) -> None:
+    found = run(scene, tmp_path, Failing(LINE))
+    assert found.failed == (("spans-0002-survey", "a photo is damaged"),)
+    assert [span.id for span in found.survey.spans] == [1, 3, 4]
+    (lost,) = [one for one in found.survey.findings if one.kind == "corridor"]
+    assert "1 of 4 spans" in lost.what and lost.where == ("span 2",)
+    assert "a photo is damaged" in (tmp_path / INDEX).read_text()
+    did(tmp_path)
+    assert not run(scene, tmp_path).failed
+    assert did(tmp_path) == ["spans-0002-survey"]
+
+
+class Dying(KnownLine):
+    """Its process dies at one task."""
+
+    def __call__(self, out: Path, task: Task) -> None:
+        if task.folder == "spans/0003":
+            raise KeyboardInterrupt
+        super().__call__(out, task)
+
+
+def test_what_was_finished_before_an_interruption_stays(scene: Path, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(scene, tmp_path, Dying(LINE))
+    first = did(tmp_path)
+    assert not (tmp_path / INDEX).exists()
+    run(scene, tmp_path)
+    second = did(tmp_path)
+    assert not set(first) & set(second)
+    assert second == ["spans-0003-survey", "spans-0004-survey"]
+
+
+def test_a_scene_without_scale_is_refused(scene: Path, tmp_path: Path) -> None:
+    content = json.loads((scene / "transforms.json").read_text())
+    content["plnerf"].pop("unit")
+    content["plnerf"]["root"] = str(scene)
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    with pytest.raises(ConfigError, match="has no scale"):
+        run(tmp_path, tmp_path / "out")
+
+
+def test_a_record_of_other_inputs_or_damaged_counts_for_nothing(tmp_path: Path) -> None:
+    ledger, task = Ledger(tmp_path), Task("find", "find/0001", {"scene": "a"})
+    assert ledger.record(task).state == "waiting"
+    ledger.write(task, "done")
+    assert ledger.done(task)
+    assert not ledger.done(Task("find", "find/0001", {"scene": "b"}))
+    (tmp_path / "ledger/find-0001-find.json").write_text('{"state": "done"')
+    assert not ledger.done(task)
+
+
+def test_a_line_that_crosses_stays_in_a_block_and_comes_once(tmp_path: Path) -> None:
+    low = line_along(((95.0, -115.0), (125.0, -5.0)), ((0.0, 10.0, "phase"),), after=LINE)
+    both = replace(LINE, spans=(*LINE.spans, *low.spans), structures=(*LINE.structures, *low.structures))
+    scene = photos_along(tmp_path / "scene", LINE)
+    found = run(scene, tmp_path / "out", KnownLine(both))
+    wires = [len(span.wires) for line in found.survey.lines for span in line.spans]
+    assert wires == [4, 4, 4, 4, 1]
+    block = read_survey(tmp_path / "out/spans/0002/survey" / SURVEY_FILE)
+    assert {span.id for span in block.spans} == {2, 5}
