@@ -19,8 +19,8 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
     source: tyro.conf.Positional[Path],
     *,
     out: Out,
-    block_m: float = 150.0,
-    overlap_m: float = 50.0,
+    block_m: float | None = None,
+    overlap_m: float | None = None,
     seconds: float = 0.0,
     preset: PresetName = "pl-nerf-wire",
     downscale: int = 1,
@@ -32,16 +32,19 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
     line_azimuth: float | None = None,
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
-    """Survey a scene of any size, block after block or on a Ray cluster; the same command goes on.
+    """Survey a scene or tiles of any size, block after block or on a Ray cluster; the same command goes on.
 
     Reports: OUT/index.html, with a link to that of each span. Status 1 where a block failed, 3 where no
     wire was found.
 
     Args:
-        source: Scene with poses, in metres (transforms.json, COLMAP).
+        source: Scene with poses, in metres (transforms.json, COLMAP), or a LAS or LAZ file, or a folder of
+            these.
         out: Folder for everything that is made.
-        block_m: Length in metres of the blocks in which wires are looked for; later each span is a block.
-        overlap_m: How far in metres a block reaches beyond its ends.
+        block_m: Length in metres of the blocks in which wires are looked for (150 of images, of which later
+            each span is a block; 1000 of clouds, when left out).
+        overlap_m: How far in metres a block reaches beyond its ends (50 of images; 500 of clouds, which must
+            be more than the longest span, when left out).
         seconds: Budget in seconds of training of each span's field; 0: none is trained, and spans are
             surveyed from images and poses alone.
         preset: Named settings to train with.
@@ -57,15 +60,17 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
             out.
         settings: Settings of the surveys.
     """
-    from plnerf.corridor.config import CorridorConfig, CutConfig, FieldOfBlock
+    from plnerf.corridor.cloud_blocks import is_cloud
+    from plnerf.corridor.config import CorridorConfig, FieldOfBlock
 
     clearance = settings.clearance
     if voltage_kv is not None:
         clearance = replace(clearance, voltage_kv=voltage_kv)
     survey = replace(settings, clearance=clearance, detect=settings.detect.along(line_azimuth))
-    config = CorridorConfig(
-        CutConfig(block_m, overlap_m), FieldOfBlock(seconds, preset, downscale, seed), survey
-    )
+    default = CorridorConfig.of_clouds() if is_cloud(source) else CorridorConfig()
+    given = {"block_m": block_m, "overlap_m": overlap_m}
+    cut = replace(default.cut, **{name: value for name, value in given.items() if value is not None})
+    config = CorridorConfig(cut, FieldOfBlock(seconds, preset, downscale, seed), survey)
     status = corridor_shown(Terminal(), source, out, config, address, cores, gpus)
     if status:
         sys.exit(status)

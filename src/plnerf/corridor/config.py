@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from plnerf.errors import ConfigError
 from plnerf.survey.config import SurveyConfig
 
+CLOUD_BLOCK_M, CLOUD_OVERLAP_M = 1000.0, 500.0
+"""Of clouds, where nothing else is asked for."""
+
 
 @dataclass(frozen=True)
 class CutConfig:
@@ -48,3 +51,8 @@ class CorridorConfig:
     cut: CutConfig = field(default_factory=CutConfig)
     train: FieldOfBlock = field(default_factory=FieldOfBlock)
     survey: SurveyConfig = field(default_factory=SurveyConfig)
+
+    @classmethod
+    def of_clouds(cls) -> "CorridorConfig":
+        """Blocks of clouds are longer, and overlap by more than a span."""
+        return cls(CutConfig(CLOUD_BLOCK_M, CLOUD_OVERLAP_M))

@@ -5,6 +5,7 @@ and plnerf.
 """
 
 import logging
+import socket
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +22,8 @@ Heard = Callable[[Task], None]
 RETRIES = 3
 """How often a task is done again whose worker died."""
 POLL_S = 1.0
+CONNECT_S = 10.0
+"""How long a cluster may take to answer."""
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables by which libraries choose their number of threads."""
 
@@ -74,6 +77,7 @@ class OnRay:
                 'A cluster needs Ray, which is not installed. Install it, pip install "plnerf[cluster]", or '
                 "leave --address out: blocks are then done one after the other."
             )
+        _require_server(address)
         import ray
 
         self._cores, self._gpus, self._work = cores, gpus, work
@@ -127,6 +131,20 @@ class OnRay:
         import ray
 
         ray.shutdown()
+
+
+def _require_server(address: str) -> None:
+    """Raises ConfigError where nothing answers at a host and port: Ray would try for minutes."""
+    host, _, port = address.rpartition(":")
+    if "/" in host or not host or not port.isdigit():
+        return
+    try:
+        socket.create_connection((host, int(port)), CONNECT_S).close()
+    except OSError as error:
+        raise ConfigError(
+            f"There is no Ray cluster at {address} ({error}). Start one, ray start --head, or give --address "
+            "local."
+        ) from error
 
 
 def _run_on_worker(work: Work, out: Path, task: Task) -> str:

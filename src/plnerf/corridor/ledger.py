@@ -18,9 +18,11 @@ from plnerf.errors import PlnerfError
 from plnerf.scene.files import write_text
 from plnerf.scene.strict_json import read_json
 
-Kind = Literal["find", "train", "survey"]
-KINDS: dict[Kind, str] = {"find": "wires", "train": "field", "survey": "survey"}
-"""What a task makes, in the order of the stages."""
+Kind = Literal["find", "lines", "train", "survey", "finish"]
+KINDS: dict[Kind, str] = {
+    "find": "wires", "lines": "lines", "train": "field", "survey": "survey", "finish": "survey",
+}  # fmt: skip
+"""What a task makes, in the order of the stages: of images find, train, survey; of clouds lines, finish."""
 State = Literal["waiting", "running", "done", "failed"]
 RECORDS = "ledger"
 """The folder of the records."""

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from plnerf.corridor.plan import PlannedSpan
 from plnerf.findings import Finding
 from plnerf.line.cloud import Cloud
 from plnerf.line.coverage import Coverage
@@ -42,13 +41,13 @@ def read_blocks(folders: Mapping[Path, Sequence[int]]) -> tuple[BlockSurvey, ...
 
 
 def merged(
-    blocks: Sequence[BlockSurvey], planned: Sequence[PlannedSpan], frame: LineFrame, source: str,
+    blocks: Sequence[BlockSurvey], planned: Sequence[int], frame: LineFrame, source: str,
     made: Mapping[str, str],
 ) -> Survey:  # fmt: skip
     """The survey of the whole corridor in one frame: lines, coverage, findings.
 
-    Its cloud, clearances and pictures stay with the blocks.  A structure that two blocks show is where
-    the one that knows it better has it.
+    planned: numbers of all spans that it should have.  Cloud, clearances and pictures stay with the blocks.
+    A structure that two blocks show is where the one that knows it better has it.
     """
     structures: dict[int, dict[int, Structure]] = {}
     spans: dict[int, dict[int, Span]] = {}
@@ -107,7 +106,7 @@ def _better(one: Structure | None, other: Structure) -> Structure:
 
 
 def _findings(
-    blocks: Sequence[BlockSurvey], planned: Sequence[PlannedSpan], spans: Mapping[int, Mapping[int, Span]]
+    blocks: Sequence[BlockSurvey], planned: Sequence[int], spans: Mapping[int, Mapping[int, Span]]
 ) -> tuple[Finding, ...]:
     """Those of the blocks, of which many differ in numbers alone: one for all spans that it is about."""
     found: dict[tuple[str, str], Finding] = {}
@@ -120,7 +119,7 @@ def _findings(
                 found[key] = replace(one, where=where)
             else:
                 found[key] = replace(before, where=(*before.where, *where))
-    lost = sorted({one.number.span for one in planned} - {k for its in spans.values() for k in its})
+    lost = sorted(set(planned) - {k for its in spans.values() for k in its})
     if lost:
         what = f"{len(lost)} of {len(planned)} spans that were planned are in no block's survey."
         where = tuple(f"span {number}" for number in lost)

@@ -41,7 +41,8 @@ class Progress:
     def table(self, height: int) -> Table:
         """A row for each block of the newest stages; of many, those that run or wait first."""
         table = Table(box=None, pad_edge=False)
-        for name in ("block", *KINDS.values()):
+        stages = [one for one in dict.fromkeys(KINDS.values()) if one in self._begun]
+        for name in ("block", *stages):
             table.add_column(name)
         folders = list(dict.fromkeys(folder for _, folder in self._records))
         unfinished = [folder for folder in folders if not self._ended(folder)]
@@ -50,11 +51,11 @@ class Progress:
         ]
         for folder in sorted(shown):
             cells = []
-            for stage in KINDS.values():
+            for stage in stages:
                 record = self._records.get((stage, folder))
                 cells.append("" if record is None else SIGNS[record.state])
             table.add_row(folder, *cells)
-        table.add_row("", *(self._sum(stage) for stage in KINDS.values()))
+        table.add_row("", *(self._sum(stage) for stage in stages))
         return table
 
     def _sum(self, stage: str) -> str:

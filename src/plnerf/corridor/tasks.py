@@ -3,6 +3,8 @@
     find     transforms.json                        -> wires.json
     train    transforms.json, given.json            -> run-*/
     survey   the same, part.json, the run if any    -> survey/
+    lines    squares.json, LAS and LAZ files        -> lines.json, labels.npz
+    finish   the same and part.json                 -> survey/
 
 Pixels that a task unpacks from photos are removed when it ends; those of a run stay with it.
 """
@@ -14,25 +16,34 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+
 from plnerf.capture.adjusted_poses import with_adjusted_poses
 from plnerf.corridor.block_scene import GIVEN, GivenWires
+from plnerf.corridor.cloud_blocks import POINTS, block_points
 from plnerf.corridor.config import CorridorConfig
 from plnerf.corridor.ledger import Kind, Ledger, Task
 from plnerf.corridor.part_file import PART, read_part
 from plnerf.detect.detect import detect_wires
+from plnerf.errors import SurveyError
 from plnerf.export.exports import LAS
 from plnerf.export.formats import NAMES, lacks_library
 from plnerf.exporting import export_survey
-from plnerf.line.files import SURVEY_FILE, write_wires
+from plnerf.line.cloud import Cloud
+from plnerf.line.files import SURVEY_FILE, read_survey, write_survey_json, write_wires
 from plnerf.line.frame import LineFrame
+from plnerf.line.survey import Survey
 from plnerf.pipeline import PAGE, resume_run, train_scene, write_survey
+from plnerf.scene.files import complete_file
 from plnerf.scene.memory import peak_resident_bytes
 from plnerf.scene.scene import Scene, load_scene
 from plnerf.scene.typed_json import from_json
-from plnerf.survey.run import survey_run, survey_scene
+from plnerf.survey.lidar.find import Found
+from plnerf.survey.lidar.point_cloud import PointCloud, read_cloud
+from plnerf.survey.run import find_in_cloud, survey_found, survey_run, survey_scene
 from plnerf.train.run import open_run
 
-WIRES, SURVEY, PIXELS = "wires.json", "survey", "pixels"
+WIRES, SURVEY, PIXELS, LINES, LABELS = "wires.json", "survey", "pixels", "lines.json", "labels.npz"
 RUN_DIGITS = 12
 """Of the fingerprint in the name of a block's run: one of other inputs is another folder."""
 
@@ -82,6 +93,46 @@ def _survey(folder: Path, task: Task, config: CorridorConfig) -> tuple[Path, ...
             found = survey_scene(_loaded(folder), config.survey, None, given, part)
     finally:
         _without_pixels(folder)
+    return _written(found, folder)
+
+
+def _lines(folder: Path, task: Task, config: CorridorConfig) -> tuple[Path, ...]:
+    cloud = _block_cloud(folder, task)
+    found = find_in_cloud(cloud, config.survey)
+    frame = LineFrame.of_cloud(cloud.xyz, cloud.crs, cloud.origin)
+    shown = Survey(frame, found.lines, Cloud.empty(), str(cloud.path), findings=found.findings)
+    write_survey_json(folder / LINES, shown)
+    with complete_file(folder / LABELS) as beside:
+        np.savez_compressed(beside, label=found.cloud.label, wire=found.cloud.wire)
+    return (folder / LINES, folder / LABELS)
+
+
+def _finish(folder: Path, task: Task, config: CorridorConfig) -> tuple[Path, ...]:
+    cloud, shown = _block_cloud(folder, task), read_survey(folder / LINES)
+    with np.load(folder / LABELS) as labels:
+        label, wire = labels["label"], labels["wire"]
+    if len(label) != len(cloud.xyz):
+        raise SurveyError(
+            f"{folder / LABELS} has {len(label):,} points, but the block has {len(cloud.xyz):,}. Remove it: "
+            "the lines are found again."
+        )
+    points = Cloud(shown.frame.from_world(cloud.xyz), label, wire)
+    found = survey_found(
+        cloud, Found(shown.lines, points, shown.findings), config.survey, read_part(folder / PART)
+    )
+    files = _written(found, folder)
+    (folder / POINTS).unlink(missing_ok=True)
+    return files
+
+
+def _block_cloud(folder: Path, task: Task) -> PointCloud:
+    """The points of a block's squares; the name in reports is that of its folder."""
+    cloud = read_cloud(block_points(folder, [Path(path) for path in task.inputs["sources"]]))
+    return replace(cloud, path=folder)
+
+
+def _written(found: Survey, folder: Path) -> tuple[Path, ...]:
+    """Writes the survey of a block; returns its files."""
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
     place = folder / SURVEY
     write_survey(replace(found, made={**found.made, "date (UTC)": now}), place)
@@ -93,7 +144,7 @@ def _survey(folder: Path, task: Task, config: CorridorConfig) -> tuple[Path, ...
 
 
 DO: dict[Kind, Callable[[Path, Task, CorridorConfig], tuple[Path, ...]]] = {
-    "find": _find, "train": _train, "survey": _survey,
+    "find": _find, "train": _train, "survey": _survey, "lines": _lines, "finish": _finish,
 }  # fmt: skip
 
 

@@ -83,7 +83,7 @@ def numbered_part(
     structures: dict[int, dict[int, Structure]] = {}
     spans: dict[int, dict[int, Span]] = {}
     for line in lines:
-        names = {one.id: _end_number(one.foot[:2], axes, part) for one in line.structures}
+        names = {one.id: _end_number(one.foot[:2], axes, part) for one in line.structures if len(axes)}
         feet = {one.id: one for one in line.structures}
         for span in sorted(line.spans, key=lambda span: -len(span.wires)):
             index = _axis_of(span, axes)
@@ -166,7 +166,7 @@ def distance_to(
 
 def _axis_of(span: Span, axes: Float[np.ndarray, "m 2 2"]) -> int | None:
     """The span of the corridor beside which a span's wires run; None: it has none."""
-    if not span.wires:
+    if not span.wires or not len(axes):
         return None
     points = _along(span)
     return int(np.argmin([distance_to(points, axis).mean() for axis in axes]))

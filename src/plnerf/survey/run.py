@@ -40,7 +40,7 @@ from plnerf.survey.field_surface import field_surface
 from plnerf.survey.insulator_strings import with_strings
 from plnerf.survey.kinds import with_kinds
 from plnerf.survey.known_kinds import with_stated
-from plnerf.survey.lidar.find import find_lines
+from plnerf.survey.lidar.find import Found, find_lines
 from plnerf.survey.lidar.point_cloud import PointCloud
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.names import with_names
@@ -122,23 +122,38 @@ def survey_cloud(
 ) -> Survey:
     """A survey of a point cloud; classes that it has are used on request only."""
     config = config or SurveyConfig()
-    frame = LineFrame.of_cloud(cloud.xyz, cloud.crs, cloud.origin)
-    frame = _frame_with_heights(frame, config)
+    return survey_found(cloud, find_in_cloud(cloud, config, progress), config)
+
+
+def find_in_cloud(cloud: PointCloud, config: SurveyConfig, progress: Progress | None = None) -> Found:
+    """The lines of a point cloud, and the class and wire of each point, in the cloud's LineFrame."""
+    frame = _frame_of(cloud, config)
     points = frame.from_world(cloud.xyz)
     _check_altitude(frame, points[np.argsort(points[:, 2])[len(points) // LOW_SHARE]], config)
     own = cloud.attributes.label if config.use_classes and cloud.attributes is not None else None
-    found = find_lines(points, config.lidar, progress, own)
-    used = "its classes were not used" if own is None else "its classes were used"
+    return find_lines(points, config.lidar, progress, own)
+
+
+def survey_found(cloud: PointCloud, found: Found, config: SurveyConfig, part: Part | None = None) -> Survey:
+    """A survey of a point cloud whose lines are found.  part: as in `survey_scene`."""
+    used = "its classes were used" if config.use_classes and cloud.attributes else "its classes were not used"
     made = {"input": f"{cloud.path.name}, {len(cloud.xyz):,} points; {used}"}
     given = cloud.attributes
     if given is not None:
         given = replace(given, keep_classes=config.keep_classes)
     lines = with_possible_strings(found.lines, config.strings)
+    frame, points = _frame_of(cloud, config), replace(found.cloud, attributes=given)
+    if part is not None:
+        lines, points, _ = numbered_part(part, frame, lines, points)
     survey = Survey(
-        frame, lines, replace(found.cloud, attributes=given), str(cloud.path), made,
-        findings=(*cloud.findings, *found.findings),
-    )  # fmt: skip
-    return _finished(survey, config)
+        frame, lines, points, str(cloud.path), made, findings=(*cloud.findings, *found.findings)
+    )
+    survey = _finished(survey, config)
+    return survey if part is None else own_points(survey, part)
+
+
+def _frame_of(cloud: PointCloud, config: SurveyConfig) -> LineFrame:
+    return _frame_with_heights(LineFrame.of_cloud(cloud.xyz, cloud.crs, cloud.origin), config)
 
 
 def _of_images(
