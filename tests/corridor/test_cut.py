@@ -62,6 +62,13 @@ def test_branches_are_blocks_of_their_own() -> None:
     assert far and all(np.abs(places[one.core][:, 0] - 300).max() < 60 for one in far)
 
 
+def test_passes_on_both_sides_of_a_line_share_blocks() -> None:
+    places = np.concatenate([track(300.0) + np.array([0.0, y]) for y in (-25.0, 25.0)])
+    blocks = cut(places, CONFIG)
+    assert len(blocks) == 3
+    assert all(np.ptp(places[one.core][:, 1]) > 40 for one in blocks)
+
+
 def test_flights_apart_share_no_block() -> None:
     places = np.concatenate([track(200.0), track(200.0) + np.array([0.0, 500.0])])
     blocks = cut(places, CONFIG)
@@ -76,7 +83,7 @@ def test_many_images_in_one_place_are_one_block() -> None:
 def test_degrees_for_metres_end_in_an_error() -> None:
     places = np.cumsum(np.full((3000, 2), 20_000.0), axis=0)
     with pytest.raises(SceneError, match="Are its coordinates metres"):
-        cut(places, CutConfig(block_m=100.0, link_share=1000.0))
+        cut(places, CutConfig(block_m=100.0, link_m=1e6))
 
 
 @pytest.mark.parametrize("values", [{"block_m": 0.0}, {"overlap_m": -1.0}, {"see_m": float("nan")}])

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from plnerf.corridor.engine import OnRay
+from plnerf.corridor.engine import OnRay, require_room
 from plnerf.corridor.ledger import Ledger, Task
 from plnerf.errors import ConfigError, SurveyError
 
@@ -74,10 +74,10 @@ def test_an_address_without_a_cluster() -> None:
         OnRay("127.0.0.1:1")
 
 
-@pytest.mark.usefixtures("local")
-def test_more_cores_than_there_are() -> None:
-    with pytest.raises(ConfigError, match="A task needs 4096 cores"):
-        OnRay("local", 4096)
+@pytest.mark.parametrize(("cores", "gpus"), [(3, 0.0), (1, 0.5)])
+def test_more_than_there_is(cores: int, gpus: float) -> None:
+    with pytest.raises(ConfigError, match=f"A task needs {cores} cores and {gpus:g} GPUs"):
+        require_room({"CPU": 2.0, "memory": 1e9}, "auto", cores, gpus)
 
 
 DRIVER = """

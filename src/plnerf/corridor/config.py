@@ -18,15 +18,15 @@ class CutConfig:
     overlap_m: float = 50.0
     """How far a block reaches beyond its ends.  Of clouds: at least the longest span, so that each is whole
     in a block."""
-    link_share: float = 0.25
-    """Cameras, or squares of a cloud, that are no farther apart than so much of a block are neighbours."""
+    link_m: float = 60.0
+    """Cameras that are no farther apart are of one flight: so are passes on both sides of a line."""
     cell_m: float = 10.0
     """Side of the squares that a cloud's plan is divided into."""
     see_m: float = 100.0
     """Cameras farther from a span than this show too little of it."""
 
     def __post_init__(self) -> None:
-        for name in ("block_m", "cell_m", "see_m", "link_share"):
+        for name in ("block_m", "cell_m", "see_m", "link_m"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be above 0, but is {getattr(self, name)}.")
         if not self.overlap_m >= 0:

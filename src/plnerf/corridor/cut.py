@@ -22,6 +22,8 @@ from plnerf.errors import SceneError
 
 THINNED = 16
 """Places are gathered in squares of so much of a block, so that many images in one place cost nothing."""
+LINKED = 3.0
+"""Squares that are no more of their sides apart are neighbours in any case."""
 MOST_BLOCKS = 100_000
 
 
@@ -41,7 +43,7 @@ def cut(places: Float[np.ndarray, "n 2"], config: CutConfig) -> tuple[Block, ...
     _, of = np.unique(np.floor(places / side).astype(np.int64), axis=0, return_inverse=True)
     of = of.ravel()
     middles = np.stack([np.bincount(of, places[:, k]) for k in (0, 1)], 1) / np.bincount(of)[:, None]
-    links = _links(middles, config.link_share * config.block_m)
+    links = _links(middles, max(config.link_m, LINKED * side))
     blocks = []
     _, flight = connected_components(links, directed=False)
     for k in range(flight.max() + 1):

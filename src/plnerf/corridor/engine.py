@@ -6,13 +6,12 @@ and plnerf.
 
 import logging
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from plnerf.corridor.ledger import Ledger, Task
-from plnerf.corridor.tasks import run_task
 from plnerf.errors import ConfigError, PlnerfError
 
 Work = Callable[[Path, Task], None]
@@ -26,6 +25,13 @@ CONNECT_S = 10.0
 """How long a cluster may take to answer."""
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables by which libraries choose their number of threads."""
+
+
+def _run_task(out: Path, task: Task) -> None:
+    """The work of all tasks, which is loaded where it is done: it brings most of plnerf."""
+    from plnerf.corridor.tasks import run_task
+
+    run_task(out, task)
 
 
 @runtime_checkable
@@ -42,7 +48,7 @@ class Engine(Protocol):
 class InThisProcess:
     """One after the other."""
 
-    def __init__(self, work: Work = run_task) -> None:
+    def __init__(self, work: Work = _run_task) -> None:
         """work: what does a task."""
         self._work = work
 
@@ -65,7 +71,7 @@ class InThisProcess:
 class OnRay:
     """As many at a time as the cluster has cores for."""
 
-    def __init__(self, address: str, cores: int = 1, gpus: float = 0.0, work: Work = run_task) -> None:
+    def __init__(self, address: str, cores: int = 1, gpus: float = 0.0, work: Work = _run_task) -> None:
         """address: of a cluster, such as 192.0.2.1:6379; "auto": of the one that runs on this machine;
         "local": one of this machine alone, for as long as this process lives.  cores, gpus: of each task.
         work: what does a task.
@@ -90,13 +96,11 @@ class OnRay:
                 f"There is no Ray cluster at {address} ({str(error).splitlines()[0]}). Start one, ray start "
                 "--head, or give --address local."
             ) from error
-        have = ray.cluster_resources()
-        if have.get("CPU", 0) < cores or have.get("GPU", 0) < gpus:
+        try:
+            require_room(ray.cluster_resources(), address, cores, gpus)
+        except ConfigError:
             ray.shutdown()
-            raise ConfigError(
-                f"A task needs {cores} cores and {gpus:g} GPUs, but the cluster at {address} has "
-                f"{have.get('CPU', 0):g} and {have.get('GPU', 0):g} in all. Ask for fewer: --cores, --gpus."
-            )
+            raise
 
     def run(self, out: Path, tasks: Sequence[Task], heard: Heard) -> None:
         """As `Engine`.  A task whose worker died is done again, up to `RETRIES` times."""
@@ -131,6 +135,15 @@ class OnRay:
         import ray
 
         ray.shutdown()
+
+
+def require_room(have: Mapping[str, float], address: str, cores: int, gpus: float) -> None:
+    """Raises ConfigError where a cluster could never do a task.  have: all of its cores and GPUs."""
+    if have.get("CPU", 0) < cores or have.get("GPU", 0) < gpus:
+        raise ConfigError(
+            f"A task needs {cores} cores and {gpus:g} GPUs, but the cluster at {address} has "
+            f"{have.get('CPU', 0):g} and {have.get('GPU', 0):g} in all. Ask for fewer: --cores, --gpus."
+        )
 
 
 def _require_server(address: str) -> None:
