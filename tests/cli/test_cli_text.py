@@ -17,6 +17,7 @@ COMMANDS = (
     "demo",
     "capture",
     "reconstruct",
+    "corridor",
     "train",
     "eval",
     "render",

@@ -32,10 +32,9 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
     line_azimuth: float | None = None,
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
-    """Survey a scene or tiles of any size, block after block or on a Ray cluster; the same command goes on.
+    """Survey a scene or tiles of any size, block after block or on a cluster; it resumes.
 
-    Reports: OUT/index.html, with a link to that of each span. Status 1 where a block failed, 3 where no
-    wire was found.
+    Report: OUT/index.html, with links to those of all spans. Status 1 where a block failed.
 
     Args:
         source: Scene with poses, in metres (transforms.json, COLMAP), or a LAS or LAZ file, or a folder of

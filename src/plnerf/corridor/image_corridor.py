@@ -111,7 +111,7 @@ class _Photos:
         frames = frames_for(poses, up=listing.up, unit="m", crs=listing.crs, origin=listing.origin)
         frame = LineFrame.of_scene(frames)
         cameras = frame.cameras(scene_cameras(listing, frames, 1))
-        return cls(listing, frame, frames.R_scene_world[2], cameras)
+        return cls(listing, frame, frames.up_world, cameras)
 
     def write(self, images: Int[np.ndarray, " k"], folder: Path) -> str:
         """The scene of some of them, by reference; returns its fingerprint."""

@@ -45,6 +45,12 @@ class Frames:
     """Longitude and latitude in degrees, and height in metres above what the heights of `crs` are above, of
     the world's origin, where the world is local east-north-up."""
 
+    @property
+    def up_world(self) -> Float[np.ndarray, "3"]:
+        """Unit vector against gravity, in the world."""
+        up: Float[np.ndarray, 3] = self.R_scene_world[2]
+        return up
+
     def to_scene(self, x_world: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
         """World coordinates to scene coordinates, float64."""
         turned: Float[np.ndarray, "*b 3"] = (x_world - self.shift_world) @ self.R_scene_world.T
