@@ -155,6 +155,12 @@ class SearchConfig:
     """and that runs past it by no more than this, both in units of half a window's length."""
     refits: int = 2
     """How often all lines are fitted again once the others are known."""
+    side_by_side: float = 0.05
+    """Two lines are fitted together that lie within this of each other, in the same unit,"""
+    parallel: float = 0.9
+    """and whose least distance is less than this part of their largest one: twins run beside each other."""
+    starts_together: int = 4
+    """Pairs of curves that two lines are fitted to together, at most."""
     max_lines: int = 40
     """Lines at most, edges of roads included."""
 
@@ -174,9 +180,9 @@ class SearchConfig:
         )
         check(
             min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0
-            and min(self.around, self.onward) > 0,
-            "detect.search needs mask_px, rounds, refits and doubt of 0 or more, and around and onward above "
-            "0",
+            and min(self.around, self.onward, self.side_by_side) > 0 and self.parallel <= 1,
+            "detect.search needs mask_px, rounds, refits and doubt of 0 or more, around, onward and "
+            "side_by_side above 0, and parallel of 1 or less",
             self,
         )
 

@@ -151,13 +151,23 @@ class Search:
 
     def mask_ridges(self, line: Candidate) -> None:
         """Takes a line's ridges out."""
-        self._mask(line)
+        self.claim(line)
         self.update_odds()
 
     def free_ridges(self, line: Candidate) -> None:
         """Puts a line's ridges back."""
-        self.masks -= self._own(line)
+        self.release(line)
         self.update_odds()
+
+    def claim(self, line: Candidate) -> None:
+        """Makes ridges a line's own.  The odds learn of it with `update_odds`, as of `release`."""
+        if self.sharpness is None and hangs(line, self.length, self.config.select):
+            self._sharpen(line)
+        self.masks += self._own(line)
+
+    def release(self, line: Candidate) -> None:
+        """Makes ridges a line's own no longer."""
+        self.masks -= self._own(line)
 
     def refit(self, line: Candidate, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
         """The best near some curves with a line's own ridges put back; it then takes the line's place.
@@ -172,7 +182,7 @@ class Search:
             best = line  # it was followed to where views do not fix it
         else:
             best = replace(best, likeness=line.likeness, repeats=line.repeats)
-        self._mask(best)
+        self.claim(best)
         return best
 
     def _fitted(self, curve: Float[np.ndarray, "6"], least: float) -> Candidate | None:
@@ -254,11 +264,6 @@ class Search:
         odds = self.odds._replace(sharp_px=sharp_px)
         of_plane, seen = curve_odds(self.views, odds, line.theta[None], self.x, 0.0)[0].T
         return of_plane, seen
-
-    def _mask(self, line: Candidate) -> None:
-        if self.sharpness is None and hangs(line, self.length, self.config.select):
-            self._sharpen(line)
-        self.masks += self._own(line)
 
     def _sharpen(self, line: Candidate) -> None:
         """Chooses the radius at which the first wire has the highest odds: it shows how good poses are."""

@@ -13,12 +13,13 @@ from itertools import permutations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, needed, select_wires, without_gaps
+from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, select_wires, without_gaps
 from plnerf.detect.continuations import ends_of_lines, goes_on, in_parallel
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.to_wire import typical_footprint
+from plnerf.detect.together import followed, refit_all, untangled
 from plnerf.detect.windows import Window
 
 Judge = Callable[[Candidate], Candidate]
@@ -57,6 +58,7 @@ def find_lines(
         # Fitted again, the lines leave more of their ridges to others.
         if more := _like_the_leaders(search, met, lines, judged):
             lines = refit_all(search, [*lines, *more])
+        lines = untangled(search, lines)
         # A wire beside the camera is ten pixels wide: its ridges lie farther from it than the first one's.
         with search.blurred():
             lines += refit_all(search, _like_the_leaders(search, met, lines, judged))
@@ -160,44 +162,3 @@ def without_mixtures(search: Search, lines: Sequence[Candidate]) -> list[Candida
         else:
             kept.append(line)
     return kept
-
-
-def refit_all(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
-    """Each line fitted again where the others are known: the first ones had others' ridges near them."""
-    lines = list(lines)
-    for _ in range(search.config.search.refits):
-        before, lines = lines, []
-        for line in before:
-            near = variants(line, before, len(search.x))
-            again = search.refit(line, near, needed(line, search.config.select))
-            if again is not None:
-                lines.append(again)
-    search.update_odds()
-    return lines
-
-
-def followed(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
-    """Each line fitted again as far as it is seen to go on, beside the others."""
-    longer = []
-    for line in lines:
-        again = search.refit(line, line.theta[None], needed(line, search.config.select))
-        if again is None:
-            search.mask_ridges(line)
-        longer.append(again or line)
-    search.update_odds()
-    return longer
-
-
-def variants(line: Candidate, lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:
-    """The line, and those that hang as the others do and meet it at one of three places that show it.
-
-    Where two hang side by side, one may have been found as half of the one and half of the other.
-    """
-    own, out = line.theta, [line.theta]
-    first, last = (plane / (planes - 1) for plane in line.seen)
-    for other in lines:
-        if other is not line:
-            for s in (first + part * (last - first) for part in (1 / 6, 1 / 2, 5 / 6)):
-                y, z = np.subtract(curve_points(own, s), curve_points(other.theta, s))
-                out.append(other.theta + np.array([y, y, z, z, 0, 0]))
-    return np.array(out)

@@ -1,0 +1,125 @@
+"""Of two wires side by side each is fitted whole, though each was found as a part of both."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.drawn import HALF, at_x, draw, hanging, polyline, scene_of, two_passes
+
+from plnerf.detect import window_search
+from plnerf.detect.candidate import Candidate
+from plnerf.detect.config import DetectConfig
+from plnerf.detect.detect import detect_wires
+from plnerf.detect.evidence import line_evidence
+from plnerf.detect.parabola import curve_odds
+from plnerf.detect.search import Search
+from plnerf.detect.together import parallel, refit_all, untangled
+from plnerf.detect.views import views_of
+from plnerf.scene.scene import Scene
+
+TWINS = (hanging(0.0, 0.062), hanging(0.0, 0.038))
+X = np.linspace(-0.98 * HALF, 0.98 * HALF, 80)
+DEFAULT = DetectConfig()
+CLOSE = 0.003
+"""A pixel at the distance of the passes."""
+
+
+def theta_of(twin: int) -> np.ndarray:
+    """The true curve on the planes X."""
+    first, middle, last = at_x(TWINS[twin], np.array([X[0], 0.0, X[-1]]))
+    return np.array([first[1], last[1], first[2], last[2], (first[2] + last[2]) / 2 - middle[2], 0.0])
+
+
+@pytest.fixture(scope="module")
+def twins(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    cameras = two_passes(8)
+    return scene_of(tmp_path_factory.mktemp("twins"), cameras, draw(cameras, [polyline(w) for w in TWINS]))
+
+
+def a_search(scene: Scene) -> Search:
+    ahead = np.array([1.0, 0.0, 0.0])
+    responses = np.concatenate(
+        line_evidence(scene.images, scene.cameras, scene.train, ahead, DEFAULT.evidence)
+    )
+    return Search(views_of(scene.cameras[list(scene.train)]), responses, X, DEFAULT)
+
+
+def masked(search: Search, thetas: Sequence[np.ndarray]) -> list[Candidate]:
+    """Lines with the odds of curves beside each other, whose ridges are taken."""
+    lines = []
+    for theta in thetas:
+        odds = float(curve_odds(search.views, search.odds, theta[None], X, 0.0)[0, :, 0].sum())
+        lines.append(Candidate(theta, 1e-8 * np.eye(6), 0.3, 14, odds, (0, len(X) - 1), fixed=True))
+        search.mask_ridges(lines[-1])
+    return lines
+
+
+def swapped(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two curves whose last ends are each other's."""
+    last = [False, True, False, True, False, False]
+    return np.where(last, other, one), np.where(last, one, other)
+
+
+def test_twins_that_were_taken_for_one_another_are_two_again(twins: Scene) -> None:
+    search, true = a_search(twins), [theta_of(0), theta_of(1)]
+    crossing = masked(search, swapped(*true))
+    again = [line.theta for line in untangled(search, crossing)]
+    nearest = [int(np.argmin([np.abs(theta - one).max() for one in true])) for theta in again]
+    assert sorted(nearest) == [0, 1]
+    assert all(np.abs(theta - true[k]).max() < CLOSE for theta, k in zip(again, nearest, strict=True))
+
+
+def test_twins_that_run_side_by_side_stay_as_they_are(twins: Scene) -> None:
+    search = a_search(twins)
+    lines = masked(search, [theta_of(0), theta_of(1)])
+    left, taken = search.left.copy(), search.masks.copy()
+    assert parallel(*lines, search) > 0.99
+    assert all(one is other for one, other in zip(untangled(search, lines), lines, strict=True))
+    assert (search.left == left).all() and (search.masks == taken).all()
+
+
+def test_two_that_cross_stay_as_they_are_where_nothing_is_likelier(twins: Scene) -> None:
+    search = a_search(twins)
+    lines = [replace(line, odds=1e6) for line in masked(search, swapped(theta_of(0), theta_of(1)))]
+    taken = search.masks.copy()
+    assert all(one is other for one, other in zip(untangled(search, lines), lines, strict=True))
+    assert (search.masks == taken).all()
+
+
+def test_only_lines_of_one_span_near_each_other_are_a_pair(twins: Scene) -> None:
+    search = a_search(twins)
+    one, other = masked(search, swapped(theta_of(0), theta_of(1)))
+    assert parallel(one, other, search) < 0.1
+    far = replace(other, theta=other.theta + DEFAULT.search.side_by_side * np.array([2, 2, 0, 0, 0, 0]))
+    steep = replace(other, theta=other.theta + np.array([0, 0, 0, 0.2, 0, 0]))
+    before, beyond = replace(one, seen=(0, 45)), replace(other, seen=(35, 79))
+    for a, b in ((one, far), (one, steep), (before, beyond)):
+        assert parallel(a, b, search) == 1.0
+
+
+def test_detected_twins_are_two_though_their_ends_are_swapped_on_the_way(
+    twins: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def tangled(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
+        again = refit_all(search, lines)
+        if len(again) == 2:
+            thetas = swapped(*(line.theta for line in again))
+            for line in again:
+                search.free_ridges(line)
+            again = [replace(line, theta=theta) for line, theta in zip(again, thetas, strict=True)]
+            for line in again:
+                search.mask_ridges(line)
+        return again
+
+    monkeypatch.setattr(window_search, "refit_all", tangled)
+    found = detect_wires(twins, DEFAULT)
+    assert len(found) == 2
+    off = [
+        max(
+            float(np.abs(at_x(one, X[10:-10]) - at_x(true, X[10:-10])).max())
+            for one, true in zip(order, TWINS, strict=True)
+        )
+        for order in (found, found[::-1])
+    ]
+    assert min(off) < 1.5 * CLOSE
