@@ -20,8 +20,9 @@ from plnerf.detect.config import DetectConfig, SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search, stretches
+from plnerf.detect.together import followed, variants
 from plnerf.detect.views import Views
-from plnerf.detect.window_search import followed, repeated, variants, without_mixtures
+from plnerf.detect.window_search import repeated, without_mixtures
 
 LENGTH = 2.0
 SEARCH, SELECT = SearchConfig(), SelectConfig()
@@ -118,6 +119,21 @@ def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
     assert [id(one) for one in found] == [id(one) for one in (best, twin, other, beside)]
     for none in ([road], []):
         assert select_wires(none, LENGTH, SELECT) == []
+
+
+def test_a_line_that_hangs_as_no_other_is_a_wire_only_where_it_is_known_to_hang_in_the_air() -> None:
+    best, other = line(odds=900.0), line(sag=0.1, odds=SELECT.min_odds + 1)
+    free = replace(other, likeness=SELECT.free)
+    unclear = replace(other, likeness=(SELECT.free + SELECT.lies) / 2)
+    beside = line(y=0.1, sag=0.1, odds=SELECT.min_odds_similar)
+    for lines, wires in (
+        ([best, other], [best]),
+        ([best, unclear], [best]),
+        ([best, free], [best, free]),
+        ([best, other, beside], [best, other, beside]),
+        ([other], [other]),  # it is the best
+    ):
+        assert [id(one) for one in select_wires(lines, LENGTH, SELECT)] == [id(one) for one in wires]
 
 
 def test_pieces_of_the_next_span_bend_as_the_best_does() -> None:

@@ -44,16 +44,30 @@ class Candidate:
 
 
 def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig) -> list[Candidate]:
-    """The lines that hang like one of the leaders."""
+    """The lines that hang like one of the leaders.
+
+    A line that hangs unlike the best, and as no other does, is a wire only if it is known to hang in the air:
+    edges on the ground that views from two sides show meet in such lines too.
+    """
     first = leaders(lines, length, select)
 
-    def is_wire(line: Candidate) -> bool:
-        if line.seen[0] == line.seen[1] or line.likeness > select.lies:
-            return False
-        alike = any(hang_alike(leader, line, length, select) for leader in first)
-        return alike and line.odds >= needed(line, select)
+    def is_enough(line: Candidate) -> bool:
+        lies = line.seen[0] == line.seen[1] or line.likeness > select.lies
+        return not lies and line.odds >= needed(line, select)
 
-    return [line for line in lines if is_wire(line)]
+    def alike(leader: Candidate) -> list[Candidate]:
+        return [line for line in lines if is_enough(line) and hang_alike(leader, line, length, select)]
+
+    def is_known(group: Sequence[Candidate]) -> bool:
+        return len(group) > 1 or any(line.likeness <= select.free for line in group)
+
+    wires = {
+        id(line)
+        for leader in first
+        if is_known(group := alike(leader)) or leader is first[0]
+        for line in group
+    }
+    return [line for line in lines if id(line) in wires]
 
 
 def needed(line: Candidate, select: SelectConfig) -> float:
