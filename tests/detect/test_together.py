@@ -75,7 +75,7 @@ def test_twins_that_run_side_by_side_stay_as_they_are(twins: Scene) -> None:
     search = a_search(twins)
     lines = masked(search, [theta_of(0), theta_of(1)])
     left, taken = search.left.copy(), search.masks.copy()
-    assert parallel(*lines, search) > 0.99
+    assert parallel(lines[0], lines[1], search) > 0.99
     assert all(one is other for one, other in zip(untangled(search, lines), lines, strict=True))
     assert (search.left == left).all() and (search.masks == taken).all()
 

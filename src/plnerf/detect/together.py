@@ -68,11 +68,10 @@ def untangled(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
     places where they are likelier together.
     """
     lines, most = list(lines), search.config.search.parallel
-    pairs = {pair: parallel(*(lines[k] for k in pair), search) for pair in combinations(range(len(lines)), 2)}
-    for pair in sorted((pair for pair in pairs if pairs[pair] < most), key=lambda pair: pairs[pair]):
-        a, b = (lines[k] for k in pair)
-        if parallel(a, b, search) < most:
-            lines[pair[0]], lines[pair[1]] = _side_by_side(search, a, b, lines)
+    pairs = {(i, j): parallel(lines[i], lines[j], search) for i, j in combinations(range(len(lines)), 2)}
+    for i, j in sorted((pair for pair in pairs if pairs[pair] < most), key=lambda pair: pairs[pair]):
+        if parallel(lines[i], lines[j], search) < most:
+            lines[i], lines[j] = _side_by_side(search, lines[i], lines[j], lines)
     search.update_odds()
     return lines
 
