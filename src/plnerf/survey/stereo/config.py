@@ -43,6 +43,8 @@ class MatchConfig:
     nearest: float = 1 / 3
     """Least depth that is searched, as a share of the distance that is given as near: it sets the range of
     disparities, which costs time and memory."""
+    max_parallax: float = 0.75
+    """Baseline over depth beyond which nothing is searched, since the images show other sides of a thing."""
     block_px: int = 5
     """Side of the square blocks that are compared; odd."""
     small_step_penalty: float = 8.0

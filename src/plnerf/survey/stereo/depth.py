@@ -1,13 +1,12 @@
 """The depth map of an image from its stereo partners.
 
-Both images of a pair are turned so that their rows lie along the baseline (A. Fusiello, E. Trucco, A. Verri,
-"A compact algorithm for rectification of stereo pairs", Machine Vision and Applications 12, 2000), and
-matched by semi-global matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual
-information", IEEE TPAMI 30(2), 2008; OpenCV's StereoSGBM).  A pixel has a depth where two pairs agree, or
-where one pair alone has a match: that is less sure, and `consistency.py` checks it against other images.
+Both images of a pair are resampled so that their rows match (`rectify.py`), and matched by semi-global
+matching (H. Hirschmueller, "Stereo processing by semiglobal matching and mutual information", IEEE TPAMI
+30(2), 2008; OpenCV's StereoSGBM).  A pixel has a depth where two pairs agree, or where one pair alone has a
+match: that is less sure, and `consistency.py` checks it against other images.
 
-Letters: w = 1/t inverse distance along a pixel's ray, what a disparity is linear in: for rectified depth Z
-and focal length f, disparity = f b / Z; k partners; h x w pixels.
+Letters: w = 1/t inverse distance along a pixel's ray; b baseline; f pixels per radian; k partners; h x w
+pixels, of which n have a match.
 """
 
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from plnerf.survey.stereo.config import MatchConfig
+from plnerf.survey.stereo.rectify import Sphere, angles, axes_about, disparity_at, inverse_distance_at
 from plnerf.survey.stereo.stereo_views import Picture
 
 
@@ -42,7 +42,10 @@ def depth_map(
     if len(pairs) < 2:
         return DepthMap(np.full(shape, np.nan), np.full(shape, np.nan))
     w, sigma = np.stack([one[0] for one in pairs]), np.stack([one[1] for one in pairs])
-    return _agreed(w, sigma, config)
+    t, deviation = np.full(shape, np.nan), np.full(shape, np.nan)
+    matched = np.isfinite(w).any(0)
+    t[matched], deviation[matched] = _agreed(w[:, matched], sigma[:, matched], config)
+    return DepthMap(t, deviation)
 
 
 def inverse_distance(
@@ -52,22 +55,28 @@ def inverse_distance(
     view = one.view
     baseline = other.view.centre - view.centre
     b = float(np.linalg.norm(baseline))
-    R = _rectified_axes(baseline / b, view.axis + other.view.axis)
-    f = float(view.focal_px.mean())
-    reach = 16 * max(1, int(np.ceil(f * b / (config.nearest * near) / 16)))
-    # Where the rays of `one` lie on the plane z = 1 of the rectified camera.
-    rays = one.rays @ R.T
-    sine = np.hypot(rays[..., 1], rays[..., 2])  # x is the baseline
-    seen = (sine >= config.min_sine) & (rays[..., 2] >= config.min_sine)
-    plane = f * rays[..., :2] / np.where(seen, rays[..., 2], 1.0)[..., None]
+    R = axes_about(baseline / b, view.axis + other.view.axis)
+    elevation, azimuth = angles(one.rays, R)
+    sine = np.cos(elevation)  # of the angle between baseline and ray
+    seen = sine >= config.min_sine
     nothing = np.full(seen.shape, np.nan)
     if not seen.any():
         return nothing, nothing
-    low, high = np.floor(plane[seen].min(0)) - 1, np.ceil(plane[seen].max(0)) + 1
+    f = view.pixels_per_rad
+    nearest = max(config.nearest * near, b / config.max_parallax)
+    ends = np.linspace(elevation[seen].min(), elevation[seen].max(), 16)
+    reach = 16 * max(1, int(np.ceil(f * disparity_at(nearest, ends, b).max() / 16)))
+    per_rad = np.array([f, f * float(sine[seen].mean())])
+    at_px = np.stack([elevation, azimuth], -1) * per_rad
+    theirs = np.stack(angles(other.view.border, R), -1) * per_rad
+    low = np.floor(np.maximum(at_px[seen].min(0), theirs.min(0))) - 1
+    high = np.ceil(np.minimum(at_px[seen].max(0), theirs.max(0) + np.array([reach, 0]))) + 1
+    if (high - low < config.block_px).any():
+        return nothing, nothing
     low[0] -= reach  # the matcher gives nothing for so many columns at the left
-    size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    left, left_valid = _turned(one, R, f, low, size)
-    right, right_valid = _turned(other, R, f, low, size)
+    sphere = Sphere(R, per_rad, low, (int(high[0] - low[0]), int(high[1] - low[1])))
+    left, left_valid = sphere.resampled(one)
+    right, right_valid = sphere.resampled(other)
     block = config.block_px
     matcher = cv2.StereoSGBM.create(
         minDisparity=0, numDisparities=reach, blockSize=block, P1=round(config.small_step_penalty * block**2),
@@ -78,41 +87,15 @@ def inverse_distance(
     )  # fmt: skip
     disparity = matcher.compute(left, right).astype(np.float32) / 16  # the matcher's are 16ths
     row, column = np.indices(disparity.shape)
-    match = np.clip(np.rint(column - disparity).astype(int), 0, size[0] - 1)
+    match = np.clip(np.rint(column - disparity).astype(int), 0, sphere.size[0] - 1)
     good = (disparity > 0) & left_valid & right_valid[row, match]
     good &= _contrast(left, block) >= config.min_contrast
-    x, y = (plane - low - 0.5).astype(np.float32).transpose(2, 0, 1)
-    at = _sampled(disparity, _even(disparity, good, config.max_jump_px), x, y)
-    at[~seen | ~one.valid] = np.nan
-    # Z = f b / disparity, and t = Z / (the ray's share of z); what counts of the baseline is across the ray.
-    sigma = np.where(np.isnan(at), np.nan, config.sigma_px / (f * b * np.maximum(sine, config.min_sine)))
-    return at * rays[..., 2] / (f * b), sigma
-
-
-def _rectified_axes(x: Float[np.ndarray, "3"], forward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """Rows: the axes of both rectified cameras.  x points to the partner, which is then the right image."""
-    z = forward - (forward @ x) * x
-    z /= np.linalg.norm(z)
-    return np.stack([x, np.cross(z, x), z])
-
-
-def _turned(
-    one: Picture, R: Float[np.ndarray, "3 3"], f: float, low: Float[np.ndarray, "2"], size: tuple[int, int]
-) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-    """The image as a rectified camera sees it, and which of its pixels are valid.  OpenCV's first pixel has
-    its centre at (0, 0)."""
-    view = one.view
-    K, K_rectified = np.eye(3), np.eye(3)
-    K[0, 0], K[1, 1] = view.focal_px
-    K[:2, 2] = view.principal_px - 0.5
-    K_rectified[0, 0] = K_rectified[1, 1] = f
-    K_rectified[:2, 2] = -low - 0.5
-    maps = cv2.initUndistortRectifyMap(
-        K, view.distortion, R @ view.R_line_camera, K_rectified, size, cv2.CV_32FC1
-    )
-    grey = cv2.remap(one.grey, *maps, cv2.INTER_LINEAR)
-    valid = cv2.remap(one.valid.astype(np.uint8), *maps, cv2.INTER_NEAREST)
-    return grey.astype(np.uint8), valid > 0
+    x, y = (at_px - low - 0.5).astype(np.float32).transpose(2, 0, 1)
+    found = _sampled(disparity, _even(disparity, good, config.max_jump_px), x, y)
+    found[~seen | ~one.valid] = np.nan
+    # What counts of the baseline is across the ray.
+    sigma = np.where(np.isnan(found), np.nan, config.sigma_px / (f * b * np.maximum(sine, config.min_sine)))
+    return inverse_distance_at(found / f, elevation, b), sigma
 
 
 def _contrast(grey: UInt8[np.ndarray, "h w"], block_px: int) -> Float[np.ndarray, "h w"]:
@@ -149,15 +132,17 @@ def _sampled(
 
 
 def _agreed(
-    w: Float[np.ndarray, "k h w"], sigma: Float[np.ndarray, "k h w"], config: MatchConfig
-) -> DepthMap:
-    """The weighted mean of the pairs that agree with the one with which most agree (of equals, the most
-    exact).  One pair alone is believed where no other has a match: near things leave most images.
+    w: Float[np.ndarray, "k n"], sigma: Float[np.ndarray, "k n"], config: MatchConfig
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Depths of pixels, and their standard deviations.
 
+    A depth is the weighted mean of the pairs that agree with the one with which most agree (of equals, the
+    most exact).  One pair alone is believed where no other has a match: near things leave most images.
     Its standard deviation is the least of theirs, for all share one image, or their spread where that is
-    more."""
+    more.
+    """
     limit = config.agree_px / config.sigma_px * np.maximum(sigma[:, None], sigma[None])
-    agree = np.abs(w[:, None] - w[None]) <= limit  # k k h w; False with NaN
+    agree = np.abs(w[:, None] - w[None]) <= limit  # k k n; False with NaN
     votes = agree.sum(1) - sigma / (2 * np.nanmax(sigma, initial=1e-12))
     best = np.nanargmax(np.where(np.isnan(votes), -np.inf, votes), axis=0)
     chosen = np.take_along_axis(agree, best[None, None], 0)[0]
@@ -172,4 +157,4 @@ def _agreed(
     deviation = np.maximum(exact, spread)
     known &= deviation <= config.max_relative_sigma * mean
     t = np.where(known, 1 / np.where(known, mean, 1.0), np.nan)
-    return DepthMap(t, deviation * t**2)
+    return t, deviation * t**2

@@ -18,7 +18,7 @@ from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
 from plnerf.survey.stereo.depth import depth_map
 from plnerf.survey.stereo.partners import partners
-from plnerf.survey.stereo.stereo_views import View, picture, shows_wires, view_of
+from plnerf.survey.stereo.stereo_views import View, on_all_cores, picture, shows_wires, view_of
 
 
 def distances_of_points(
@@ -58,15 +58,21 @@ def distances_by_matching(
         ):
             mine.update(dict.fromkeys(others, distance))
     found = np.full((len(views), len(config.coarse.quantiles)), np.nan)
-    for k, view in enumerate(views):
-        if len(near[k]) >= 2:
-            one = replace(pictures[k])  # a copy: its rays are not kept
-            t = depth_map(one, [pictures[j] for j in near[k]], list(near[k].values()), config.match).t
-            t[shows_wires(view, wires, config)] = np.nan
-            known = np.isfinite(t)
-            t = t[known][photos.within(view.centre + t[known][:, None] * one.rays[known], config.farthest)]
-            if len(t) >= config.min_share * known.size:
-                found[k] = np.quantile(t, config.coarse.quantiles)
+
+    def matched(k: int) -> Float[np.ndarray, " q"] | None:
+        """The quantiles of view k; None where too little of it is matched."""
+        if len(near[k]) < 2:
+            return None
+        one = replace(pictures[k])  # a copy: its rays are not kept
+        t = depth_map(one, [pictures[j] for j in near[k]], list(near[k].values()), config.match).t
+        t[shows_wires(views[k], wires, config)] = np.nan
+        known = np.isfinite(t)
+        t = t[known][photos.within(views[k].centre + t[known][:, None] * one.rays[known], config.farthest)]
+        return np.quantile(t, config.coarse.quantiles) if len(t) >= config.min_share * known.size else None
+
+    for k, quantiles in enumerate(on_all_cores(matched, len(views))):
+        if quantiles is not None:
+            found[k] = quantiles
         if progress is not None:
             progress(k + 1, len(views))
     return _filled(found, np.array([view.centre for view in views]))

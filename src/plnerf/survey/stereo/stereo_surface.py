@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from plnerf.findings import Finding, harms
 from plnerf.line.wire import Wire
@@ -21,7 +21,7 @@ from plnerf.survey.stereo.consistency import consistent
 from plnerf.survey.stereo.depth import DepthMap, depth_map
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points
 from plnerf.survey.stereo.partners import joined_partners, partners
-from plnerf.survey.stereo.stereo_views import picture, shows_wires, view_of
+from plnerf.survey.stereo.stereo_views import Picture, on_all_cores, picture, shows_wires, view_of
 from plnerf.survey.stereo.witnesses import Sight
 from plnerf.survey.surface import Surface, joined
 
@@ -64,12 +64,21 @@ def stereo_surface(
     random = np.random.default_rng(0)
     each = max(1, config.points // min(max(1, len(views)), config.most_sharing))
     parts, images, radii = [], [], []
-    for k, (view, others) in enumerate(zip(views, chosen, strict=True)):
-        if len(others) >= 2:
-            mine, rgb = picture(photos, photos.train[k], view, config.longest_px)
-            there = [picture(photos, photos.train[j], views[j], config.longest_px)[0] for j in others]
-            depths = depth_map(mine, there, float(distances[k, -1]), config.match)
-            depths.t[shows_wires(view, wires, config)] = np.nan
+
+    def matched(k: int) -> tuple[Picture, UInt8[np.ndarray, "h w 3"], DepthMap] | None:
+        """Image k with its colours and its depths; None without two partners."""
+        if len(chosen[k]) < 2:
+            return None
+        mine, rgb = picture(photos, photos.train[k], views[k], config.longest_px)
+        there = [picture(photos, photos.train[j], views[j], config.longest_px)[0] for j in chosen[k]]
+        depths = depth_map(mine, there, float(distances[k, -1]), config.match)
+        depths.t[shows_wires(views[k], wires, config)] = np.nan
+        return mine, rgb, depths
+
+    for k, found in enumerate(on_all_cores(matched, len(views))):
+        if found is not None:
+            mine, rgb, depths = found
+            view = mine.view
             if keep is not None:
                 keep(Sight.of(view, depths))
             at = _pixels(depths, each, random)

@@ -4,9 +4,11 @@ Letters: p points or pixels.  LineFrame, float64; pixels as in `scene/cameras.py
 (0.5, 0.5).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -14,10 +16,13 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 
 from plnerf.line.wire import Wire
+from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.rays.lens import undistort_plane
 from plnerf.scene.cameras import distort
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,31 @@ class View:
     def axis(self) -> Float[np.ndarray, "3"]:
         """Direction of view."""
         return self.R_line_camera[:, 2]
+
+    @cached_property
+    def border(self) -> Float[np.ndarray, "n 3"]:
+        """Directions once around the image's border, a pixel apart, unit length."""
+        x, y = np.arange(float(self.width)), np.arange(float(self.height))
+        right, low = self.width + 0 * y, self.height + 0 * x
+        sides = [(x, 0 * x), (right, y), (self.width - x, low), (0 * y, self.height - y)]
+        return self.directions(np.concatenate([np.stack(side, -1) for side in sides]))
+
+    @cached_property
+    def pixels_per_rad(self) -> float:
+        """Pixels per radian: the root of the image's pixels per steradian.
+
+        The solid angle is that of the triangles between axis and border (A. van Oosterom, J. Strackee, "The
+        solid angle of a plane triangle", IEEE Transactions on Biomedical Engineering 30, 1983).
+        """
+        here, after = self.border, np.roll(self.border, -1, 0)
+        below = 1 + here @ self.axis + after @ self.axis + (here * after).sum(1)
+        angle = 2 * np.arctan2(np.cross(here, after) @ self.axis, below)
+        return float(np.sqrt(self.width * self.height / abs(angle.sum())))
+
+    @cached_property
+    def least_cosine(self) -> float:
+        """Cosine of the widest angle between the axis and a direction of the image."""
+        return float((self.border @ self.axis).min())
 
     def rays(self) -> Float[np.ndarray, "h w 3"]:
         """Directions of all pixels' centres, unit length."""
@@ -78,6 +108,15 @@ class Picture:
     def rays(self) -> Float[np.ndarray, "h w 3"]:
         """Directions of all pixels' centres, unit length."""
         return self.view.rays()
+
+
+def on_all_cores(matched: Callable[[int], T], count: int) -> Iterator[T]:
+    """What a function returns for each view, in their order; the views are in work on all cores at a time.
+
+    The matcher and NumPy leave Python's lock to others while they compute.
+    """
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        yield from pool.map(matched, range(count))
 
 
 def view_of(photos: Photos, i: int, longest_px: int) -> View:
