@@ -68,26 +68,51 @@ def test_directions_beyond_a_lens_are_not_valid() -> None:
     assert 0.9 < share < 1.25  # columns by elevation take more than their share of the sphere
 
 
-@pytest.mark.parametrize("turn_deg", [0.0, 20.0, 35.0])
-def test_oblique_pairs_are_matched_at_about_as_many_pixels_as_the_images_have(
-    turn_deg: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The partner stands ahead of the image at the side, as along a line that is flown along."""
-    sizes: list[int] = []
+@pytest.fixture
+def grids(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
+    """Columns and rows of every grid that is resampled."""
+    sizes: list[tuple[int, int]] = []
     resampled = Sphere.resampled
 
     def counted(sphere: Sphere, one: Picture) -> object:
-        sizes.append(sphere.size[0] * sphere.size[1])
+        sizes.append(sphere.size)
         return resampled(sphere, one)
 
     monkeypatch.setattr(Sphere, "resampled", counted)
+    return sizes
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 20.0, 35.0])
+def test_oblique_pairs_are_matched_at_about_as_many_pixels_as_the_images_have(
+    turn_deg: float, grids: list[tuple[int, int]]
+) -> None:
+    """The partner stands ahead of the image at the side, as along a line that is flown along."""
     one = views_of(row_of_cameras())[0]
-    across, ahead = np.sin(np.radians(turn_deg)), np.cos(np.radians(turn_deg))
-    axis = one.axis
-    side = np.array([1.0, 0, 0])
-    other = replace(one, centre=one.centre + 0.05 * (ahead * side + across * axis))
+    towards = np.cos(np.radians(turn_deg)) * np.array([1.0, 0, 0]) + np.sin(np.radians(turn_deg)) * one.axis
+    other = replace(one, centre=one.centre + 0.05 * towards)
     depth.inverse_distance(taken(one), taken(other), 1.5, MatchConfig())
-    assert max(sizes) < 2 * one.width * one.height
+    assert max(columns * rows for columns, rows in grids) < 2 * one.width * one.height
+
+
+def test_nothing_is_searched_nearer_than_the_baseline_allows(grids: list[tuple[int, int]]) -> None:
+    one, other, *_ = pair([0.2, 0.0, 0.0])
+    config = MatchConfig()
+    limit = 0.2 / config.max_parallax / config.nearest
+    for near in (2 * limit, limit, limit / 50):
+        depth.inverse_distance(taken(one), taken(other), near, config)
+    far, at, nearer = (grids[k][0] for k in (0, 2, 4))
+    assert far < at == nearer
+
+
+def test_what_the_partner_does_not_show_is_not_matched(grids: list[tuple[int, int]]) -> None:
+    """The partner looks 40 degrees further up, so that two thirds of the rows have no match."""
+    one, other, *_ = pair([0.2, 0.0, 0.0])
+    c, s = np.cos(np.radians(40)), np.sin(np.radians(40))
+    up = replace(other, R_line_camera=other.R_line_camera @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]))
+    w, _ = depth.inverse_distance(taken(one), taken(other), 1.5, MatchConfig())
+    cropped, _ = depth.inverse_distance(taken(one), taken(up), 1.5, MatchConfig())
+    assert grids[2][1] < 0.5 * grids[0][1]
+    assert np.isfinite(w[120:]).any() and not np.isfinite(cropped[120:]).any()
 
 
 def test_pixels_per_radian_are_those_of_the_solid_angle() -> None:

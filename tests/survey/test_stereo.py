@@ -300,6 +300,7 @@ def test_views_that_show_too_little_have_no_distances(tmp_path: Path) -> None:
 def test_settings_that_cannot_work_are_refused() -> None:
     for make in (
         lambda: MatchConfig(block_px=4), lambda: MatchConfig(sigma_px=0.0),
+        lambda: MatchConfig(max_parallax=0.0),
         lambda: StereoPairConfig(min_baseline=0.2), lambda: StereoPairConfig(partners=1),
         lambda: ConsistencyConfig(min_support=30), lambda: CoarseConfig(distance_step=1.0),
         lambda: StereoConfig(points=0), lambda: StereoConfig(most_sharing=0),
