@@ -77,10 +77,10 @@ def compare(blocks: Survey, whole: Survey) -> None:
         other = blocks.wires[int(off.argmin())]
         if wire.sag is not None and other.sag is not None and off.min() < 1.0:
             sags.append(abs(wire.sag.value - other.sag.value))
+    largest = f", largest {1e3 * np.max(sags):.2f} mm" if sags else ""
     print(
         f"wires: {len(whole.wires)} of one cloud, {len(blocks.wires)} of blocks; ends apart: median "
-        f"{1e3 * np.median(apart):.1f} mm, largest {1e3 * np.max(apart):.1f} mm; sags apart: median "
-        f"{1e3 * np.median(sags):.2f} mm, largest {1e3 * np.max(sags):.2f} mm of {len(sags)}"
+        f"{1e3 * np.median(apart):.1f} mm, largest {1e3 * np.max(apart):.1f} mm; sags of {len(sags)}{largest}"
     )
 
 
