@@ -13,7 +13,7 @@ from plnerf.train.config import Settings
 
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 OptionalOut = Annotated[Path | None, tyro.conf.arg(aliases=["-o"])]
-Output = Literal["rgb", "depth", "normals", "accumulation"]
+Output = Literal["rgb", "depth", "normals", "uncertainty", "accumulation"]
 Device = Literal["auto", "cpu", "cuda"]
 BackendName = Literal["auto", "torch", "numba", "triton"]
 

@@ -1,11 +1,11 @@
-"""Rendered arrays to pictures: colour, depth for people and for programs, normals, accumulation.
+"""Rendered arrays to pictures: colour, depth for people and for programs, uncertainty, normals.
 
 Letters: h rows, w columns.  Depth pictures hold the depth along the camera's z axis in world units: metres,
 or the units of an unscaled scene.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -23,12 +23,31 @@ _MAX_16 = 65535
 
 @dataclass(frozen=True)
 class DepthRange:
-    """What the ends of a depth picture's colours stand for, in world units; even in the logarithm."""
+    """What the ends of a picture's colours stand for: lengths in world units, even in the logarithm."""
 
     near: float
     far: float
     unit: str
     """"m", or "units, unscaled"."""
+
+
+Colours = Callable[[Float[np.ndarray, "h w"]], UInt8[np.ndarray, "h w 3"]]
+"""A map of colours, of values from 0 to 1."""
+
+
+def viridis_r(value: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """From bright yellow at 0 to dark violet at 1."""
+    return _mapped(1 - value, cv2.COLORMAP_VIRIDIS)
+
+
+def inferno(value: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """From black at 0 by violet and orange to bright yellow at 1."""
+    return _mapped(value, cv2.COLORMAP_INFERNO)
+
+
+def _mapped(value: Float[np.ndarray, "h w"], colour_map: int) -> UInt8[np.ndarray, "h w 3"]:
+    grey = np.round(np.clip(value, 0, 1) * 255).astype(np.uint8)
+    return cv2.cvtColor(cv2.applyColorMap(grey, colour_map), cv2.COLOR_BGR2RGB).astype(np.uint8)
 
 
 def rgb_picture(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
@@ -54,6 +73,12 @@ def world_depth(view: RenderedView, frames: Frames) -> Float[np.ndarray, "h w"]:
     return np.where(view.has_surface, frames.depth_to_world(view.z_depth), 0.0).astype(np.float32)
 
 
+def world_deviation(view: RenderedView, frames: Frames) -> Float[np.ndarray, "h w"]:
+    """Standard deviation of the distance in world units, float32, 0 where there is no surface."""
+    assert view.depth_deviation is not None
+    return np.where(view.has_surface, frames.depth_to_world(view.depth_deviation), 0.0).astype(np.float32)
+
+
 def steps_per_world_unit(frames: Frames) -> float:
     """What a 16-bit depth picture counts per world unit: 1000 a metre; unscaled, 1000 a scene unit."""
     return 1000.0 if frames.unit == "m" else 1000.0 * frames.length_to_scene(1.0)
@@ -74,10 +99,10 @@ def depth_16bit_meaning(frames: Frames) -> str:
     )
 
 
-def depth_range(depths: Sequence[Float[np.ndarray, "_ _"]], frames: Frames) -> DepthRange:
-    """Robust range of some arrays of `world_depth`: from the 1st to the 98th percentile of the surfaces."""
+def depth_range(lengths: Sequence[Float[np.ndarray, "_ _"]], frames: Frames) -> DepthRange:
+    """Robust range of arrays of `world_depth` or `world_deviation`: 1st to 98th percentile of surfaces."""
     unit = "m" if frames.unit == "m" else "units, unscaled"
-    surfaces = np.concatenate([np.empty(0), *(depth[depth > 0] for depth in depths)])
+    surfaces = np.concatenate([np.empty(0), *(one[one > 0] for one in lengths)])
     if not surfaces.size:
         return DepthRange(1.0, 2.0, unit)
     near, far = (float(value) for value in np.percentile(surfaces, [1, 98]))
@@ -86,19 +111,29 @@ def depth_range(depths: Sequence[Float[np.ndarray, "_ _"]], frames: Frames) -> D
 
 def depth_picture(depth: Float[np.ndarray, "h w"], shown: DepthRange) -> UInt8[np.ndarray, "h w 3"]:
     """Depth in viridis, nearer brighter; dark grey: no surface.  `with_legend` adds the scale."""
-    surface = depth > 0
-    log = np.log(np.where(surface, depth, shown.near) / shown.near) / np.log(shown.far / shown.near)
-    return np.where(surface[..., None], _viridis(1 - log), np.array(NO_SURFACE, np.uint8)).astype(np.uint8)
+    return _lengths_picture(depth, shown, viridis_r)
 
 
-def with_legend(picture: UInt8[np.ndarray, "h w 3"], shown: DepthRange) -> UInt8[np.ndarray, "h2 w 3"]:
-    """The depth picture with a bar below that states what its colours mean."""
-    width = picture.shape[1]
+def uncertainty_picture(deviation: Float[np.ndarray, "h w"], shown: DepthRange) -> UInt8[np.ndarray, "h w 3"]:
+    """`world_deviation` in inferno, what is spread farther brighter; dark grey: no surface."""
+    return _lengths_picture(deviation, shown, inferno)
+
+
+def _lengths_picture(
+    lengths: Float[np.ndarray, "h w"], shown: DepthRange, colours: Colours
+) -> UInt8[np.ndarray, "h w 3"]:
+    surface = lengths > 0
+    log = np.log(np.where(surface, lengths, shown.near) / shown.near) / np.log(shown.far / shown.near)
+    return np.where(surface[..., None], colours(log), np.array(NO_SURFACE, np.uint8)).astype(np.uint8)
+
+
+def legend(width: int, shown: DepthRange, colours: Colours) -> UInt8[np.ndarray, "h w 3"]:
+    """A bar of this many pixels that states what the colours of a picture of lengths mean."""
     text_px = label_px(width)
     bar_px = round(text_px * 0.9)
     strip = Image.new("RGB", (width, bar_px + round(2.0 * text_px)), "white")
     left, right = text_px, width - text_px
-    ramp = _viridis(np.linspace(1, 0, max(2, right - left), dtype=np.float32)[None].repeat(bar_px, 0))
+    ramp = colours(np.linspace(0, 1, max(2, right - left), dtype=np.float32)[None].repeat(bar_px, 0))
     strip.paste(Image.fromarray(ramp), (left, round(0.3 * text_px)))
     draw, font = ImageDraw.Draw(strip), ImageFont.load_default(text_px)
     taken: list[tuple[float, float]] = []
@@ -111,7 +146,14 @@ def with_legend(picture: UInt8[np.ndarray, "h w 3"], shown: DepthRange) -> UInt8
             draw.line([(x, bar_px), (x, bar_px + 0.6 * text_px)], fill="black")
             draw.text((middle, bar_px + 0.6 * text_px), text, fill="black", font=font, anchor="ma")
             taken.append(span)
-    return np.concatenate([picture, np.asarray(strip)])
+    return np.asarray(strip)
+
+
+def with_legend(
+    picture: UInt8[np.ndarray, "h w 3"], shown: DepthRange, colours: Colours = viridis_r
+) -> UInt8[np.ndarray, "h2 w 3"]:
+    """The picture with a legend of its colours below."""
+    return np.concatenate([picture, legend(picture.shape[1], shown, colours)])
 
 
 def label_px(width: int) -> int:
@@ -125,11 +167,6 @@ def _ticks(shown: DepthRange) -> list[tuple[float, str]]:
     round_ones = [float(step * decade) for step in (1, 2, 5, 3, 7, 1.5) for decade in decades]
     ends = [(shown.far, f"{shown.far:.3g} {shown.unit}"), (shown.near, f"{shown.near:.3g}")]
     return ends + [(value, f"{value:.3g}") for value in round_ones if shown.near < value < shown.far]
-
-
-def _viridis(value: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
-    grey = np.round(np.clip(value, 0, 1) * 255).astype(np.uint8)
-    return cv2.cvtColor(cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
 
 
 def error_picture(

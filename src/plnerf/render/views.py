@@ -13,8 +13,11 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError, TrainingError
 from plnerf.rays.rays import pixel_rays
+from plnerf.render.proposals import s_to_t
 from plnerf.render.pruning import Pruning, is_fused, render_pruned
-from plnerf.render.system import RadianceSystem
+from plnerf.render.ray_ops import ray_ops
+from plnerf.render.system import RadianceSystem, RenderedRays
+from plnerf.render.volume import depth_deviation
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.memory import require_memory
 
@@ -45,6 +48,9 @@ class RenderedView:
     """The median depth along the camera's z axis, as depth images have it."""
     normals: Float[np.ndarray, "h w 3"] | None
     """Weighted sum of the unit normals in the scene frame: no longer than the accumulation."""
+    depth_deviation: Float[np.ndarray, "h w"] | None = None
+    """Standard deviation of the distance along the ray at which it ends: how much the field's own density is
+    spread, not how wrong its depth is.  None where it was not asked for."""
     coloured: float = 1.0
     """Share of the rays' intervals whose colour was computed."""
 
@@ -62,12 +68,14 @@ def render_view(
     *,
     chunk_rays: int | None = None,
     normals: bool,
+    deviation: bool = False,
     pruning: Pruning | None = None,
 ) -> RenderedView:
     """Renders the whole view of one camera on the model's device; the chunk size does not change the result.
 
     camera: one camera in the scene frame.  appearance: the vector that decides exposure and white balance.
-    chunk_rays: None chooses by the device.  pruning: what may be left out; None renders exactly.
+    chunk_rays: None chooses by the device.  deviation: whether to find the depth's standard deviation.
+    pruning: what may be left out; None renders exactly.
     Raises ConfigError for normals of a model that predicts none, TrainingError where it renders values that
     are not finite.
     """
@@ -80,10 +88,10 @@ def render_view(
     parts, coloured = list[Tensor](), 0
     for first in range(0, width * height, chunk):
         flat = torch.arange(first, min(first + chunk, width * height))
-        columns, computed = _render_pixels(model, camera, appearance, flat, normals, pruning)
+        columns, computed = _render_pixels(model, camera, appearance, flat, normals, deviation, pruning)
         parts.append(columns)
         coloured += computed
-    # One table of columns: colour 3, accumulation, depth, median depth, z depth, normals 3 if any.
+    # One table of columns: colour 3, accumulation, depth, median depth, z depth; deviation, normals 3 if any.
     table = torch.cat(parts).numpy().reshape(height, width, -1)
     _check_finite(table)
     return RenderedView(
@@ -92,7 +100,8 @@ def render_view(
         depth=table[..., 4].copy(),
         depth_median=table[..., 5].copy(),
         z_depth=table[..., 6].copy(),
-        normals=table[..., 7:].copy() if normals else None,
+        normals=table[..., -3:].copy() if normals else None,
+        depth_deviation=table[..., 7].copy() if deviation else None,
         coloured=coloured / (width * height * model.sampler.final),
     )
 
@@ -121,6 +130,7 @@ def _render_pixels(
     appearance: Float[Tensor, " A"],
     flat: Int[Tensor, " r"],
     normals: bool,
+    deviation: bool,
     pruning: Pruning | None,
 ) -> tuple[Float[Tensor, "r c"], int]:
     """Columns of some pixels, by their index row by row, on the CPU; how many intervals have a colour."""
@@ -138,9 +148,17 @@ def _render_pixels(
             out, coloured = render_pruned(model, rays, appearance=vectors, pruning=pruning, normals=normals)
         columns = [out.colour, *(c[:, None] for c in (out.accumulation, out.depth, out.depth_median))]
         columns.append(out.depth_median[:, None] * along_z.to(device)[:, None])
+        if deviation:
+            columns.append(_deviation(model, out)[:, None])
         if normals:
             columns.append(out.normals)
         return torch.cat(columns, -1).float().cpu(), coloured
+
+
+def _deviation(model: RadianceSystem, out: RenderedRays) -> Float[Tensor, " r"]:
+    """Of the distances at which rays end, from the edges and weights of their final intervals."""
+    final = out.histograms[-1]
+    return depth_deviation(final.w, s_to_t(final.s, model.sampler, ray_ops(model.backend)))
 
 
 def resized(cameras: Cameras, factor: float) -> Cameras:

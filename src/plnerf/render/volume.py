@@ -36,6 +36,19 @@ def expected_depth(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Floa
     return ((w * middle).sum(-1) / total).clamp(t[..., 0], t[..., -1])
 
 
+def depth_deviation(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Float[Tensor, "*r"]:
+    """Standard deviation of the distance at which a ray ends, given that it ends; 0 where no ray ends.
+
+    The second central moment of the rendering sum (Ewen et al., These Magic Moments, 2025, arXiv 2503.14665),
+    with where in its interval a ray ends as even: sum_i w_i ((m_i - d)^2 + d_i^2 / 12) / sum_i w_i, with the
+    middles m_i and the expected distance d.
+    """
+    middle, half = (t[..., 1:] + t[..., :-1]) / 2, t.diff() / 2
+    total = w.sum(-1).clamp_min(torch.finfo(w.dtype).eps)
+    aside = middle - ((w * middle).sum(-1) / total)[..., None]
+    return ((w * (aside**2 + half**2 / 3)).sum(-1) / total).sqrt()
+
+
 def median_depth(w: Float[Tensor, "*r S"], t: Float[Tensor, "*r S+1"]) -> Float[Tensor, "*r"]:
     """Distance where the transmittance is one half, density constant in an interval; the far end if never."""
     ended = w.cumsum(-1)

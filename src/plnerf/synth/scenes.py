@@ -223,6 +223,18 @@ SAME_WAY = SceneConfig(
 )
 """All passes look the way out, and neighbours by 28 degrees apart: each shares features with the next."""
 
+BOTH_ENDS = SceneConfig(
+    "both-ends",
+    capture=CaptureConfig(
+        passes=(
+            Pass("right", "phase A", -2.5, 0.8, -1.75, 0.74, 28.0, -4.0),
+            Pass("left", "phase B", 2.4, 1.0, -1.75, 0.74, -28.0, -2.0),
+            Pass("above", "shield", 0.0, 1.6, -1.75, 0.74, 0.0, -12.0),
+        )
+    ),
+)
+"""`SAME_WAY` from 15 m before the first structure on, so that both structures lie ahead of some cameras."""
+
 NOISY_POSES = SceneConfig("noisy-poses", capture=CaptureConfig(pose_noise_m=0.02, pose_noise_deg=0.1))
 
 WHY: Mapping[str, str] = MappingProxyType({
@@ -237,6 +249,7 @@ WHY: Mapping[str, str] = MappingProxyType({
     "parallel": "one pass along the wires, whose depth it cannot see: what no method can measure",
     "parallel-two-passes": "a second pass at another side and height gives the first the depth it lacks",
     "same-way": "`span` in passes that all look the way out, so that structure from motion joins them",
+    "both-ends": "`same-way` begun 15 m before the first structure, so that images show both structures",
     "noisy-poses": "camera poses off by 2 cm and 0.1 degrees, as satellite positioning leaves them",
     **line_scenes.WHY,
 })
@@ -245,6 +258,7 @@ SCENES: Mapping[str, SceneConfig] = MappingProxyType({
     scene.name: scene
     for scene in (
         SPAN, DOUBLE_CIRCUIT, DISTRIBUTION, FOREST, HILLS, BUNDLE, FAR,
-        EXPOSURE, PARALLEL, PARALLEL_TWO_PASSES, SAME_WAY, NOISY_POSES, *line_scenes.LINE_SCENES.values(),
+        EXPOSURE, PARALLEL, PARALLEL_TWO_PASSES, SAME_WAY, BOTH_ENDS, NOISY_POSES,
+        *line_scenes.LINE_SCENES.values(),
     )
 })  # fmt: skip

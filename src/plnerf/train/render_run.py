@@ -27,10 +27,13 @@ from plnerf.render.pictures import (
     depth_16bit_meaning,
     depth_picture,
     depth_range,
+    inferno,
     normals_picture,
     rgb_picture,
+    uncertainty_picture,
     with_legend,
     world_depth,
+    world_deviation,
 )
 from plnerf.render.pruning import Pruning, pruning_pays
 from plnerf.render.system import RadianceSystem
@@ -44,7 +47,10 @@ from plnerf.train.evaluate import mean_appearance
 from plnerf.train.run import TrainedRun
 
 Views = Literal["test", "train", "path"]
-Output = Literal["rgb", "depth", "normals", "accumulation"]
+Output = Literal["rgb", "depth", "normals", "uncertainty", "accumulation"]
+
+Ranges = dict[Output, DepthRange]
+"""What the colours of the pictures of lengths stand for, of each kind that is rendered."""
 
 FLIGHT = Pruning()
 """What the frames of a path leave out on a CPU, where it is measured to pay; views of images are exact."""
@@ -83,7 +89,7 @@ def render_run(
         require_ffmpeg()
     shots = shots_of(run, views, frames, scale)
     pruning = FLIGHT if views == "path" and pruning_pays(run.model) else None
-    shown = _shared_range(run.model, shots, run.record.frames, pruning) if "depth" in outputs else None
+    shown = _shared_ranges(run.model, shots, run.record.frames, outputs, pruning)
     content = _description(run, shots, views, outputs, fps if video else None, scale, shown)
     content["pruning"] = asdict(pruning) if pruning is not None else None
     with whole_result(run.folder / "renders", _files_of(views, outputs)) as new:
@@ -101,7 +107,7 @@ def _write_pictures(
     views: Views,
     outputs: tuple[Output, ...],
     folder: Path,
-    shown: DepthRange | None,
+    shown: Ranges,
     pruning: Pruning | None,
     progress: Progress | None,
 ) -> dict[Output, list[Path]]:
@@ -110,8 +116,9 @@ def _write_pictures(
     pictures: dict[Output, list[Path]] = {kind: [] for kind in outputs}
     for i, shot in enumerate(shots):
         view = render_view(
-            run.model, shot.camera, shot.appearance, normals="normals" in outputs, pruning=pruning
-        )
+            run.model, shot.camera, shot.appearance, normals="normals" in outputs,
+            deviation="uncertainty" in outputs, pruning=pruning,
+        )  # fmt: skip
         for kind in outputs:
             pictures[kind].append(folder / kind / f"{i:04d}.png")
             write_png(pictures[kind][-1], _picture(kind, view, frames, shown))
@@ -178,28 +185,43 @@ def _check(model: RadianceSystem, views: str, outputs: tuple[str, ...], fps: flo
         raise ConfigError(f"A video needs a positive number of frames per second, but got {fps}.")
 
 
-def _picture(kind: str, view: RenderedView, frames: Frames, shown: DepthRange | None) -> np.ndarray:
+def _picture(kind: Output, view: RenderedView, frames: Frames, shown: Ranges) -> np.ndarray:
     if kind == "rgb":
         return rgb_picture(view.rgb)
     if kind == "accumulation":
         return accumulation_picture(view.accumulation)
     if kind == "normals":
         return normals_picture(view)
-    assert shown is not None
-    return with_legend(depth_picture(world_depth(view, frames), shown), shown)
+    if kind == "uncertainty":
+        picture = uncertainty_picture(world_deviation(view, frames), shown[kind])
+        return with_legend(picture, shown[kind], inferno)
+    return with_legend(depth_picture(world_depth(view, frames), shown[kind]), shown[kind])
 
 
-def _shared_range(
-    model: RadianceSystem, shots: list[Shot], frames: Frames, pruning: Pruning | None
-) -> DepthRange:
-    """One range of depth for all pictures, found on a few small views: a video's colours must not flicker."""
-    depths = []
+def _shared_ranges(
+    model: RadianceSystem,
+    shots: list[Shot],
+    frames: Frames,
+    outputs: tuple[Output, ...],
+    pruning: Pruning | None,
+) -> Ranges:
+    """One range for all pictures of lengths of a kind, found on a few small views: a video's colours must not
+    flicker."""
+    lengths: dict[Output, list[np.ndarray]] = {
+        kind: [] for kind in outputs if kind in {"depth", "uncertainty"}
+    }
+    if not lengths:
+        return {}
     for i in np.unique(np.linspace(0, len(shots) - 1, _PREVIEWS).astype(int)):
         small = min(1.0, _PREVIEW_PX / float(shots[i].camera.size_px.max()))
         camera = resized(shots[i].camera, small)
-        view = render_view(model, camera, shots[i].appearance, normals=False, pruning=pruning)
-        depths.append(world_depth(view, frames))
-    return depth_range(depths, frames)
+        view = render_view(
+            model, camera, shots[i].appearance, normals=False, deviation="uncertainty" in lengths,
+            pruning=pruning,
+        )  # fmt: skip
+        for kind, found in lengths.items():
+            found.append(world_depth(view, frames) if kind == "depth" else world_deviation(view, frames))
+    return {kind: depth_range(found, frames) for kind, found in lengths.items()}
 
 
 def _files_of(views: Views, outputs: tuple[Output, ...]) -> list[str]:
@@ -216,7 +238,7 @@ def _description(
     outputs: tuple[Output, ...],
     fps: float | None,
     scale: float,
-    shown: DepthRange | None,
+    shown: Ranges,
 ) -> dict[str, Any]:
     """What render.json says."""
     frames = run.record.frames
@@ -236,17 +258,25 @@ def _description(
         "normals": "(n + 1)/2 of the run's scene frame (z up), black where there is no surface",
         "accumulation": "8-bit grey, 255 = every ray ends",
     }
-    if shown is not None:
+    if (depth := shown.get("depth")) is not None:
         content["depth"] = {
             "picture": "viridis, even in the logarithm of the depth along the camera's axis, near is bright; "
             "dark grey: no surface",
-            "near": shown.near,
-            "far": shown.far,
+            "near": depth.near,
+            "far": depth.far,
             "unit": "m" if frames.unit == "m" else "unscaled",
         }
         if views != "path":
             content["depth"]["depth_16bit"] = depth_16bit_meaning(frames)
             content["depth"]["depth_npy"] = "float32, the same depth in the same unit, 0 = no surface"
+    if (deviation := shown.get("uncertainty")) is not None:
+        content["uncertainty"] = {
+            "picture": "inferno, even in the logarithm of the standard deviation of the distance at which a "
+            "ray ends, large is bright; dark grey: no surface",
+            "least": deviation.near,
+            "greatest": deviation.far,
+            "unit": "m" if frames.unit == "m" else "unscaled",
+        }
     if views == "path":
         content["path"] = (
             "splines along the longest pass of the training cameras in the order of their names; a pass ends "

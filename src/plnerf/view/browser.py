@@ -14,6 +14,7 @@ from plnerf.view.backdrop import Backdrop
 from plnerf.view.display_frame import LINE_PER_UNIT
 from plnerf.view.eye import Eye
 from plnerf.view.field_pictures import FieldPictures
+from plnerf.view.films import FilmRoom
 from plnerf.view.flights import Flight
 from plnerf.view.frustums import SmallPhotos
 from plnerf.view.opened import Opened
@@ -30,6 +31,8 @@ class Shared:
     field: FieldPictures | None
     flights: tuple[Flight, ...]
     small_photos: SmallPhotos | None
+    films: FilmRoom | None = None
+    """None: there is no field, or one that still changes."""
     progress: TrainingProgress | None = None
     """Of a run that is being trained."""
 

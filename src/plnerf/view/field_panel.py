@@ -7,15 +7,16 @@ from typing import cast
 
 import numpy as np
 
-from plnerf.render.pictures import DepthRange
+from plnerf.render.pictures import DepthRange, legend
 from plnerf.view.browser import Browser
 from plnerf.view.eye import Eye
-from plnerf.view.field_pictures import FAR, FieldPicture, FieldPictures, Layer
+from plnerf.view.field_pictures import FAR, LENGTHS, FieldPicture, FieldPictures, Layer
 from plnerf.view.render_thread import Wish
 
 SIZES = {"320 px": 320, "640 px": 640, "960 px": 960, "1280 px": 1280, "1920 px": 1920}
 DEFAULT = "640 px"
 OFF = "off"
+LEGEND_PX = 300
 
 
 class FieldPanel:
@@ -35,6 +36,10 @@ class FieldPanel:
                 "hides what is behind", initial_value=False, hint="Wires, points, cameras behind a surface."
             )
             self._status = gui.add_markdown("waiting for the kernels")
+            self._legend = gui.add_image(
+                np.full((1, LEGEND_PX, 3), 255, np.uint8), format="png", visible=False
+            )
+        self._explained: tuple[Layer, DepthRange] | None = None
         self._layer.on_update(lambda _: self._new_layer())
         for one in (self._size, self._hides):
             one.on_update(lambda _: self.draw(browser.eye))
@@ -62,12 +67,13 @@ class FieldPanel:
             browser.shared.renders.forget(browser.client.client_id)
             browser.backdrop.show_field(None, eye)
             self._status.content = ""
+            self._explain(None, None)
             return
 
         def draw(rays: int, goes_on: Callable[[], bool]) -> bool:
             if browser.gone.is_set():
                 return True
-            shown = self._range if layer == "depth" else None
+            shown = self._range if layer in LENGTHS else None
             picture = self._field.render(eye, layer, rays, shown=shown, goes_on=goes_on)
             if picture is None:
                 return False
@@ -77,6 +83,9 @@ class FieldPanel:
             browser.backdrop.show_field(picture, eye)
             first_s.append(time.monotonic() - moved)
             self._status.content = about(picture, first_s[-1], first_s[0] if coarse else None)
+            if layer in LENGTHS:
+                self._status.content += "  \n" + LENGTHS[layer][1]
+            self._explain(layer, picture.shown)
             return True
 
         width = min(SIZES[self._size.value], browser.client.camera.image_width or 640)
@@ -86,8 +95,18 @@ class FieldPanel:
         browser.shared.renders.wish(Wish(browser.client.client_id, draw, most, failed, drawn_rays))
 
 
+    def _explain(self, layer: Layer | None, shown: DepthRange | None) -> None:
+        """Shows what the colours of a layer mean, where they mean lengths."""
+        if layer is None or shown is None:
+            self._legend.visible = False
+        elif self._explained != (layer, shown):
+            self._explained = layer, shown
+            self._legend.image = legend(LEGEND_PX, shown, LENGTHS[layer][0])
+        self._legend.visible = shown is not None
+
+
 def about(picture: FieldPicture, seconds: float, first_s: float | None) -> str:
-    """Size of a picture, how long after the move it and the first one came, and what its colours mean.
+    """Size of a picture, and how long after the move it and the first one came.
 
     first_s: None where there was no move.
     """
@@ -96,11 +115,7 @@ def about(picture: FieldPicture, seconds: float, first_s: float | None) -> str:
         after = f"renewed in {seconds:.1f} s"
     else:
         after = f"{seconds:.2f} s after the move (first picture {first_s:.2f} s)"
-    parts = [f"{width} × {height} px, {after}"]
-    if picture.shown is not None:
-        near, far, unit = picture.shown.near, picture.shown.far, picture.shown.unit
-        parts.append(f"bright {near:,.1f} … dark {far:,.1f} {unit}; grey: no surface")
-    return "  \n".join(parts)
+    return f"{width} × {height} px, {after}"
 
 
 def browser_failed(browser: Browser) -> Callable[[Exception], None]:

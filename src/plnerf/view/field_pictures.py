@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -9,13 +10,18 @@ import torch
 from jaxtyping import Float, UInt8
 
 from plnerf.render.pictures import (
+    Colours,
     DepthRange,
     accumulation_picture,
     depth_picture,
     depth_range,
+    inferno,
     normals_picture,
     rgb_picture,
+    uncertainty_picture,
+    viridis_r,
     world_depth,
+    world_deviation,
 )
 from plnerf.render.pruning import Pruning, pruning_pays
 from plnerf.render.views import RenderedView, render_view
@@ -25,7 +31,12 @@ from plnerf.view.display_frame import DisplayFrame
 from plnerf.view.eye import Eye
 from plnerf.view.turns import Turns
 
-Layer = Literal["rgb", "depth", "normals", "accumulation"]
+Layer = Literal["rgb", "depth", "normals", "uncertainty", "accumulation"]
+LENGTHS: dict[Layer, tuple[Colours, str]] = {
+    "depth": (viridis_r, "Depth along the camera's axis; grey: no surface"),
+    "uncertainty": (inferno, "Standard deviation of where rays end; grey: no surface"),
+}
+"""The layers that show lengths: their colours, and what they show."""
 STRIP_RAYS, TRAINING_STRIP_RAYS = 8192, 2048
 """Between two of these a picture may be given up; of a field in training a step is taken."""
 FAR = 160.0
@@ -40,7 +51,7 @@ class FieldPicture:
     depth: Float[np.ndarray, "h w"]
     """Along the eye's axis, in the viewer's units; FAR where there is no surface."""
     shown: DepthRange | None
-    """What the colours of a depth picture mean; None of other layers."""
+    """What the colours of depths and of uncertainty mean; None of other layers."""
 
 
 class FieldPictures:
@@ -66,11 +77,13 @@ class FieldPictures:
         *,
         shown: DepthRange | None = None,
         goes_on: Callable[[], bool] = lambda: True,
+        through: Callable[[Callable[[], RenderedView]], RenderedView] = lambda strip: strip(),
     ) -> FieldPicture | None:
-        """A picture of about so many pixels; None where `goes_on` said no between two strips.
+        """A picture of about so many pixels; None where `goes_on` is false between two strips.
 
-        Colours are pruned where that is faster (`render/pruning.py`).  shown: range of a depth picture; None:
-        its own.
+        Colours are pruned where that is faster (`render/pruning.py`).  shown: range of a picture of depths or
+        of uncertainty; None: its own.  through: calls what renders a strip, and returns what that returns; a
+        picture asked for by another thread is rendered by the right one.
         """
         frames = self._run.record.frames
         camera = self._frame.scene_camera(frames, eye.camera(rays))
@@ -78,23 +91,27 @@ class FieldPictures:
         for strip in strips(camera, self._strip_rays):
             if parts and not goes_on():
                 return None
-            parts.append(self._view(strip, self._pruning, normals=layer == "normals"))
+            parts.append(through(partial(self._view, strip, layer, self._pruning)))
         view = joined(parts)
         depth = self._frame.depth_to_viewer(frames, view.z_depth.astype(np.float64))
         depth = np.where(view.has_surface, np.clip(depth, 0.0, FAR), FAR)
-        if layer == "depth":
-            metres = world_depth(view, frames)
+        if layer in {"depth", "uncertainty"}:
+            metres = world_depth(view, frames) if layer == "depth" else world_deviation(view, frames)
             shown = shown or depth_range([metres], frames)
-            return FieldPicture(depth_picture(metres, shown), depth, shown)
+            picture = depth_picture if layer == "depth" else uncertainty_picture
+            return FieldPicture(picture(metres, shown), depth, shown)
         return FieldPicture(self._picture(view, layer), depth, None)
 
-    def _view(self, camera: Cameras, pruning: Pruning | None, *, normals: bool) -> RenderedView:
+    def _view(self, camera: Cameras, layer: Layer, pruning: Pruning | None) -> RenderedView:
         model = self._run.model
 
         def rendered() -> RenderedView:
             with torch.no_grad():
                 appearance = model.mean_appearance(1, self._train)[0].clone()
-            return render_view(model, camera, appearance, normals=normals, pruning=pruning)
+            return render_view(
+                model, camera, appearance, normals=layer == "normals", deviation=layer == "uncertainty",
+                pruning=pruning,
+            )  # fmt: skip
 
         return rendered() if self._turns is None else self._turns.take(rendered)
 
@@ -112,7 +129,7 @@ class FieldPictures:
         one = Eye(np.stack([x, np.cross(z, x), z], 1), eye.centre, 1e-3, 1.0)
         frames = self._run.record.frames
         camera = self._frame.scene_camera(frames, one.camera(1))
-        view = self._view(camera, None, normals=False)
+        view = self._view(camera, "depth", None)
         depth = self._frame.depth_to_viewer(frames, view.z_depth.astype(np.float64))
         return float(depth[0, 0]) if view.has_surface[0, 0] else None
 
@@ -142,4 +159,5 @@ def joined(parts: list[RenderedView]) -> RenderedView:
         depth_median=stacked("depth_median"),
         z_depth=stacked("z_depth"),
         normals=None if parts[0].normals is None else stacked("normals"),
+        depth_deviation=None if parts[0].depth_deviation is None else stacked("depth_deviation"),
     )

@@ -3,6 +3,7 @@
 import time
 
 from plnerf.view.browser import Browser
+from plnerf.view.flights import Flight
 
 SPEED, FRAME_S = 6.0, 0.1
 """Metres a second, and seconds between two places, of a flight that plays by itself."""
@@ -25,14 +26,18 @@ class FlightPanel:
         self._share.on_update(lambda _: self._fly())
         self._plays.on_update(lambda _: self._play())
 
+    @property
+    def way(self) -> Flight:
+        """The way that is chosen."""
+        return self._flights[self._way.value]
+
     def _fly(self) -> None:
-        flight = self._flights[self._way.value]
-        self._browser.go_to(flight.at(self._share.value / 100, self._browser.eye.aspect))
+        self._browser.go_to(self.way.at(self._share.value / 100, self._browser.eye.aspect))
 
     def _play(self) -> None:
         """In a thread of the server's pool, until it is stopped, the way ends or the browser is gone."""
         while self._plays.value and not self._browser.gone.is_set():
-            length = max(self._flights[self._way.value].length_m, 1e-6)
+            length = max(self.way.length_m, 1e-6)
             share = self._share.value + 100 * SPEED * FRAME_S / length
             if share > 100:
                 self._plays.value = False

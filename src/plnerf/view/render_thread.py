@@ -2,7 +2,8 @@
 
 Every client has at most one wish, its newest.  The coarse picture of a wish is always finished, so that a
 moving camera sees something; finer ones are given up as soon as the client wishes for another or is gone.
-Clients whose picture is coarsest come first, then those who have waited longest.
+Clients whose picture is coarsest come first, then those who have waited longest.  What nobody waits for at a
+window, a film's frames, is rendered when no client wishes for a picture.
 """
 
 import itertools
@@ -48,6 +49,7 @@ class RenderThread:
         self._rays_per_s = rays_per_s
         self._wishes: dict[int, Wish] = {}
         self._calls: list[tuple[Callable[[], Any], Future[Any]]] = []
+        self._later: list[tuple[Callable[[], Any], Future[Any]]] = []
         self._changed = threading.Condition()
         self._ends = False
         self._thread = threading.Thread(target=self._run, name="plnerf-view-render", daemon=True)
@@ -61,9 +63,10 @@ class RenderThread:
         with self._changed:
             self._ends = True
             self._wishes.clear()
-            for _, future in self._calls:
+            for _, future in [*self._calls, *self._later]:
                 future.cancel()
             self._calls.clear()
+            self._later.clear()
             self._changed.notify_all()
         self._thread.join(timeout=10.0)
 
@@ -81,12 +84,19 @@ class RenderThread:
 
     def call(self, function: Callable[[], Any]) -> "Future[Any]":
         """Runs a function in this thread, before other pictures; the future has what it returns or raises."""
+        return self._queued(self._calls, function)
+
+    def later(self, function: Callable[[], Any]) -> "Future[Any]":
+        """As `call`, but as soon as no client waits for a picture."""
+        return self._queued(self._later, function)
+
+    def _queued(self, queue: list[Any], function: Callable[[], Any]) -> "Future[Any]":
         future: Future[Any] = Future()
         with self._changed:
             if self._ends:
                 future.cancel()
             else:
-                self._calls.append((function, future))
+                queue.append((function, future))
                 self._changed.notify_all()
         return future
 
@@ -104,15 +114,20 @@ class RenderThread:
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._ends or self._calls or self._next() is not None)
+                self._changed.wait_for(self._has_work)
                 if self._ends:
                     return
-                call = self._calls.pop(0) if self._calls else None
-                wish = self._next()
+                call, wish = self._calls.pop(0) if self._calls else None, self._next()
+                if call is None and wish is None:
+                    call = self._later.pop(0)
             if call is not None:
                 _finish(*call)
             elif wish is not None:
                 self._draw(wish)
+
+    def _has_work(self) -> bool:
+        """Whether there is something to do, be it to end; the lock is held."""
+        return bool(self._ends or self._calls or self._later or self._next() is not None)
 
     def _next(self) -> Wish | None:
         """The wish whose turn it is; the lock is held."""

@@ -21,7 +21,9 @@ class SavePanel:
     def __init__(self, browser: Browser, field: FieldPanel | None) -> None:
         self._browser, self._field = browser, field
         gui = browser.client.gui
-        with gui.add_folder("Save", expand_by_default=False):
+        self.folder = gui.add_folder("Save", expand_by_default=False)
+        """Also of what else can be saved."""
+        with self.folder:
             window = gui.add_button("Still of the window", hint="All that is shown, as a PNG.")
             if field is not None:
                 self._width = gui.add_dropdown("width", tuple(WIDTHS), initial_value="1280 px")

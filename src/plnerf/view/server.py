@@ -14,6 +14,7 @@ from plnerf.view.browser import Browser, Shared
 from plnerf.view.display_frame import LINE_PER_UNIT
 from plnerf.view.eye import Eye, looking
 from plnerf.view.field_pictures import FieldPictures
+from plnerf.view.films import FilmRoom
 from plnerf.view.flights import FOV_RAD, flights_of
 from plnerf.view.frustums import SmallPhotos
 from plnerf.view.opened import Opened
@@ -47,7 +48,8 @@ class ViewServer:
         turns = None if progress is None else progress.turns
         field = None if opened.run is None else FieldPictures(opened.run, opened.frame, turns)
         small = None if opened.views is None else SmallPhotos(opened.views)
-        self._shared = Shared(opened, self._renders, field, flights_of(opened), small, progress)
+        films = None if field is None or progress is not None else FilmRoom(field, self._renders)
+        self._shared = Shared(opened, self._renders, field, flights_of(opened), small, films, progress)
         self._browsers: dict[int, Browser] = {}
         with quiet():
             self._server: Any = viser.ViserServer(host, free, label="plnerf", verbose=False)

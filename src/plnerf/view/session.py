@@ -7,6 +7,7 @@ import viser
 from plnerf.report.figures import counted
 from plnerf.view.browser import Browser
 from plnerf.view.field_panel import FieldPanel
+from plnerf.view.film_panel import FilmPanel
 from plnerf.view.flight_panel import FlightPanel
 from plnerf.view.opened import Opened
 from plnerf.view.page_text import plain
@@ -25,13 +26,14 @@ def begin_session(browser: Browser) -> None:
     client.gui.add_markdown(about(opened, training=shared.progress is not None))
     training = TrainingPanel(browser, shared.progress) if shared.progress is not None else None
     field = FieldPanel(browser, shared.field) if shared.field is not None else None
-    if shared.flights:
-        FlightPanel(browser)
+    flight = FlightPanel(browser) if shared.flights else None
     wires = WirePanel(browser, opened.survey) if opened.survey and opened.survey.wires else None
     drawn = ShowPanel(browser)
     photos = PhotoPanel(browser, opened.views, drawn) if opened.views is not None else None
     ruler = Ruler(browser)
-    SavePanel(browser, field)
+    save = SavePanel(browser, field)
+    if field is not None and flight is not None and shared.films is not None:
+        FilmPanel(browser, field, flight, shared.films, save.folder)
 
     def moved(_: viser.CameraHandle) -> None:
         browser.backdrop.look(browser.eye)
