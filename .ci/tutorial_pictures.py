@@ -46,7 +46,7 @@ def main() -> None:
     log = given.log.read_text(encoding="utf-8")
     os.chdir(given.out)  # windows show the paths that they are given
     photos = sorted(Path("flight/photos").glob("*.jpg"))
-    kept("1-photos", row([Image.open(photos[round(k * (len(photos) - 1))]) for k in (0.15, 0.5, 0.85)]))
+    kept("1-photos", row([Image.open(photos[round(k * (len(photos) - 1))]) for k in (0.05, 0.5, 0.85)]))
     (panel, *_) = sorted(Path("run/eval/panels").glob("*.png"))
     kept("6-eval", Image.open(panel))
     frames = [sorted(Path("run/renders/path", kind).glob("*.png")) for kind in ("rgb", "depth")]

@@ -49,11 +49,11 @@ def test_every_pixel_shows_the_point_that_projects_to_its_centre(distortion: tup
 def test_the_chunk_size_does_not_change_the_view() -> None:
     model = PLNeRF(tiny_config(), 2, "torch", torch.Generator().manual_seed(3)).eval()
     camera, vector = one_camera(), torch.tensor([0.3, -0.2, 0.1])
-    whole = render_view(model, camera, vector, chunk_rays=1000, normals=True)
+    whole = render_view(model, camera, vector, chunk_rays=1000, normals=True, deviation=True)
     assert whole.rgb.std() > 1e-4, "a view of one colour would not show anything"
     for chunk in (1, 7, 13 * 9 - 1):
-        parts = render_view(model, camera, vector, chunk_rays=chunk, normals=True)
-        for name in ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals"):
+        parts = render_view(model, camera, vector, chunk_rays=chunk, normals=True, deviation=True)
+        for name in ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals", "depth_deviation"):
             a, b = (torch.from_numpy(getattr(v, name)) for v in (whole, parts))
             torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5, msg=lambda m, n=name: f"{n}: {m}")
 

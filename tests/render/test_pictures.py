@@ -1,5 +1,6 @@
 """Pictures read back as what was rendered: depth to the millimetre; files are whole or absent."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,10 @@ from plnerf.render.pictures import (
     normals_picture,
     rgb_picture,
     steps_per_world_unit,
+    uncertainty_picture,
     with_legend,
     world_depth,
+    world_deviation,
 )
 from plnerf.render.views import RenderedView
 from plnerf.scene.transforms import Frames
@@ -123,6 +126,17 @@ def test_the_legend_leaves_the_picture_alone_and_states_its_ends(width: int, sho
     assert (labelled[:20] == picture).all() and labelled.shape[0] > 20 and labelled.shape[1] == width
     other = with_legend(picture, DepthRange(shown.near, shown.far * 1.9, shown.unit))
     assert (other != labelled).any()
+
+
+def test_uncertainty_is_bright_where_a_surface_is_spread() -> None:
+    spread = replace(view(np.ones((1, 3))), depth_deviation=np.array([[0.1, 1.0, 0.1]], np.float32) * 0.04)
+    deviation = world_deviation(spread, frames())
+    np.testing.assert_allclose(deviation, [[0.1, 1.0, 0.1]], rtol=1e-6)
+    small, large, other = uncertainty_picture(deviation, DepthRange(0.05, 2.0, "m"))[0].astype(int)
+    assert large.sum() > small.sum() + 100 and (small == other).all()
+    gone = replace(spread, accumulation=np.zeros((1, 3), np.float32))
+    picture = uncertainty_picture(world_deviation(gone, frames()), DepthRange(0.05, 2.0, "m"))
+    assert (picture == NO_SURFACE).all()
 
 
 def test_normals_become_colours_and_fade_with_the_surface() -> None:

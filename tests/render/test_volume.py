@@ -11,6 +11,7 @@ from torch import Tensor
 from plnerf.render.volume import (
     accumulation,
     composite,
+    depth_deviation,
     expected_depth,
     median_depth,
     weights_from_density,
@@ -149,3 +150,25 @@ def test_median_depth_is_the_far_end_where_half_the_ray_gets_through() -> None:
     w, t = attenuation(0.1, torch.linspace(1, 6, 11))
     assert accumulation(w).item() < 0.5
     assert median_depth(w, t).item() == 6
+
+
+def test_the_deviation_is_that_of_an_even_interval_and_of_two_surfaces() -> None:
+    t = torch.tensor([1.0, 2.0, 4.0, 4.001, 9.0, 9.001], dtype=torch.float64)
+    even = depth_deviation(torch.tensor([0.0, 0.7, 0.0, 0.0, 0.0], dtype=torch.float64), t)
+    assert even.item() == pytest.approx(2 / math.sqrt(12))
+    two = depth_deviation(torch.tensor([0.0, 0.0, 0.2, 0.0, 0.6], dtype=torch.float64), t)
+    assert two.item() == pytest.approx(5 * math.sqrt(0.25 * 0.75), rel=1e-6)
+    assert depth_deviation(torch.zeros(5, dtype=torch.float64), t).item() == 0
+
+
+@BATCHES
+def test_the_deviation_is_that_of_places_drawn_by_their_weights(batch: tuple[int, ...]) -> None:
+    sigma, t = rays(batch, 7)
+    w, generator = weights_from_density(sigma, t), np.random.default_rng(0)
+    found, moved = depth_deviation(w, t), depth_deviation(w, t + 40)
+    torch.testing.assert_close(moved, found)
+    for index in np.ndindex(*batch):
+        share, edges = w[index].numpy(), t[index].numpy()
+        interval = generator.choice(7, 200_000, p=share / share.sum())
+        drawn = edges[interval] + generator.random(200_000) * np.diff(edges)[interval]
+        assert found[index].item() == pytest.approx(drawn.std(), rel=0.01)

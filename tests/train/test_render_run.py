@@ -14,9 +14,10 @@ from tests.support.oracle import oracle_run, tiny_config, z_depth_mm
 from plnerf.errors import ConfigError
 from plnerf.ops.backends import Backend
 from plnerf.render.model import PLNeRF
-from plnerf.render.pictures import rgb_picture
-from plnerf.render.views import render_view
+from plnerf.render.pictures import DepthRange, rgb_picture, uncertainty_picture, world_deviation
+from plnerf.render.views import render_view, resized
 from plnerf.scene.scene import Scene, load_scene
+from plnerf.train.evaluate import mean_appearance
 from plnerf.train.render_run import FLIGHT, evenly, refined_cameras, render_run, shots_of
 
 
@@ -171,7 +172,7 @@ def test_frames_of_a_flight_are_pruned_on_a_cpu_and_say_so(
     ("options", "text"),
     [
         ({"views": "all"}, "test, train, path, but got 'all'"),
-        ({"outputs": ("rgb", "heat")}, "rgb, depth, normals, accumulation .* but got 'heat'"),
+        ({"outputs": ("rgb", "heat")}, "rgb, depth, normals, uncertainty, accumulation .* but got 'heat'"),
         ({"outputs": ()}, "but got none"),
         ({"views": "path", "frames": 1}, "at least 2 frames"),
         ({"fps": 0.0}, "positive number of frames"),
@@ -201,3 +202,24 @@ def test_normals_of_a_model_without_any_are_refused(scene: Scene, tmp_path: Path
 def test_views_are_chosen_evenly() -> None:
     assert evenly(range(10), 20) == list(range(10))
     assert evenly(range(101), 5) == [0, 25, 50, 75, 100]
+
+
+def test_uncertainty_is_rendered_with_its_range_and_unit(tiny_scene: Path, tmp_path: Path) -> None:
+    scene = load_scene(tiny_scene, store=tmp_path / "store")
+    run = oracle_run(scene, tmp_path / "run")
+    model = PLNeRF(tiny_config(), len(scene.names), "torch", torch.Generator().manual_seed(3)).eval()
+    with torch.no_grad():  # a fog, in which rays end somewhere
+        model.field.density_network[-1].bias.fill_(6.0)
+    run = replace(run, model=model)
+    folder = render_run(run, views="test", outputs=("uncertainty",), scale=0.5, video=False)
+    assert pictures(folder / "uncertainty") == ["0000.png", "0001.png"]
+    described = json.loads((folder / "render.json").read_text())["uncertainty"]
+    assert described["unit"] == "m" and 0 < described["least"] < described["greatest"]
+    picture = np.asarray(Image.open(folder / "uncertainty" / "0000.png"))
+    camera = resized(scene.cameras[[scene.test[0]]], 0.5)
+    view = render_view(model, camera, mean_appearance(run), normals=False, deviation=True)
+    height, width = view.accumulation.shape
+    assert picture.shape[0] > height and picture.shape[1] == width  # a legend below
+    shown = DepthRange(described["least"], described["greatest"], "m")
+    expected = uncertainty_picture(world_deviation(view, scene.frames), shown)
+    assert expected.std() > 1 and np.array_equal(picture[:height], expected)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from tests.support.tiny_run import small
 
 from plnerf.pipeline import train_scene, write_survey
 from plnerf.train.report import SilentReport
+from plnerf.view import film_panel
 from plnerf.view.browser import Browser
 from plnerf.view.opened import open_source
 from plnerf.view.server import ViewServer
@@ -123,6 +125,46 @@ def test_a_still_is_downloaded(page: Page) -> None:
         page.press("Still of the window")
     with Image.open(download.value.path()) as still:
         assert still.width > 400 and np.asarray(still.convert("L")).std() > 3.0
+
+
+def test_uncertainty_has_a_bar_with_its_unit(page: Page) -> None:
+    page.choose("layer", "uncertainty")
+    page.text("Standard deviation of where rays end").wait_for()
+    bar = page.page.locator(".mantine-Paper-root img:visible").first
+    bar.wait_for()
+    assert bar.bounding_box()["width"] > 150
+    page.choose("layer", "rgb")
+    page.text("Standard deviation of where rays end").wait_for(state="hidden")
+    drawn(page, lambda: page.page.locator(".mantine-Paper-root img:visible").count() == 0)
+
+
+def test_a_film_is_downloaded_and_one_is_made_at_a_time(
+    browser: Any, page: Page, server: ViewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(film_panel, "FPS", 2)  # four frames
+    page.choose("film's length", "2 s")
+    with page.page.expect_download() as download:
+        page.press("Film along the way")
+        page.text("The processors limit it").wait_for()
+    assert download.value.suggested_filename.startswith("plnerf-film-rgb-")
+    frames = iio.imread(download.value.path(), extension=".mp4")
+    assert len(frames) == 4 and frames.shape[2] == pytest.approx(320, abs=2)
+    assert np.abs(frames[0].astype(float) - frames[-1]).mean() > 1  # it moves
+    monkeypatch.setattr(film_panel, "FPS", 1000)
+    page.press("Film along the way")
+    page.text("The processors limit it").wait_for()
+    other = Page(browser, server.address)
+    other.unfold("Save")
+    other.press("Film along the way")
+    other.text("One film is made at a time").wait_for()
+    before = newest(server).eye.centre
+    other.number("along, %", 12)  # meanwhile a window moves and gets its pictures
+    other.text("s after the move").wait_for()
+    assert not np.array_equal(newest(server).eye.centre, before)
+    page.press("Give the film up")
+    page.text("It was given up.").wait_for()
+    assert other.bad == []
+    other.page.close()
 
 
 def test_two_windows_do_not_move_each_other_and_one_that_vanishes_is_forgotten(

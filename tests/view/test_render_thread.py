@@ -159,3 +159,36 @@ def test_calls_come_back_with_what_they_return_or_raise(renders: RenderThread) -
     assert renders.call(lambda: 7).result(5) == 7
     renders.stop()
     assert renders.call(lambda: 7).cancelled()
+
+
+def test_what_can_wait_runs_when_no_window_waits(renders: RenderThread) -> None:
+    order: list[str] = []
+    inside, asked = threading.Event(), threading.Event()
+
+    def long() -> str:
+        inside.set()
+        asked.wait(5)
+        order.append("first")
+        return "strip"
+
+    def draw(rays: int, goes_on: Callable[[], bool]) -> bool:
+        order.append(f"window {rays}")
+        return True
+
+    first = renders.later(long)
+    second = renders.later(lambda: order.append("second"))
+    inside.wait(5)
+    renders.wish(Wish(1, draw, MOST))
+    asked.set()
+    second.result(timeout=5)
+    assert first.result() == "strip"
+    assert order[0] == "first" and order[-1] == "second" and f"window {MOST}" in order
+
+
+def test_what_can_wait_is_given_up_at_the_end() -> None:
+    thread = RenderThread()
+    waiting = thread.later(lambda: None)
+    thread.start()
+    assert waiting.result(timeout=5) is None
+    thread.stop()
+    assert thread.later(lambda: None).cancelled()

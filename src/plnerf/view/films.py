@@ -111,7 +111,7 @@ class FilmRoom:
             write_png(paths[-1], pixels)
             self._done = frame + 1, plan.frames
             rendered(frame + 1)
-        write_video(folder / "film.mp4", paths, FPS)
+        write_video(folder / "film.mp4", paths, float(FPS))
         return (folder / "film.mp4").read_bytes()
 
     def _in_turn(self, strip: Callable[[], RenderedView]) -> RenderedView:
