@@ -165,6 +165,7 @@ def test_a_film_is_downloaded_and_one_is_made_at_a_time(
     page.text("It was given up.").wait_for()
     assert other.bad == []
     other.page.close()
+    drawn(page, lambda: len(server._browsers) == 1)
 
 
 def test_two_windows_do_not_move_each_other_and_one_that_vanishes_is_forgotten(
