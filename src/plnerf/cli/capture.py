@@ -144,7 +144,7 @@ def synth(  # noqa: PLR0913 (an argument is an option)
     Args:
         out: Scene folder to write; must not exist.
         scene: Which scene, whose own values stand for what is left out: span, double-circuit, bundle,
-            distribution, hills, forest, far, parallel, parallel-two-passes, same-way, exposure,
+            distribution, hills, forest, far, parallel, parallel-two-passes, same-way, both-ends, exposure,
             noisy-poses, three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything).
         seed: Decides terrain, vegetation, the flight and all noise (span: 7).
         samples: Samples per pixel of the path tracer (span: 64).
