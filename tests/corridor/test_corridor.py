@@ -14,10 +14,15 @@ from plnerf.corridor.config import CorridorConfig, CutConfig
 from plnerf.corridor.corridor import survey_corridor
 from plnerf.corridor.engine import InThisProcess
 from plnerf.corridor.ledger import Ledger, Task
+from plnerf.corridor.merge import BlockSurvey, merged
 from plnerf.corridor.results import CLOUDS, INDEX, MAP, STATE, Corridor
 from plnerf.errors import ConfigError, SurveyError
+from plnerf.findings import harms, note
+from plnerf.line.cloud import Cloud
 from plnerf.line.files import SURVEY_FILE, read_survey
+from plnerf.line.frame import LineFrame
 from plnerf.line.stations import structure_stations
+from plnerf.line.survey import Survey
 from plnerf.scene.las_files import open_las
 
 LINE = line_along([*FEET, (300.0, -130.0)], PHASES)
@@ -105,7 +110,7 @@ def test_the_page_leads_to_every_span(done: Corridor) -> None:
     assert links[:4] == [f"spans/000{number}/survey/report.html" for number in range(1, 5)]
     assert all((done.folder / link).is_file() for link in links)
     rows = page.tables[0]
-    assert [row[1] for row in rows[1:]] == ["1", "2", "3", "4"] and {len(row) for row in rows} == {13}
+    assert [row[1] for row in rows[1:]] == ["1", "2", "3", "4"] and {len(row) for row in rows} == {12}
     state = json.loads((done.folder / STATE).read_text())
     assert state["spans"] == 4 and state["tasks"] == {"done": len(state["records"])}
 
@@ -139,6 +144,26 @@ def test_a_block_with_other_photos_is_done_again(scene: Path, tmp_path: Path) ->
     again = did(tmp_path / "out")
     assert len([one for one in again if one.startswith("find")]) == 1
     assert 1 <= len([one for one in again if one.startswith("spans")]) <= 2
+
+
+def test_findings_name_their_spans_and_many_alike_are_few(tmp_path: Path) -> None:
+    frame, cloud = LineFrame(np.eye(3), 1.0, np.zeros(3), "m"), Cloud.empty()
+    blocks = [
+        BlockSurvey(
+            tmp_path / f"spans/{k:04d}/survey",
+            Survey(
+                frame, (), cloud, "a", findings=(note("poses", "All alike."), harms("ends", f"{k} of 9."))
+            ),
+            (k,),
+        )
+        for k in range(1, 7)
+    ]
+    found = merged(blocks, [], frame, "a", {}).findings
+    texts = [one.what for one in found]
+    assert texts[0] == "Spans 1, 2, 3, 4, 5, 6: All alike."
+    assert texts[1:4] == ["Span 1: 1 of 9.", "Span 2: 2 of 9.", "Span 3: 3 of 9."]
+    assert texts[4:] == ["The like is stated of 3 more blocks: see their reports."]
+    assert found[1].where == ("span 1",) and found[4].kind == "ends" and found[4].degree == "harms"
 
 
 class Failing(KnownLine):

@@ -15,6 +15,8 @@ from plnerf.line.move import move_wire
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 
+MOST_ALIKE = 3
+"""Findings that differ in numbers alone, of so many blocks each."""
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -108,20 +110,35 @@ def _better(one: Structure | None, other: Structure) -> Structure:
 def _findings(
     blocks: Sequence[BlockSurvey], planned: Sequence[int], spans: Mapping[int, Mapping[int, Span]]
 ) -> tuple[Finding, ...]:
-    """Those of the blocks, of which many differ in numbers alone: one for all spans that it is about."""
-    found: dict[tuple[str, str], Finding] = {}
+    """Those of the blocks, each with the spans that it is about; the first ones of many that differ in
+    numbers alone."""
+    texts: dict[tuple[str, str], dict[str, list[BlockSurvey]]] = {}
+    first: dict[str, Finding] = {}
     for block in blocks:
-        where = tuple(f"span {number}" for number in block.spans)
         for one in block.survey.findings:
-            key = (one.kind, _NUMBER.sub("#", one.what))
-            before = found.get(key)
-            if before is None:
-                found[key] = replace(one, where=where)
-            else:
-                found[key] = replace(before, where=(*before.where, *where))
+            alike = texts.setdefault((one.kind, _NUMBER.sub("#", one.what)), {})
+            alike.setdefault(one.what, []).append(block)
+            first.setdefault(one.what, one)
+    found: dict[tuple[str, str], Finding] = {}
+    for key, alike in texts.items():
+        shown = list(alike.items())[:MOST_ALIKE]
+        for what, its in shown:
+            spans_of = [number for block in its for number in block.spans]
+            where = tuple(f"span {number}" for number in spans_of)
+            found[key[0], what] = replace(first[what], what=f"{_named(spans_of, its)}: {what}", where=where)
+        if len(alike) > MOST_ALIKE:
+            what = f"The like is stated of {len(alike) - MOST_ALIKE} more blocks: see their reports."
+            found[key[0], key[1]] = replace(first[shown[0][0]], what=what, where=(), do="")
     lost = sorted(set(planned) - {k for its in spans.values() for k in its})
     if lost:
         what = f"{len(lost)} of {len(planned)} spans that were planned are in no block's survey."
         where = tuple(f"span {number}" for number in lost)
         found["corridor", what] = Finding("corridor", "harms", what, where)
     return tuple(found.values())
+
+
+def _named(spans: Sequence[int], blocks: Sequence[BlockSurvey]) -> str:
+    """The spans of a finding, or the folders of blocks without any."""
+    if not spans:
+        return ", ".join(block.folder.parent.name for block in blocks)
+    return f"Span{'s' * (len(spans) > 1)} {', '.join(map(str, spans))}"

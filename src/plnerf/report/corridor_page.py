@@ -10,7 +10,7 @@ from plnerf.line.line import Line, Span
 from plnerf.line.stations import Stretch, chains
 from plnerf.line.survey import Survey
 from plnerf.report.figures import NOTHING, Units, counted, runs_of
-from plnerf.report.line_tables import open_ends, structure_table, value_range
+from plnerf.report.line_tables import structure_table, value_range
 from plnerf.report.page import asset, environment
 from plnerf.report.plan import plan
 from plnerf.report.tables import Table
@@ -82,7 +82,7 @@ def _columns(units: Units) -> list[str]:
     return [
         "line", "span", "structures", *units.heads("from station", "length"), "wires",
         *units.heads_95("sag", "least height above ground", "least to vegetation", "least to buildings"),
-        "too near", *units.heads("not seen"), "open ends",
+        "too near", *units.heads("not seen"),
     ]  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def _row(line: Line, stretch: Stretch, pages: dict[int, SpanPage], units: Units)
             str(line.id), f"{first} to {last}", units.length(stretch.from_m, 1),
             units.length(stretch.length_m, 1), runs_of([wire.id for wire in span.wires]),
             value_range([wire.sag for wire in span.wires], units, 2) or NOTHING,
-            *_of_block(page, span, units), open_ends(span.wires) or NOTHING,
+            *_of_block(page, span, units),
         ),
     )  # fmt: skip
 
