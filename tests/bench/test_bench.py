@@ -23,6 +23,7 @@ from plnerf.bench import (
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.tables import Table, figure
 from plnerf.errors import ConfigError
+from plnerf.scene.memory import peak_resident_bytes
 from plnerf.train.config import Settings
 from plnerf.train.loop import train
 from plnerf.train.run import open_run

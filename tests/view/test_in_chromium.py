@@ -159,8 +159,8 @@ def test_a_film_is_downloaded_and_one_is_made_at_a_time(
     other.text("One film is made at a time").wait_for()
     before = newest(server).eye.centre
     other.number("along, %", 12)  # meanwhile a window moves and gets its pictures
+    drawn(other, lambda: not np.array_equal(newest(server).eye.centre, before))
     other.text("s after the move").wait_for()
-    assert not np.array_equal(newest(server).eye.centre, before)
     page.press("Give the film up")
     page.text("It was given up.").wait_for()
     assert other.bad == []

@@ -29,7 +29,8 @@ from plnerf.report.words import length_of
 
 WIDTH, MOST_HEIGHT, LEAST_HEIGHT = 1100.0, 560.0, 150.0
 """Width of the drawing, and bounds on its height, in pixels."""
-MARGIN = 64
+MARGIN = 88
+"""Pixels around the drawing, in which a structure at a line's end has its number and its angle."""
 LETTER_PX = 6.6
 """Mean width of a letter."""
 
