@@ -29,13 +29,13 @@ POINTS, SQUARES = "points.laz", "squares.json"
 
 @dataclass(frozen=True, eq=False)
 class Squares:
-    """Where the files of a corridor have points."""
+    """The squares in which the files of a corridor have points."""
 
     cells: Cells
     count: Int[np.ndarray, " c"]
     """Points of each square."""
     crs: str | None
-    """Of all files."""
+    """The coordinate system that all files have in common; None: they state none."""
 
 
 def is_cloud(source: Path) -> bool:

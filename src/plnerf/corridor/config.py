@@ -1,4 +1,4 @@
-"""How a corridor is cut, and what is done in its blocks."""
+"""Settings of a corridor: its blocks, their fields and their surveys."""
 
 from dataclasses import dataclass, field
 
@@ -6,12 +6,12 @@ from plnerf.errors import ConfigError
 from plnerf.survey.config import SurveyConfig
 
 CLOUD_BLOCK_M, CLOUD_OVERLAP_M = 1000.0, 500.0
-"""Of clouds, where nothing else is asked for."""
+"""Default length and overlap of the blocks of a cloud."""
 
 
 @dataclass(frozen=True)
 class CutConfig:
-    """Where a corridor is cut into blocks.  Metres."""
+    """Sizes of the blocks that a corridor is cut into, in metres."""
 
     block_m: float = 150.0
     """Length of a block in which wires are looked for, along the cameras' way or the cloud."""
@@ -38,7 +38,7 @@ class FieldOfBlock:
     """The radiance field of a block."""
 
     seconds: float = 0.0
-    """Of training; 0: none, blocks are surveyed from images and poses alone."""
+    """Budget of training; 0: no field is trained, and blocks are surveyed from images and poses alone."""
     preset: str = "pl-nerf-wire"
     downscale: int = 1
     seed: int = 0

@@ -32,7 +32,7 @@ class Block:
     """A part of a corridor, by the indices of places."""
 
     core: Int[np.ndarray, " c"]
-    """Of no other block."""
+    """Places that belong to this block alone."""
     every: Int[np.ndarray, " e"]
     """The core, and what lies near to it along the corridor."""
 

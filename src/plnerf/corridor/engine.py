@@ -19,10 +19,10 @@ Work = Callable[[Path, Task], None]
 Heard = Callable[[Task], None]
 """Called with a task whenever its record may have changed."""
 RETRIES = 3
-"""How often a task is done again whose worker died."""
+"""A task whose worker died is started again so many times."""
 POLL_S = 1.0
 CONNECT_S = 10.0
-"""How long a cluster may take to answer."""
+"""Seconds after which a cluster that does not answer counts as absent."""
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables by which libraries choose their number of threads."""
 
@@ -53,7 +53,7 @@ class InThisProcess:
         self._work = work
 
     def run(self, out: Path, tasks: Sequence[Task], heard: Heard) -> None:
-        """As `Engine`."""
+        """Does the tasks in their order; returns once each is done or failed."""
         ledger = Ledger(out)
         for task in tasks:
             ledger.write(task, "running")
@@ -103,7 +103,7 @@ class OnRay:
             raise
 
     def run(self, out: Path, tasks: Sequence[Task], heard: Heard) -> None:
-        """As `Engine`.  A task whose worker died is done again, up to `RETRIES` times."""
+        """Does the tasks side by side; one whose worker died is started again, up to `RETRIES` times."""
         import ray
         from ray.exceptions import RayError, RayTaskError
 
