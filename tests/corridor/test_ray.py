@@ -26,7 +26,6 @@ def noted(seconds: float = 0.0) -> Callable[[Path, Task], None]:
     """Work that notes in a file of its own which process did it."""
 
     def work(out: Path, task: Task) -> None:
-        Ledger(out).write(task, "running")
         time.sleep(seconds)
         (out / f"{task.name}-{os.getpid()}-{time.monotonic_ns()}.did").touch()
         Ledger(out).write(task, "done")
@@ -47,7 +46,6 @@ def local() -> Iterator[None]:
 @pytest.mark.usefixtures("local")
 def test_every_task_is_done_once_and_a_dead_worker_is_replaced(tmp_path: Path) -> None:
     def work(out: Path, task: Task) -> None:
-        Ledger(out).write(task, "running")
         if task.inputs["k"] == 2 and not (out / "killed").exists():
             (out / "killed").touch()
             os.kill(os.getpid(), signal.SIGKILL)

@@ -80,7 +80,7 @@ class KnownLine:
         with (out / "did.txt").open("a") as file:
             file.write(f"{task.name}\n")
         files = (self._find if task.kind == "find" else self._survey)(folder)
-        ledger.write(task, "done", seconds=1.0, peak_mb=100.0, files=files)
+        ledger.write(task, "done", seconds=1.0, processor_seconds=1.5, peak_mb=100.0, files=files)
 
     def _find(self, folder: Path) -> tuple[Path, ...]:
         frame, eyes = _frame_and_eyes(folder)

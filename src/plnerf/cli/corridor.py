@@ -11,6 +11,7 @@ import tyro
 from rich.console import Console
 
 from plnerf.cli.options import Out, PresetName
+from plnerf.errors import ConfigError
 from plnerf.survey.config import SurveyConfig
 from plnerf.terminal import Terminal
 
@@ -66,7 +67,10 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
     if voltage_kv is not None:
         clearance = replace(clearance, voltage_kv=voltage_kv)
     survey = replace(settings, clearance=clearance, detect=settings.detect.along(line_azimuth))
-    default = CorridorConfig.of_clouds() if is_cloud(source) else CorridorConfig()
+    cloud = is_cloud(source)
+    if cloud and seconds > 0:
+        raise ConfigError(f"{source} holds no photos to train a field of. Leave --seconds out.")
+    default = CorridorConfig.of_clouds() if cloud else CorridorConfig()
     given = {"block_m": block_m, "overlap_m": overlap_m}
     cut = replace(default.cut, **{name: value for name, value in given.items() if value is not None})
     config = CorridorConfig(cut, FieldOfBlock(seconds, preset, downscale, seed), survey)

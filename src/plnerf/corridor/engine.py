@@ -162,6 +162,7 @@ def _require_server(address: str) -> None:
 
 def _run_on_worker(work: Work, out: Path, task: Task) -> str:
     """What a worker does: a task; returns the text of an error that its input causes, or nothing."""
+    Ledger(out).write(task, "running")
     try:
         work(out, task)
     except PlnerfError as error:

@@ -55,6 +55,8 @@ class Record:
 
     state: State
     seconds: float = 0.0
+    processor_seconds: float = 0.0
+    """Of all cores together."""
     peak_mb: float = 0.0
     """Greatest memory of the process that did it, until it was done."""
     error: str = ""
@@ -78,8 +80,8 @@ class Ledger:
             if state == "done" and not all((self.out / name).is_file() for name in data["files"]):
                 return Record("waiting")
             return Record(
-                state, float(data["seconds"]), float(data["peak_mb"]), str(data["error"]), str(data["host"]),
-                int(data["process"]),
+                state, float(data["seconds"]), float(data["processor_seconds"]), float(data["peak_mb"]),
+                str(data["error"]), str(data["host"]), int(data["process"]),
             )  # fmt: skip
         except (PlnerfError, LookupError, TypeError, ValueError):
             return Record("waiting")
@@ -89,14 +91,15 @@ class Ledger:
         return self.record(task).state == "done"
 
     def write(
-        self, task: Task, state: State, *, seconds: float = 0.0, peak_mb: float = 0.0, error: str = "",
-        files: tuple[Path, ...] = (),
+        self, task: Task, state: State, *, seconds: float = 0.0, processor_seconds: float = 0.0,
+        peak_mb: float = 0.0, error: str = "", files: tuple[Path, ...] = (),
     ) -> None:  # fmt: skip
         """Writes a task's record.  files: what it wrote, without which it is not done."""
         content = {
             "task": task.name, "state": state, "sha256": task.sha256, "seconds": round(seconds, 2),
-            "peak_mb": round(peak_mb, 1), "error": error, "host": socket.gethostname(),
-            "process": os.getpid(), "files": [path.relative_to(self.out).as_posix() for path in files],
+            "processor_seconds": round(processor_seconds, 2), "peak_mb": round(peak_mb, 1), "error": error,
+            "host": socket.gethostname(), "process": os.getpid(),
+            "files": [path.relative_to(self.out).as_posix() for path in files],
         }  # fmt: skip
         write_text(self._path(task), json.dumps(content, indent=1) + "\n")
 

@@ -64,7 +64,14 @@ def write_results(
             for span in block.spans
         }
         rows = [
-            (task.folder, KINDS[task.kind], one.state, f"{one.seconds:,.0f}", f"{one.peak_mb:,.0f}")
+            (
+                task.folder,
+                KINDS[task.kind],
+                one.state,
+                f"{one.seconds:,.0f}",
+                f"{one.processor_seconds:,.0f}",
+                f"{one.peak_mb:,.0f}",
+            )
             for task, one in records
         ]
         write_corridor_page(new / INDEX, survey, pages, task_table(rows), failed, files)
@@ -83,6 +90,7 @@ def _state(
         "wires": len(survey.wires),
         "tasks": dict(Counter(one.state for _, one in records)),
         "seconds": sum(one.seconds for _, one in records),
+        "processor_seconds": sum(one.processor_seconds for _, one in records),
         "about": list(about),
         "records": [
             {"block": task.folder, "makes": KINDS[task.kind], **asdict(one)} for task, one in records

@@ -49,12 +49,14 @@ RUN_DIGITS = 12
 
 
 def run_task(out: Path, task: Task) -> None:
-    """Does a task and writes its record.  Errors as of the stages; its record then says that it runs."""
-    ledger, begin = Ledger(out), time.monotonic()
-    ledger.write(task, "running")
+    """Does a task and writes that it is done.  Errors as of the stages; its record is then left as it was."""
+    ledger, begin, processor = Ledger(out), time.monotonic(), time.process_time()
     config = from_json(CorridorConfig, task.inputs["config"], "The corridor's settings")
     files = DO[task.kind](out / task.folder, task, config)
-    ledger.write(task, "done", seconds=time.monotonic() - begin, peak_mb=_peak_mb(), files=files)
+    ledger.write(
+        task, "done", seconds=time.monotonic() - begin, processor_seconds=time.process_time() - processor,
+        peak_mb=_peak_mb(), files=files,
+    )  # fmt: skip
 
 
 def _find(folder: Path, task: Task, config: CorridorConfig) -> tuple[Path, ...]:

@@ -126,10 +126,11 @@ def _of_block(page: SpanPage | None, span: Span, units: Units) -> tuple[str, ...
     return (*least, too_near, units.length(unseen, 1))
 
 
-def task_table(rows: Sequence[tuple[str, str, str, str, str]]) -> Table:
-    """A table of tasks: what, on which block, how it stands, seconds, memory."""
+def task_table(rows: Sequence[tuple[str, str, str, str, str, str]]) -> Table:
+    """A table of tasks: what, on which block, how it stands, seconds, seconds of processor, memory."""
     return Table(
-        ["block", "makes", "state", "seconds", "memory,\u00a0MB"], [list(row) for row in rows],
+        ["block", "makes", "state", "seconds", "of processor", "memory,\u00a0MB"],
+        [list(row) for row in rows],
         "Memory is the most that the process which did it had held until then.", frozenset({0, 1, 2}),
         folded=f"{counted(len(rows), 'task')} and their time and memory",
     )  # fmt: skip
