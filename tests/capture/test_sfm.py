@@ -126,6 +126,24 @@ def test_a_lens_that_is_not_fitted_stays_as_photos_state_it(tmp_path: Path) -> N
     assert np.linalg.norm(fit_similarity(x, truth)(x) - truth, axis=1).max() < 0.02 * track
 
 
+def test_many_images_are_mapped_in_blocks(tmp_path: Path) -> None:
+    """Nine images in blocks of seven, which five images join: one model, as good as that of all at once."""
+    truth = steps(tmp_path / "images")
+    facts = {path.name: read_facts(path) for path in sorted((tmp_path / "images").glob("*.png"))}
+    config = SfmConfig(camera_model="SIMPLE_PINHOLE", features=1500, threads=1, block=7)
+    told: list[str] = []
+    found = reconstruct(
+        tmp_path / "images", facts, tmp_path / "work", choose_pairs(COUNT, PairConfig()), config,
+        tell=lambda stage, done, of: told.append(f"{stage} {done}/{of}"),
+    )  # fmt: skip
+    assert len(found.registered) == COUNT
+    assert "model 1/9" not in told and told[-1] == "model 9/9"
+    assert found.reprojection_px < 1 and len(found.reconstruction.cameras) == 1
+    x = np.array([found.reconstruction.find_image_with_name(name).projection_center() for name in facts])
+    track = np.linalg.norm(np.diff(truth, axis=0), axis=1).sum()
+    assert np.linalg.norm(fit_similarity(x, truth)(x) - truth, axis=1).max() < 0.01 * track
+
+
 def test_it_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
     """Three times, in each of its stages."""
     steps(tmp_path / "images")
@@ -183,6 +201,8 @@ def test_features_may_be_off_by_a_share_of_the_image(tmp_path: Path) -> None:
 def test_wrong_settings_are_told() -> None:
     with pytest.raises(ConfigError, match="features=3"):
         SfmConfig(features=3)
+    with pytest.raises(ConfigError, match="block=5"):
+        SfmConfig(block=5)
     with pytest.raises(ConfigError, match="neighbours of 1 or more"):
         PairConfig(neighbours=0)
 

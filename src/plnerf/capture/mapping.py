@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from plnerf.capture.exif import PhotoFacts
+from plnerf.capture.hierarchical import map_in_blocks
 from plnerf.capture.lens_fit import lens_problem
 from plnerf.capture.pair_lists import listed_pairs
 from plnerf.errors import SceneError
@@ -104,6 +105,8 @@ class MapJob:
     """How many images there are."""
     verify: bool
     """Whether the pairs' motions are found anew as the try asks, in a copy of the database."""
+    block: int
+    """Up to so many are mapped one by one, more of them in blocks of so many (`hierarchical`)."""
     fit_lens: bool
     """Whether focal lengths and distortions are fitted; else they stay as the database has them."""
 
@@ -123,11 +126,14 @@ def map_once(job: MapJob, tell: Tell) -> None:
         registered[0] += 1
         tell(job.stage, min(registered[0], job.count), job.count)
 
-    pycolmap.incremental_mapping(
-        copy if job.verify else job.database, job.images, part,
-        options=_options(job.way, job.threads, job.fit_lens),
-        next_image_callback=one_more,
-    )  # fmt: skip
+    database, options = copy if job.verify else job.database, _options(job.way, job.threads, job.fit_lens)
+    if job.count > job.block:
+        tell(job.stage, 0, job.count)
+        map_in_blocks(database, job.images, part, options, job.block, job.threads)
+    else:
+        pycolmap.incremental_mapping(
+            database, job.images, part, options=options, next_image_callback=one_more
+        )
     copy.unlink(missing_ok=True)
     part.replace(job.folder)
 

@@ -61,12 +61,16 @@ class SfmConfig:
     """Longer side of the images in which features are looked for."""
     features: int = 4096
     """Most features of an image."""
+    block: int = 500
+    """Up to so many images are put together one by one; more of them in overlapping blocks of so many."""
     pairs: PairConfig = field(default_factory=PairConfig)
     seed: int = 0
     threads: int = -1
     """-1: as many as there are cores."""
 
     def __post_init__(self) -> None:
+        if self.block < 2 * LEAST_IMAGES:
+            raise ConfigError(f"Blocks need {2 * LEAST_IMAGES} images or more, but block={self.block}.")
         if self.max_image_px < 64 or self.features < 64:
             raise ConfigError(
                 "Structure from motion needs max_image_px and features of 64 or more, but got "
@@ -268,7 +272,7 @@ def _map(
         database = work / DATABASE
         job = MapJob(
             stage, database, images, work / folder, way, config.threads, count, verify=k > 0,
-            fit_lens=config.fit_lens,
+            block=config.block, fit_lens=config.fit_lens,
         )  # fmt: skip
         colmap.call(map_once, job, tell=tell)
         models = read_models(work / folder)
