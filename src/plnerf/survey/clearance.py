@@ -38,6 +38,7 @@ from plnerf.survey.obstacles import (
     Nearest,
     beside,
     beyond_ends_m,
+    near_polyline,
     nearest_along,
     obstacles,
     shared_structures,
@@ -73,18 +74,25 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
         above = [harms(REQUIRED, f"Nothing is judged. {error}")]
     found = obstacles(survey, config.obstacles)
     shared = shared_structures(survey)
-    by_span = tuple(survey.wires_by_span())
-    wires = tuple(_measure(span, wire, survey.cloud, found, shared, config) for span, wire in by_span)
     doubted = possible_points(survey, config)
-    maybe = [
-        place
-        for span, wire in by_span
-        for group, near in _near(wire, survey.cloud, doubted, shared, config).items()
-        for place in _places(span, wire, survey.cloud, group, near, doubted[group], config)
-    ]
+    wires, maybe = list[WireClearance](), list[Place]()
+    for span in survey.spans:
+        sure, unsure = (_beside_span(span, survey.cloud, some, config) for some in (found, doubted))
+        for wire in span.wires:
+            wires.append(_measure(span, wire, survey.cloud, sure, shared, config))
+            for group, near in _near(wire, survey.cloud, unsure, shared, config).items():
+                maybe += _places(span, wire, survey.cloud, group, near, unsure[group], config)
     possible = find_possible(survey, wires, maybe, config)
-    clearances = Clearances(wires, required, crossings=find_crossings(survey), possible=possible)
+    clearances = Clearances(tuple(wires), required, crossings=find_crossings(survey), possible=possible)
     return clearances, (*above, *_findings(survey, found, doubted, clearances, config.obstacles))
+
+
+def _beside_span(span: Span, cloud: Cloud, found: _Indices, config: ClearanceConfig) -> _Indices:
+    """Those of the points that any of the span's wires, or the spacing at what is beside it, asks for: so the
+    time of a wire depends on its own surroundings, and not on the whole cloud."""
+    margin = config.sampling.reach_m + max(config.obstacles.reach_m, config.ground.side_m, config.corridor_m)
+    lines = np.concatenate([wire.polyline(1.0) for wire in span.wires])
+    return {group: near_polyline(lines, cloud.xyz, index, margin) for group, index in found.items()}
 
 
 def _near(

@@ -179,6 +179,20 @@ def beyond_ends_m(wire: Wire, cloud: Cloud, shared: Collection[int], reach_m: fl
     return first, last
 
 
+def near_polyline(
+    line: Float[np.ndarray, "p 3"],
+    xyz: Float[np.ndarray, "n 3"],
+    index: Int[np.ndarray, " m"],
+    reach_m: float,
+) -> Int[np.ndarray, " c"]:
+    """Those of the indices whose points lie within the box about a polyline in plan, and around it: all that
+    lie within `reach_m` across it and beyond its ends, whatever its direction, and more."""
+    low = line[:, :2].min(0) - math.sqrt(2) * reach_m - 1.0
+    high = line[:, :2].max(0) + math.sqrt(2) * reach_m + 1.0
+    flat = xyz[index, :2]
+    return index[((flat >= low) & (flat <= high)).all(1)]
+
+
 def beside(
     wire: Wire,
     xyz: Float[np.ndarray, "n 3"],
@@ -188,12 +202,9 @@ def beside(
 ) -> Iterator[tuple[Int[np.ndarray, " c"], Float[np.ndarray, "c 3"]]]:
     """By chunks, indices and s, y, z of the points within `reach_m` across the wire and `beyond_m` beyond its
     first and its last end, horizontally."""
-    length, line = wire.base.length_m, wire.polyline(1.0)[:, :2]
-    low, high = line.min(0) - math.sqrt(2) * reach_m - 1.0, line.max(0) + math.sqrt(2) * reach_m + 1.0
+    length, line = wire.base.length_m, wire.polyline(1.0)
     for first in range(0, len(index), CHUNK):
-        some = index[first : first + CHUNK]
-        flat = xyz[some, :2]
-        some = some[((flat >= low) & (flat <= high)).all(1)]  # of a long line's points, few are
+        some = near_polyline(line, xyz, index[first : first + CHUNK], reach_m)  # of a long line's, few are
         local = wire.base.local(xyz[some])
         near = (local[:, 0] >= -beyond_m[0]) & (local[:, 0] <= length + beyond_m[1])
         some, local = some[near], local[near]
