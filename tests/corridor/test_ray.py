@@ -38,26 +38,37 @@ def did(out: Path) -> Counter[str]:
 
 
 @pytest.fixture
-def local() -> Iterator[None]:
-    yield
+def two_nodes() -> Iterator[str]:
+    """The address of a cluster of two nodes, which are processes of their own, with one core each."""
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    cluster.add_node(num_cpus=1)
+    cluster.wait_for_nodes()
+    yield cluster.address
     ray.shutdown()
+    cluster.shutdown()
 
 
-@pytest.mark.usefixtures("local")
-def test_every_task_is_done_once_and_a_dead_worker_is_replaced(tmp_path: Path) -> None:
+def test_two_nodes_do_every_task_once_and_a_dead_worker_is_replaced(two_nodes: str, tmp_path: Path) -> None:
     def work(out: Path, task: Task) -> None:
+        import ray
+
         if task.inputs["k"] == 2 and not (out / "killed").exists():
             (out / "killed").touch()
             os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.5)
+        (out / f"{ray.get_runtime_context().get_node_id()}.node").touch()
         (out / f"{task.name}-{os.getpid()}-{time.monotonic_ns()}.did").touch()
         Ledger(out).write(task, "done")
 
-    engine = OnRay("local", 1, work=work)
+    engine = OnRay(two_nodes, 1, work=work)
     heard: list[str] = []
     engine.run(tmp_path, TASKS, lambda task: heard.append(task.name))
     assert (tmp_path / "killed").exists()
     assert did(tmp_path) == dict.fromkeys((task.name for task in TASKS), 1)
     assert {task.name for task in TASKS} <= set(heard)
+    assert len(list(tmp_path.glob("*.node"))) == 2
 
     def failing(out: Path, task: Task) -> None:
         raise SurveyError("a photo is damaged")
