@@ -55,30 +55,34 @@ def curves_where_chains_meet(
 def partners(
     views: Views, low: tuple[float, ...], high: tuple[float, ...], config: ChainConfig
 ) -> Int[np.ndarray, "n k"]:
-    """For each view those that see most places in common with it, at a good angle; -1 for none: (n, k).
+    """For each view some that see places in common with it, at a good angle; -1 for none: (n, k).
 
     low, high: x, y and z between which the places lie.
 
-    One after another, each for what those before it do not show: surfaces of two views meet at a small angle
-    in a line that runs between them, and no one partner serves all places.
+    One after another, each the first in the order of the images that shows what those before it show too
+    seldom: surfaces of two views meet at a small angle in a line that runs between them, and no one partner
+    serves all places.  Those that share most places with a view are its neighbours, at the smallest angles
+    that count as good, and find fewer wires than the first that come.
     """
     axes = [np.linspace(*side) for side in zip(low, high, PLACES, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen = seen_places(views, places)
     across = places[None, :, 1:] - views.centre[:, None, 1:]
-    turn = np.arctan2(across[..., 1], across[..., 0])
+    y, z = np.moveaxis(across / np.linalg.norm(across, axis=2, keepdims=True), 2, 0)
     out = np.full((len(seen), config.partners), -1)
     for n, found in enumerate(out):
-        shown = seen & seen[n] & (np.abs(np.sin(turn - turn[n])) >= config.good_angle)
-        wanted = np.full(len(places), config.often)
+        own = np.flatnonzero(seen[n])
+        sine = y[n, own] * z[:, own] - z[n, own] * y[:, own]
+        shown = seen[:, own] & (np.abs(sine) >= config.good_angle)
+        wanted = np.full(len(own), config.often)
         for k in range(config.partners):
-            gain = shown @ (wanted > 0)
-            best = int(gain.argmax())
-            if not gain[best]:
+            gains = (shown & (wanted > 0)).any(1)
+            first = int(gains.argmax())
+            if not gains[first]:
                 break
-            found[k] = best
-            wanted -= shown[best]
-            shown[best] = False
+            found[k] = first
+            wanted -= shown[first]
+            shown[first] = False
     return out
 
 
