@@ -16,8 +16,8 @@ class CutConfig:
     block_m: float = 150.0
     """Length of a block in which wires are looked for, along the cameras' way or the cloud."""
     overlap_m: float = 50.0
-    """How far a block reaches beyond its ends.  Of clouds: at least the longest span, so that each is whole
-    in a block."""
+    """How far a block reaches beyond its ends; the block of a span of images by half of its length at most.
+    Of clouds: at least the longest span, so that each is whole in a block."""
     link_m: float = 60.0
     """Cameras that are no farther apart are of one flight: so are passes on both sides of a line."""
     cell_m: float = 10.0

@@ -59,7 +59,7 @@ def survey_images(source: Path, config: CorridorConfig, stages: Stages) -> Surve
     uncertain = [wire for wire in every if not wire.evidence.certain]
     surveys, trains, few = list[tuple[Task, tuple[int, ...]]](), list[Task](), 0
     for k, span in enumerate(spans):
-        given = given_wires(spans, k, uncertain, config.cut.overlap_m)
+        given = given_wires(spans, k, uncertain, config.cut)
         images = images_of(span, given, photos.cameras, config.cut)
         if len(images) < LEAST_IMAGES:
             few += 1

@@ -70,11 +70,17 @@ def part_of(spans: Sequence[PlannedSpan], mine: Sequence[int], frame: LineFrame)
     return Part(axes, tuple(spans[k].number for k in near), tuple(near.index(k) for k in mine))
 
 
+def overlap_of(span: PlannedSpan, config: CutConfig) -> float:
+    """How far a span's block reaches beyond its ends: of short spans half of their length, or most of what it
+    holds would be its neighbours'."""
+    return min(config.overlap_m, float(np.linalg.norm(span.axis[1] - span.axis[0])) / 2)
+
+
 def given_wires(
-    spans: Sequence[PlannedSpan], k: int, uncertain: Sequence[Wire], overlap_m: float
+    spans: Sequence[PlannedSpan], k: int, uncertain: Sequence[Wire], config: CutConfig
 ) -> tuple[Wire, ...]:
     """The wires of a span, and what lies within an overlap of it of all others."""
-    axis = spans[k].axis[:, :2]
+    axis, overlap_m = spans[k].axis[:, :2], overlap_of(spans[k], config)
     found = list(spans[k].wires)
     others = [wire for j, span in enumerate(spans) if j != k for wire in span.wires]
     for wire in (*others, *uncertain):
@@ -91,12 +97,12 @@ def images_of(
 
     cameras: of the whole corridor, in its LineFrame.
     """
-    centre = cameras.centre.numpy()
+    centre, overlap_m = cameras.centre.numpy(), overlap_of(span, config)
     a, along = span.axis[0, :2], span.axis[1, :2] - span.axis[0, :2]
     length = float(np.linalg.norm(along))
     s = (centre[:, :2] - a) @ along / max(length, 1e-9)
-    beside = (s >= -config.overlap_m) & (s <= length + config.overlap_m)
-    beside &= distance_to(centre[:, :2], span.axis[:, :2]) <= config.see_m + config.overlap_m
+    beside = (s >= -overlap_m) & (s <= length + overlap_m)
+    beside &= distance_to(centre[:, :2], span.axis[:, :2]) <= config.see_m + overlap_m
     near = np.flatnonzero(beside)
     places = np.concatenate([
         wire.points(np.arange(0.0, wire.base.length_m + STEP_M, STEP_M)) for wire in given
