@@ -211,6 +211,8 @@ class ClassifyConfig:
     min_low_share: float = 0.3
     """Where a smaller share of the points in the square is low, they belong to a crown that hides the ground,
     seen from the side."""
+    grounded_m: float = 1.0
+    """A curve of which half is less than this above the ground, or below it, is no wire."""
 
     def __post_init__(self) -> None:
         if not self.max_sigma_m > 0 or self.near_sigmas < 0 or self.crown_cells < 1:

@@ -37,6 +37,7 @@ from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.crops import crops_of
 from plnerf.survey.encroachments import find_encroachments
 from plnerf.survey.field_surface import field_surface
+from plnerf.survey.grounded import without_grounded
 from plnerf.survey.insulator_strings import with_strings
 from plnerf.survey.kinds import with_kinds
 from plnerf.survey.known_kinds import with_stated
@@ -169,9 +170,12 @@ def _of_images(
     """What runs and scenes have in common.  rendered: what the field of a run shows."""
     field, points = rendered or (None, None)
     wires = [wire for wire in found if wire.evidence.certain]
-    chains = find_chains(wires, config.spans)
     sights: list[Sight] = []
     surface, findings = stereo_surface(photos, wires, field, config.stereo, parts[0], sights.append)
+    if photos.frame.unit == "m":
+        wires, grounded = without_grounded(wires, surface, config.classify)
+        findings = (*findings, *grounded)
+    chains = find_chains(wires, config.spans)
     scenery = scenery_of(surface, field, chains, config.supports)
     extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
     refined, residual_px = refine_spans(photos, extents, config.refine, parts[1])
