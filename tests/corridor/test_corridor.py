@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from plnerf.corridor.corridor import survey_corridor
 from plnerf.corridor.engine import InThisProcess
 from plnerf.corridor.ledger import Ledger, Task
 from plnerf.corridor.merge import BlockSurvey, merged
-from plnerf.corridor.results import CLOUDS, INDEX, MAP, STATE, Corridor
+from plnerf.corridor.results import CLOUDS, INDEX, MAP, STATE, Corridor, numbered_together
 from plnerf.errors import ConfigError, SurveyError
+from plnerf.export.gis import Feature
+from plnerf.export.layers import Layer
 from plnerf.findings import harms, note
 from plnerf.line.cloud import Cloud
 from plnerf.line.files import SURVEY_FILE, read_survey
@@ -24,6 +27,8 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.stations import structure_stations
 from plnerf.line.survey import Survey
 from plnerf.scene.las_files import open_las
+from plnerf.survey.config import SurveyConfig
+from plnerf.survey.config_names import NamesConfig
 
 LINE = line_along([*FEET, (300.0, -130.0)], PHASES)
 """Four spans of 75 to 92 m, with bends of 1, 27 and 27 degrees."""
@@ -122,6 +127,51 @@ def test_one_geopackage_holds_all_spans(done: Corridor) -> None:
     meta, _, _, values = pyogrio.raw.read(done.folder / MAP, layer="wires")
     spans = values[list(meta["fields"]).index("span")]
     assert sorted(set(spans.tolist())) == [1, 2, 3, 4] and len(spans) == 16
+
+
+def test_encroachments_of_all_blocks_are_numbered_by_priority() -> None:
+    def one(kind: Literal["Polygon", "LineString"], number: int, priority: int, margin_m: float) -> Feature:
+        about = {
+            "encroachment": number, "priority": priority, "margin_m": margin_m, "line": 1, "span": 1,
+            "station_m": 5.0,
+        }  # fmt: skip
+        return Feature(kind, np.zeros((2, 3)), about)
+
+    areas = tuple(one("Polygon", *numbers) for numbers in ((1, 1, -2.0), (2, 4, -0.1), (1, 2, -1.0)))
+    layers = {
+        "encroachments": Layer("encroachments", areas, "#c62828"),
+        "encroaching_crossings": Layer("encroaching_crossings", (one("LineString", 1, 1, -3.0),), "#c62828"),
+        "wires": Layer("wires", (Feature("LineString", np.zeros((2, 3)), {"id": 101}),), "#1565c0"),
+    }
+    found = numbered_together(layers)
+    numbers = {name: [of.properties.get("encroachment") for of in layer.features]
+               for name, layer in found.items()}  # fmt: skip
+    assert numbers == {"encroachments": [2, 4, 3], "encroaching_crossings": [1], "wires": [None]}
+    assert [of.properties["in_report"] for of in found["encroachments"].features] == [1, 2, 1]
+
+
+def test_names_are_matched_over_the_whole_corridor(scene: Path, tmp_path: Path) -> None:
+    rows = [f"M{one.id},,{one.foot[0] + 3},{one.foot[1]},\n" for one in LINE.structures]
+    rows += ["M99,,9000,9000,\n"]
+    for phase, wire in zip("ABCD", LINE.spans[0].wires, strict=True):  # of the first span alone
+        x, y, z = wire.points(np.array([0.0]))[0]
+        rows.append(f",{phase},{x},{y},{z}\n")
+    (tmp_path / "names.csv").write_text("name,phase,x,y,z\n" + "".join(rows))
+    config = replace(CONFIG, survey=SurveyConfig(names=NamesConfig(tmp_path / "names.csv")))
+    found = survey_corridor(scene, tmp_path / "out", config, InThisProcess(KnownLine(LINE)))
+    true = {f"M{one.id}": one.foot for one in LINE.structures}
+    for one in found.survey.structures:
+        assert one.name is not None
+        assert np.allclose(found.survey.frame.to_world(one.foot), true[one.name])
+    assert [[wire.name for wire in sorted(span.wires, key=lambda wire: str(wire.name))]
+            for span in found.survey.spans] == [list("ABCD")] * 4  # fmt: skip
+    about = [one.what for one in found.survey.findings if one.kind == "names"]
+    assert len(about) == 2 and about[0].startswith("5 of 5 structures") and about[0].endswith("M99.")
+    written = read_survey(tmp_path / "out" / SURVEY_FILE)
+    assert {one.name for one in written.structures} == true.keys()
+    did(tmp_path / "out")
+    assert survey_corridor(scene, tmp_path / "out", CONFIG, InThisProcess(KnownLine(LINE))).survey.wires
+    assert did(tmp_path / "out") == []  # another list of names, or none, costs no survey
 
 
 def test_what_is_done_is_not_done_again(scene: Path, tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
     gpus: float = 0.0,
     voltage_kv: float | None = None,
     line_azimuth: float | None = None,
+    names: Path | None = None,
     settings: Annotated[SurveyConfig, tyro.conf.arg(name="")] = SurveyConfig(),
 ) -> None:
     """Survey a scene or tiles of any size, block after block or on a cluster; it resumes.
@@ -58,6 +59,8 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
         voltage_kv: Nominal voltage in kV, for the clearances that a table requires.
         line_azimuth: Direction of the line in degrees clockwise from north; found in the images when left
             out.
+        names: Names of structures, phases and circuits by place: a CSV, or a KML or GeoPackage with
+            pip install "plnerf[gis]".
         settings: Settings of the surveys.
     """
     from plnerf.corridor.cloud_blocks import is_cloud
@@ -66,7 +69,10 @@ def corridor(  # noqa: PLR0913 (an argument is an option of the command)
     clearance = settings.clearance
     if voltage_kv is not None:
         clearance = replace(clearance, voltage_kv=voltage_kv)
-    survey = replace(settings, clearance=clearance, detect=settings.detect.along(line_azimuth))
+    named = replace(settings.names, places=names or settings.names.places)
+    survey = replace(
+        settings, clearance=clearance, names=named, detect=settings.detect.along(line_azimuth)
+    )
     cloud = is_cloud(source)
     if cloud and seconds > 0:
         raise ConfigError(f"{source} holds no photos to train a field of. Leave --seconds out.")

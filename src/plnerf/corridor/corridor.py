@@ -21,6 +21,8 @@ from plnerf.corridor.stages import Heard, Stages
 from plnerf.corridor.tasks import SURVEY
 from plnerf.errors import SurveyError
 from plnerf.scene.only_writer import only_writer
+from plnerf.survey.config_names import NamesConfig
+from plnerf.survey.names import with_names
 from plnerf.train.settings import to_json
 
 
@@ -42,7 +44,8 @@ def survey_corridor(
     config = config or (CorridorConfig.of_clouds() if cloud else CorridorConfig())
     stages = Stages(out, engine or InThisProcess(), heard or (lambda stage, tasks, ledger: None))
     with only_writer(out):
-        found = (survey_clouds if cloud else survey_images)(source, config, stages)
+        unnamed = replace(config, survey=replace(config.survey, names=NamesConfig()))
+        found = (survey_clouds if cloud else survey_images)(source, unnamed, stages)
         ledger = stages.ledger
         records = [(task, ledger.record(task)) for task in found.tasks]
         failed = tuple((task.name, one.error) for task, one in records if one.state != "done")
@@ -54,4 +57,7 @@ def survey_corridor(
         blocks = read_blocks(folders)
         survey = merged(blocks, found.planned, found.frame, str(source), {"input": found.about})
         survey = replace(survey, findings=(*survey.findings, *found.findings))
+        # Names are matched over the whole line: a phase that is named in one span goes through all of them,
+        # and another list of names changes no block.
+        survey = with_names(survey, config.survey.names, config.survey.kinds)
         return write_results(out, survey, blocks, records, to_json(config), failed)

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,12 @@ from plnerf.scene.whole_result import whole_result
 from plnerf.survey.part import WIRES_OF_A_SPAN
 
 INDEX, STATE, MAP, CLOUDS = "index.html", "corridor.json", "corridor.gpkg", "clouds.json"
-OF_BLOCKS = ("encroachments", "encroaching_crossings", "clearances", "crossings", "strings")
+ENCROACHING = ("encroachments", "encroaching_crossings")
+"""Layers of encroachments, which are numbered together."""
+OF_BLOCKS = (*ENCROACHING, "clearances", "crossings", "strings")
 """Layers of a map that only the blocks' surveys have."""
+BY_URGENCY = ("priority", "margin_m", "line", "span", "station_m")
+"""Properties by which encroachments are numbered, as in a survey of one piece."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +146,32 @@ def _write_map(path: Path, survey: Survey, blocks: Sequence[BlockSurvey]) -> Non
             every = mine.features if before is None else (*before.features, *mine.features)
             if every:
                 layers[one.name] = replace(one, features=every)
-    write_gpkg(path, list(layers.values()), lambda points: points, wkt_of(transform.crs))
+    numbered = numbered_together(layers)
+    write_gpkg(path, list(numbered.values()), lambda points: points, wkt_of(transform.crs))
+
+
+def numbered_together(layers: Mapping[str, Layer]) -> dict[str, Layer]:
+    """The layers with encroachments numbered by priority over the whole corridor.
+
+    Blocks number their own, each from 1: the property `in_report` keeps the number that the span's report
+    has.
+    """
+    some = [one for name in ENCROACHING if name in layers for one in layers[name].features]
+    order = sorted(some, key=lambda one: [one.properties[name] for name in BY_URGENCY])
+    number = {id(one): k for k, one in enumerate(order, 1)}
+
+    def with_number(one: Feature) -> Feature:
+        old = one.properties["encroachment"]
+        return replace(
+            one, properties={**one.properties, "encroachment": number[id(one)], "in_report": old}
+        )
+
+    return {
+        name: replace(layer, features=tuple(map(with_number, layer.features)))
+        if name in ENCROACHING
+        else layer
+        for name, layer in layers.items()
+    }
 
 
 def _on_map(layer: Layer, transform: CrsTransform) -> Layer:
