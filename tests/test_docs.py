@@ -85,7 +85,7 @@ def test_functions_named_beside_the_method_are_in_the_files_that_they_link_to() 
 def test_the_tutorial_runs_every_stage_and_shows_a_small_picture_of_it() -> None:
     commands = [line for line in TUTORIAL["commands"]() if line.startswith("plnerf ")]
     assert [line.split()[1] for line in commands] == [
-        "synth", "doctor", "doctor", "train", "eval", "render", "survey", "view", "export", "score"
+        "synth", "doctor", "capture", "doctor", "train", "eval", "render", "survey", "view", "export", "score"
     ]  # fmt: skip
     page = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     steps = re.split(r"^## \d+\. ", page, flags=re.MULTILINE)[1:]

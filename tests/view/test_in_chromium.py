@@ -26,6 +26,8 @@ from plnerf.view.server import ViewServer
 
 pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 """Of viser, where a browser is gone while something is on its way to it."""
+FIRST_PICTURE_MS = 120_000
+"""Its kernels are compiled first where none are kept on disk yet."""
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +75,7 @@ def drawn(page: Page, done: Callable[[], bool]) -> None:
 
 
 def test_it_loads_and_shows_the_field(page: Page) -> None:
-    page.text("px, ").wait_for()
+    page.text("px, ").wait_for(timeout=FIRST_PICTURE_MS)
     assert page.text("5 wires").is_visible() and page.text("12 cameras").is_visible()
     drawn(page, lambda: picture(page).std() > 3.0)  # no empty window
 

@@ -272,7 +272,7 @@ def test_a_click_on_a_camera_goes_there(of_run: ViewServer) -> None:
     origin = there + np.array([0.3, -0.2, 0.9])
     with ViewerClient(of_run.port) as client:
         client.look(ORIGIN / 10, AT / 10)
-        client.control("photo")
+        client.wait(lambda: bool(photos_on(client)), "photos on cameras, which come when clicks are heard")
         client.click(origin, (there - origin) / np.linalg.norm(there - origin))
         client.wait(lambda: bool(moves(client)), "a move")
         assert np.abs(np.array(moves(client)[-1]["position"]) - there).max() < 1e-5

@@ -46,7 +46,8 @@ def summary(report: dict[str, Any]) -> str:
     lines += [f"Left out: {text}" for text in report["left_out"][:SHOWN]]
     place = report["georeference"]
     if place is None:
-        lines.append(f"Not georeferenced, lengths are unscaled: {report['not_georeferenced_because']}.")
+        reason = report["not_georeferenced_because"].rstrip(".")
+        lines.append(f"Not georeferenced, lengths are unscaled: {reason}.")
         return "\n".join(lines)
     lines.append(
         f"Georeferenced in {crs_name(place['crs'])}, by {place['positions_trusted']} of "

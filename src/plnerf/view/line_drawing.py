@@ -28,6 +28,8 @@ WIRE_PX, MAST_PX, MARK_PX = 3.0, 4.0, 2.5
 RED, AMBER, GREEN = (200, 30, 30), (225, 140, 20), (60, 150, 80)
 OPACITY = 0.35
 LEAST_ASIDE_M = 2.0
+ABOVE_MAST = 0.1
+"""How far above a structure its name stands, as a share of its height: names of wires stand at its top."""
 
 Part = Literal["wires", "structures", "names", "clearances", "coverage"]
 
@@ -62,7 +64,8 @@ def draw_line(
     for one in survey.structures:
         mast = frame.to_viewer(np.stack([one.foot, one.top]))
         segments(scene, f"{part('structures')}/{one.id}", mast, rgb(CLASSES[TOWER][1]), MAST_PX)
-        label(scene, f"{part('names')}/structure {one.id}", structure_name(one, units), mast[1])
+        above = mast[1] + ABOVE_MAST * (mast[1] - mast[0])
+        label(scene, f"{part('names')}/structure {one.id}", structure_name(one, units), above)
     for number, (text, at) in enumerate(span_names(survey, units)):
         label(scene, f"{part('names')}/span {number}", text, frame.to_viewer(at))
     for number, place in enumerate(clearances_shown(survey)):

@@ -7,6 +7,8 @@ from plnerf.view.browser import Browser
 from plnerf.view.training_progress import TrainingProgress
 
 HEIGHT_PX = 110
+TICK_PX = 15
+"""Between two marks of the axis upwards at least; with uPlot's 30 px a curve this low has one mark."""
 BLUE, AMBER = "#1971c2", "#e8890c"
 
 
@@ -47,8 +49,9 @@ class TrainingPanel:
         curve = {"label": "value", "stroke": colour, "width": 1.5, "points": {"show": False}}
         return self._browser.client.gui.add_uplot(
             (np.zeros(1), np.ones(1)), ({"label": "step"}, curve),
-            scales={"x": {"time": False}, "y": {"distr": 3 if logarithmic else 1}}, title=title,
-            height=HEIGHT_PX, padding=(10, 24, 0, 0), legend={"show": False}, visible=False,
+            scales={"x": {"time": False}, "y": {"distr": 3 if logarithmic else 1}},
+            axes=({}, {} if logarithmic else {"space": TICK_PX}), title=title, height=HEIGHT_PX,
+            padding=(10, 24, 0, 0), legend={"show": False}, visible=False,
         )  # fmt: skip
 
     def _pause(self) -> None:
