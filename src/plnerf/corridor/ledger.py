@@ -56,7 +56,7 @@ class Record:
     state: State
     seconds: float = 0.0
     processor_seconds: float = 0.0
-    """Of all cores together."""
+    """Seconds for which cores worked on it, added up."""
     peak_mb: float = 0.0
     """Greatest memory of the process that did it, until it was done."""
     error: str = ""
