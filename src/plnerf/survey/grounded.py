@@ -1,6 +1,6 @@
 """Curves that run along the ground are no wires: edges of tracks, which views from two sides show as lines.
 
-Some of them sag between two structures as the wires above them do, so that the images alone do not tell.
+Some of them sag between two structures as the wires above them do: images alone do not distinguish them.
 """
 
 from collections.abc import Sequence
