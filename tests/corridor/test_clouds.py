@@ -10,12 +10,13 @@ import pytest
 from pyproj import CRS
 from tests.support.lidar_clouds import line
 
+from plnerf.cli.corridor import corridor
 from plnerf.corridor.cloud_blocks import is_cloud
 from plnerf.corridor.cloud_plan import SeenSpan, cloud_part, spans_of_corridor
 from plnerf.corridor.config import CorridorConfig, CutConfig
 from plnerf.corridor.corridor import survey_corridor
 from plnerf.corridor.results import CLOUDS, MAP, Corridor
-from plnerf.errors import SurveyError
+from plnerf.errors import ConfigError, SurveyError
 from plnerf.line.files import SURVEY_FILE, read_survey
 from plnerf.line.survey import Survey
 from plnerf.scene.las_files import open_las
@@ -177,3 +178,9 @@ def test_a_branch_is_of_the_same_line_and_a_line_apart_of_another() -> None:
     assert [one.number.line for one in spans] == [1, 1, 1, 2]
     assert spans[2].number.structures[0] == 2 or spans[2].number.structures[1] == 2
     assert replace(spans[0].number, span=1) == spans[0].number
+
+
+def test_a_cloud_has_no_field(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="holds no photos to train a field of"):
+        corridor(tmp_path / "a.laz", out=tmp_path / "out", seconds=60.0)
+    assert not (tmp_path / "out").exists()

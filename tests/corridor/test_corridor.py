@@ -16,6 +16,7 @@ from plnerf.corridor.corridor import survey_corridor
 from plnerf.corridor.engine import InThisProcess
 from plnerf.corridor.ledger import Ledger, Task
 from plnerf.corridor.merge import BlockSurvey, merged
+from plnerf.corridor.plan import PlannedSpan, overlap_of
 from plnerf.corridor.results import CLOUDS, INDEX, MAP, STATE, Corridor, numbered_together
 from plnerf.errors import ConfigError, SurveyError
 from plnerf.export.gis import Feature
@@ -29,6 +30,7 @@ from plnerf.line.survey import Survey
 from plnerf.scene.las_files import open_las
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.config_names import NamesConfig
+from plnerf.survey.part import SpanNumber
 
 LINE = line_along([*FEET, (300.0, -130.0)], PHASES)
 """Four spans of 75 to 92 m, with bends of 1, 27 and 27 degrees."""
@@ -64,6 +66,13 @@ def test_every_span_and_structure_comes_once(done: Corridor) -> None:
     assert len(survey.wires) == len(list(LINE.wires))
     assert len({wire.id for wire in survey.wires}) == len(survey.wires)
     assert not done.failed
+
+
+@pytest.mark.parametrize(("length_m", "reach_m"), [(40.0, 20.0), (300.0, 50.0)])
+def test_a_short_span_s_block_is_not_mostly_its_neighbours(length_m: float, reach_m: float) -> None:
+    axis = np.array([[0.0, 0.0, 0.0], [0.6 * length_m, 0.8 * length_m, 0.0]])
+    span = PlannedSpan(SpanNumber(1, 1, (1, 2), 0.0), axis, ())
+    assert overlap_of(span, CutConfig(overlap_m=50.0)) == pytest.approx(reach_m)
 
 
 def test_wires_are_where_they_are(done: Corridor) -> None:

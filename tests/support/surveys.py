@@ -249,7 +249,7 @@ def _clearances(survey: Survey) -> Clearances:
     trees = {group: cKDTree(points) for group, points in groups.items()}
     flat = {group: cKDTree(points[:, :2]) for group, points in groups.items()}
     found = []
-    for span, wire in survey.wires_by_span():
+    for span, wire in [(of, wire) for of in survey.spans for wire in of.wires]:
         s = np.linspace(0, wire.base.length_m, 161)
         points, places, distances, z = wire.points(s), {}, {}, {}
         for group, code, reach, top in (

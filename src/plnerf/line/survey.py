@@ -1,6 +1,6 @@
 """A survey: what was found of the lines in a scene or a cloud, with all that a reader needs to judge it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -115,7 +115,3 @@ class Survey:
     def span_of(self, wire: int) -> Span:
         """The span of a wire, by the wire's id."""
         return next(span for span in self.spans if any(one.id == wire for one in span.wires))
-
-    def wires_by_span(self) -> Iterator[tuple[Span, Wire]]:
-        """Every wire with its span."""
-        return ((span, wire) for span in self.spans for wire in span.wires)

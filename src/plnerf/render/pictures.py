@@ -23,7 +23,7 @@ _MAX_16 = 65535
 
 @dataclass(frozen=True)
 class DepthRange:
-    """What the ends of a picture's colours stand for: lengths in world units, even in the logarithm."""
+    """The lengths at both ends of a picture's colours, which are even in their logarithm; world units."""
 
     near: float
     far: float

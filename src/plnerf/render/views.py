@@ -156,7 +156,7 @@ def _render_pixels(
 
 
 def _deviation(model: RadianceSystem, out: RenderedRays) -> Float[Tensor, " r"]:
-    """Of the distances at which rays end, from the edges and weights of their final intervals."""
+    """Standard deviation of the distances at which rays end, by their final intervals."""
     final = out.histograms[-1]
     return depth_deviation(final.w, s_to_t(final.s, model.sampler, ray_ops(model.backend)))
 

@@ -50,7 +50,7 @@ Views = Literal["test", "train", "path"]
 Output = Literal["rgb", "depth", "normals", "uncertainty", "accumulation"]
 
 Ranges = dict[Output, DepthRange]
-"""What the colours of the pictures of lengths stand for, of each kind that is rendered."""
+"""By kind of picture that shows lengths, the lengths at both ends of its colours."""
 
 FLIGHT = Pruning()
 """What the frames of a path leave out on a CPU, where it is measured to pay; views of images are exact."""

@@ -51,7 +51,7 @@ class FieldPicture:
     depth: Float[np.ndarray, "h w"]
     """Along the eye's axis, in the viewer's units; FAR where there is no surface."""
     shown: DepthRange | None
-    """What the colours of depths and of uncertainty mean; None of other layers."""
+    """The lengths at both ends of the colours of depth and uncertainty; None for other layers."""
 
 
 class FieldPictures:

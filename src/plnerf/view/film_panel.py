@@ -15,7 +15,7 @@ SECONDS = {"2 s": 2, "4 s": 4, "10 s": 10, "30 s": 30}
 
 
 class FilmPanel:
-    """What to film, how far it is, and a button to give it up."""
+    """A panel to choose and start a film, with its progress and a button that gives it up."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class FilmPanel:
         return not self._given_up.is_set() and not self._browser.gone.is_set()
 
     def _show(self, done: int) -> None:
-        """How far the film is; None of it is shown while there is none."""
+        """Shows how far the film is made, and lets no other be chosen meanwhile."""
         frames = SECONDS[self._seconds.value] * FPS
         self._bar.value = 100.0 * done / frames
         self._status.content = progress_text(done, frames, time.monotonic() - self._began)
@@ -98,7 +98,7 @@ class FilmPanel:
 
 
 def progress_text(done: int, frames: int, seconds: float) -> str:
-    """How far a film is, and what limits it."""
+    """The progress of a film in words, with what limits its speed."""
     text = f"frame {done} of {frames}"
     if done:
         text += f", about {seconds / done * (frames - done):.0f} s left"

@@ -25,7 +25,7 @@ PREVIEWS, PREVIEW_RAYS = 5, 3000
 
 @dataclass(frozen=True, eq=False)
 class FilmPlan:
-    """What a film shows."""
+    """The settings of a film: its layer, its way and its size."""
 
     flight: Flight
     layer: Layer
@@ -48,7 +48,7 @@ Ended = Callable[[bytes | None, Exception | None], None]
 
 
 class FilmRoom:
-    """Where one film at a time is made, for whichever browser asked first."""
+    """Makes one film at a time, for the browser that asked first."""
 
     def __init__(self, field: FieldPictures, renders: RenderThread) -> None:
         self._field, self._renders = field, renders
@@ -120,7 +120,7 @@ class FilmRoom:
         return view
 
     def _range(self, plan: FilmPlan, goes_on: Callable[[], bool]) -> DepthRange | None:
-        """What the colours of all frames mean; None where the film was given up."""
+        """The lengths at both ends of the colours of all frames; None where the film was given up."""
         found = []
         for frame in np.linspace(0, plan.frames - 1, PREVIEWS).round().astype(int):
             picture = self._field.render(
