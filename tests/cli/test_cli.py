@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -484,6 +485,16 @@ def test_a_signal_where_nothing_can_be_raised_comes_again(
 def test_the_real_command_too(tmp_path: Path) -> None:
     done = run_plnerf("eval", tmp_path)
     assert_one_paragraph(Result(done.returncode, done.stdout, done.stderr))
+
+
+def test_output_that_nobody_reads_ends_the_command_quietly() -> None:
+    """As behind `| head`: with the status that a shell gives SIGPIPE, and without a word."""
+    command = [sys.executable, "-m", "plnerf", "train", "--help"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait() == 141
 
 
 def test_demo_goes_from_photos_to_pictures(

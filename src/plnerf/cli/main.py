@@ -2,7 +2,8 @@
 
 Exit status: 0 on success, 1 on bad input (one paragraph on standard error), 2 on wrong arguments, 3 where the
 doctor finds a scene not usable for wires, a survey no wire, or a comparison of surveys a change, 70 on a
-defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 143 on SIGTERM.
+defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 141 where nobody reads its output
+any more, 143 on SIGTERM.
 """
 
 import os
@@ -25,7 +26,7 @@ from plnerf.cli.export import export
 from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
-from plnerf.cli.stop import Terminated, stoppable
+from plnerf.cli.stop import Terminated, stoppable, unread
 from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.torchrun import BEFORE_OTHERS_S, joined, rank_of_process, require_shared
 from plnerf.cli.train import demo, eval, render, train
@@ -158,6 +159,8 @@ def main() -> None:
             fail("Out of memory", f"{what}. {LESS_MEMORY}")
             sys.exit(1)
         if isinstance(error, OSError):
+            if unread(error):
+                sys.exit(141)
             fail("OSError", f"{error}. {advice_on(error)}")
             sys.exit(1)
         fail("Defect", about_defect(error, sys.argv[1:]))

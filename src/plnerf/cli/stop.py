@@ -2,10 +2,12 @@
 
 Python raises what a signal's handler raises wherever the main thread is.  In a destructor, after a fork or
 in a callback of native code nothing can be raised: Python prints a traceback there, and goes on as if no
-signal had come.
+signal had come.  A command whose output nobody reads any more, as behind `| head`, ends as quietly as
+others do.
 """
 
 import _thread
+import os
 import signal
 import sys
 import threading
@@ -31,6 +33,19 @@ def stoppable() -> Iterator[None]:
     finally:
         sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def unread(error: OSError) -> bool:
+    """Whether an error is that nobody reads standard output any more; nothing more is written there then."""
+    if not isinstance(error, BrokenPipeError):
+        return False
+    try:
+        print(flush=True)
+    except BrokenPipeError:
+        with open(os.devnull, "w") as nowhere:  # Python flushes once more at its end
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        return True
+    return False
 
 
 def _terminate(*_: object) -> None:
