@@ -152,6 +152,29 @@ def test_a_client_that_vanishes_in_mid_render_leaves_the_others_theirs(renders: 
     assert [str(one) for one in errors] == ["the client is gone"]
 
 
+def test_a_client_that_cannot_be_told_leaves_the_others_theirs(
+    renders: RenderThread, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told: list[object] = []
+
+    def fails(rays: int, goes_on: Callable[[], bool]) -> bool:
+        raise ZeroDivisionError("of the picture")
+
+    def nobody(error: Exception) -> None:
+        raise ConnectionError("of the note")
+
+    def staying(rays: int, goes_on: Callable[[], bool]) -> bool:
+        told.append(rays)
+        return True
+
+    renders.wish(Wish(1, fails, MOST, nobody))
+    assert waits(lambda: renders.idle)
+    renders.wish(Wish(2, staying, MOST))
+    assert waits(lambda: renders.idle) and told[-1] == MOST
+    printed = capsys.readouterr().err
+    assert "ZeroDivisionError: of the picture" in printed and "ConnectionError: of the note" in printed
+
+
 def test_calls_come_back_with_what_they_return_or_raise(renders: RenderThread) -> None:
     assert renders.call(threading.current_thread).result(5).name == "plnerf-view-render"
     with pytest.raises(ZeroDivisionError):

@@ -22,6 +22,7 @@ from plnerf.line.survey import Survey
 from plnerf.pipeline import train_scene, write_survey
 from plnerf.train.report import SilentReport
 from plnerf.view.display_frame import DisplayFrame
+from plnerf.view.field_pictures import FieldPictures
 from plnerf.view.opened import Opened, open_source
 from plnerf.view.origins import own_page
 from plnerf.view.server import ViewServer, free_port
@@ -237,6 +238,36 @@ def test_a_browser_that_vanishes_in_mid_render_leaves_the_other_its_pictures(of_
         client.look(ORIGIN / 10, AT / 10)
         client.wait(lambda: "96 × 64 px" in client.texts(), "the finest picture")
         client.wait(lambda: not (of_run._browsers.keys() - {max(of_run._browsers)}), "the end of the other")
+
+
+def test_a_picture_that_fails_is_told_and_the_next_move_draws(
+    of_run: ViewServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[object] = []
+
+    def fails(*given: object, **__: object) -> None:
+        tried.append(given)
+        raise MemoryError("no *room* for it")
+
+    with ViewerClient(of_run.port) as client:
+        client.look(ORIGIN / 10, AT / 10)
+        client.wait(lambda: "96 × 64 px" in client.texts(), "the finest picture")
+        with monkeypatch.context() as failing:
+            failing.setattr(FieldPictures, "render", fails)
+            for step in range(1, 4):  # as of a camera that is dragged
+                client.look(ORIGIN / 10 * (1 + step / 10), AT / 10)
+                client.wait(lambda n=step: len(tried) >= n, "a picture that fails")  # type: ignore[misc]
+            client.wait(lambda: "no &#42;room&#42; for it" in client.texts(), "the error in the panel")
+            client.wait(lambda: client.of("BackgroundImageMessage")[-1]["rgb_data"] is None, "no old picture")
+            client.wait(lambda: of_run._renders.idle, "the end of the pictures")
+        notes = [one["props"] for one in client.of("NotificationShowMessage")]
+        assert [(one["title"], one["body"], one["color"]) for one in notes] == [
+            ("The field cannot be rendered", "no *room* for it", "red")
+        ]
+        seen = len(client.of("BackgroundImageMessage"))
+        client.look(ORIGIN / 10 * 1.5, AT / 10)
+        client.wait(lambda: len(client.of("BackgroundImageMessage")) > seen, "a picture after the error")
+        assert client.of("BackgroundImageMessage")[-1]["rgb_data"] is not None
 
 
 def test_a_still_is_downloaded(of_run: ViewServer) -> None:

@@ -11,6 +11,7 @@ from plnerf.render.pictures import DepthRange, legend
 from plnerf.view.browser import Browser
 from plnerf.view.eye import Eye
 from plnerf.view.field_pictures import FAR, LENGTHS, FieldPicture, FieldPictures, Layer
+from plnerf.view.page_text import plain
 from plnerf.view.render_thread import Wish
 
 SIZES = {"320 px": 320, "640 px": 640, "960 px": 960, "1280 px": 1280, "1920 px": 1920}
@@ -40,6 +41,7 @@ class FieldPanel:
                 np.full((1, LEGEND_PX, 3), 255, np.uint8), format="png", visible=False
             )
         self._explained: tuple[Layer, DepthRange] | None = None
+        self._told: str | None = None
         self._layer.on_update(lambda _: self._new_layer())
         for one in (self._size, self._hides):
             one.on_update(lambda _: self.draw(browser.eye))
@@ -77,7 +79,7 @@ class FieldPanel:
             picture = self._field.render(eye, layer, rays, shown=shown, goes_on=goes_on)
             if picture is None:
                 return False
-            self._range = picture.shown
+            self._range, self._told = picture.shown, None
             if not self._hides.value:
                 picture = replace(picture, depth=np.full_like(picture.depth, FAR))
             browser.backdrop.show_field(picture, eye)
@@ -90,10 +92,27 @@ class FieldPanel:
 
         width = min(SIZES[self._size.value], browser.client.camera.image_width or 640)
         most = max(1, round(width * width / eye.aspect))
-        failed = browser_failed(browser)
         drawn_rays = 0 if coarse else most - 1
+
+        def failed(error: Exception) -> None:
+            if browser.gone.is_set():
+                return
+            if not first_s:  # what still stands there was seen from another place
+                browser.backdrop.show_field(None, eye)
+            self._tell(error)
+
         browser.shared.renders.wish(Wish(browser.client.client_id, draw, most, failed, drawn_rays))
 
+    def _tell(self, error: Exception) -> None:
+        """Says what rendering raised; the next move tries again.
+
+        A camera that is dragged raises it many times a second: only the first of equal ones gets a note.
+        """
+        words = str(error) or type(error).__name__
+        self._status.content = f"**Not rendered:** {plain(words)}"
+        if words != self._told:
+            self._browser.tell("The field cannot be rendered", words, bad=True)
+        self._told = words
 
     def _explain(self, layer: Layer | None, shown: DepthRange | None) -> None:
         """Shows what the colours of a layer mean, where they mean lengths."""
@@ -116,12 +135,3 @@ def about(picture: FieldPicture, seconds: float, first_s: float | None) -> str:
     else:
         after = f"{seconds:.2f} s after the move (first picture {first_s:.2f} s)"
     return f"{width} × {height} px, {after}"
-
-
-def browser_failed(browser: Browser) -> Callable[[Exception], None]:
-    """Tells a browser what rendering raised."""
-
-    def failed(error: Exception) -> None:
-        browser.tell("The field cannot be rendered", str(error), bad=True)
-
-    return failed

@@ -9,6 +9,7 @@ window, a film's frames, is rendered when no client wishes for a picture.
 import itertools
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -151,7 +152,7 @@ class RenderThread:
             with self._changed:
                 if self._wishes.get(wish.client) is wish:
                     del self._wishes[wish.client]
-            wish.failed(error)
+            _tell(wish, error)
             return
         seconds = max(time.perf_counter() - began, 1e-6)
         if finished:
@@ -162,6 +163,14 @@ class RenderThread:
         """Rays of the pictures of a wish, from the coarsest to the finest."""
         coarse = [max(FEWEST_RAYS, int(self._rays_per_s * seconds)) for seconds in (FIRST_S, SECOND_S)]
         return [*itertools.takewhile(lambda rays: rays < 0.7 * most, coarse), most]
+
+
+def _tell(wish: Wish, error: Exception) -> None:
+    """Tells a client what drawing raised; where not even that can be done, the terminal has both errors."""
+    try:
+        wish.failed(error)
+    except Exception:  # an error of this thread would leave all clients without pictures, and without a word
+        traceback.print_exc()
 
 
 def _finish(function: Callable[[], Any], future: "Future[Any]") -> None:
