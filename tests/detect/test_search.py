@@ -121,6 +121,16 @@ def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
         assert select_wires(none, LENGTH, SELECT) == []
 
 
+def test_past_the_end_of_the_leaders_span_a_line_needs_as_much_as_the_first() -> None:
+    """A lattice tower's members are seen on from the last wire's end, and some hang as the wires do."""
+    best = replace(line(odds=900.0), seen=(30, 90))
+    for seen, needed in (((22, 38), 200.0), ((22, 39), 200.0), ((21, 38), 250.0), ((5, 25), 250.0)):
+        enough, less = (replace(line(y=0.1, odds=odds), seen=seen) for odds in (needed, needed - 1))
+        assert select_wires([best, enough, less], LENGTH, SELECT) == [best, enough]
+    beside = replace(line(y=0.1, odds=SELECT.min_odds_repeated), seen=(5, 25), repeats=True)
+    assert select_wires([best, beside], LENGTH, SELECT) == [best]
+
+
 def test_a_line_that_hangs_as_no_other_is_a_wire_only_where_it_is_known_to_hang_in_the_air() -> None:
     best, other = line(odds=900.0), line(sag=0.1, odds=SELECT.min_odds + 1)
     free = replace(other, likeness=SELECT.free)

@@ -47,16 +47,20 @@ def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig
     """The lines that hang like one of the leaders.
 
     A line that hangs unlike the best, and as no other does, is a wire only if it is known to hang in the air:
-    edges on the ground that views from two sides show meet in such lines too.
+    edges on the ground that views from two sides show meet in such lines too.  Less evidence is enough only
+    beside the leader: past the end of its span are a structure's members, which run every way.
     """
     first = leaders(lines, length, select)
 
-    def is_enough(line: Candidate) -> bool:
+    def is_enough(line: Candidate, leader: Candidate) -> bool:
         lies = line.seen[0] == line.seen[1] or line.likeness > select.lies
-        return not lies and line.odds >= needed(line, select)
+        least = needed(line, select) if seen_together(leader, line) else select.min_odds
+        return not lies and line.odds >= least
 
     def alike(leader: Candidate) -> list[Candidate]:
-        return [line for line in lines if is_enough(line) and hang_alike(leader, line, length, select)]
+        return [
+            line for line in lines if hang_alike(leader, line, length, select) and is_enough(line, leader)
+        ]
 
     def is_known(group: Sequence[Candidate]) -> bool:
         return len(group) > 1 or any(line.likeness <= select.free for line in group)
@@ -70,8 +74,14 @@ def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig
     return [line for line in lines if id(line) in wires]
 
 
+def seen_together(a: Candidate, b: Candidate) -> bool:
+    """Whether both are seen over half of the stretch that shows the shorter one."""
+    first, last = max(a.seen[0], b.seen[0]), min(a.seen[1], b.seen[1])
+    return 2 * (last - first) >= min(a.planes, b.planes) > 0
+
+
 def needed(line: Candidate, select: SelectConfig) -> float:
-    """Nats that a line needs which hangs like a leader."""
+    """Nats that a line needs which hangs like a leader, beside it."""
     return select.min_odds_repeated if line.repeats else select.min_odds_similar
 
 

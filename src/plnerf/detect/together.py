@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.detect.candidate import Candidate, hang_alike, hangs, needed
+from plnerf.detect.candidate import Candidate, hang_alike, hangs, needed, seen_together
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 
@@ -83,10 +83,9 @@ def parallel(a: Candidate, b: Candidate, search: Search) -> float:
     seen over less.
     """
     config = search.config
-    first, last = max(a.seen[0], b.seen[0]), min(a.seen[1], b.seen[1])
-    together = 2 * (last - first) >= min(a.seen[1] - a.seen[0], b.seen[1] - b.seen[0]) > 0
-    if not together or not hang_alike(a, b, search.length, config.select):
+    if not seen_together(a, b) or not hang_alike(a, b, search.length, config.select):
         return 1.0
+    first, last = max(a.seen[0], b.seen[0]), min(a.seen[1], b.seen[1])
     s = np.linspace(first, last, PLACES) / (len(search.x) - 1)
     apart = np.hypot(*np.subtract(curve_points(a.theta, s), curve_points(b.theta, s)))
     return float(apart.min() / apart.max()) if apart.max() <= config.search.side_by_side else 1.0

@@ -13,7 +13,16 @@ from itertools import permutations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.detect.candidate import Candidate, hang_alike, hangs, leaders, select_wires, without_gaps
+from plnerf.detect.candidate import (
+    Candidate,
+    hang_alike,
+    hangs,
+    leaders,
+    seen_together,
+    select_wires,
+    without_gaps,
+)
+from plnerf.detect.config import SelectConfig
 from plnerf.detect.continuations import ends_of_lines, goes_on, in_parallel
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
@@ -79,7 +88,7 @@ def _like_the_leaders(
     config, length, new = search.config, search.length, list[Candidate]()
     for leader in leaders(lines, length, config.select):
         most = config.search.max_lines - len(lines) - len(new)
-        wanted = partial(hang_alike, leader, length=length, config=config.select)
+        wanted = partial(_beside, leader, length=length, select=config.select)
         pending = search.alike(leader.theta, met)
         new += _found_near(search, pending, config.select.min_odds_similar, most, judged, wanted)
         most = config.search.max_lines - len(lines) - len(new)
@@ -89,6 +98,11 @@ def _like_the_leaders(
             found = _found_near(search, pending, least, most, judged, wanted)
             new += [replace(line, repeats=True) for line in found]
     return new
+
+
+def _beside(leader: Candidate, line: Candidate, length: float, select: SelectConfig) -> bool:
+    """Whether a line hangs like a leader, and in its span."""
+    return seen_together(leader, line) and hang_alike(leader, line, length, select)
 
 
 def _going_on(
