@@ -26,14 +26,23 @@ curve_point = njit(cache=True)(curve_points)
 """The same in kernels, for one curve and one place."""
 
 
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def odds_along(views, odds, curve, x, reach):
+    """Log odds of one curve in each plane, and the number of views that see it there: (i, 2)."""
+    out = np.zeros((len(x), 2))
+    pixels, scales = np.empty(len(views.R), np.int64), np.empty(len(views.R))
+    for i in range(len(x)):
+        y, z = curve_point(curve, i / (len(x) - 1))
+        out[i, 0], out[i, 1] = place_odds(views, odds, (x[i], y, z), reach, pixels, scales)
+    return out
+
+
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
 def curve_odds(views, odds, curves, x, reach):
-    """Log odds of each curve in each plane, and the number of views that see it there: (c, i, 2)."""
+    """The same of many curves: (c, i, 2)."""
     out = np.zeros((len(curves), len(x), 2))
     for c in prange(len(curves)):
-        pixels, scales = np.empty(len(views.R), np.int64), np.empty(len(views.R))
-        for i in range(len(x)):
-            y, z = curve_point(curves[c], i / (len(x) - 1))
-            out[c, i, 0], out[c, i, 1] = place_odds(views, odds, (x[i], y, z), reach, pixels, scales)
+        out[c] = odds_along(views, odds, curves[c], x, reach)
     return out

@@ -13,7 +13,7 @@ from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.odds import odds_of, unclaimed
-from plnerf.detect.parabola import curve_odds, curve_points
+from plnerf.detect.parabola import curve_odds, curve_points, odds_along
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
@@ -235,7 +235,7 @@ class Search:
     def _piece(self, curve: Float[np.ndarray, "6"]) -> tuple[int, int]:
         """First and last plane of the stretch that shows a curve, not shorter than a fit needs."""
         planes = len(self.x)
-        odds = curve_odds(self.views, self.odds, curve[None], self.x, self.config.search.reach)[0, :, 0]
+        odds = odds_along(self.views, self.odds, curve, self.x, self.config.search.reach)[:, 0]
         _, first, last = stretches(odds[None] - self.config.search.doubt)[:, 0]
         more = max(0.0, (self.config.search.least_planes - (last - first)) / 2)
         return max(0, int(first - more)), min(planes - 1, int(np.ceil(last + more)))
@@ -262,14 +262,14 @@ class Search:
         self, line: Candidate, sharp_px: float
     ) -> tuple[Float[np.ndarray, " i"], Float[np.ndarray, " i"]]:
         odds = self.odds._replace(sharp_px=sharp_px)
-        of_plane, seen = curve_odds(self.views, odds, line.theta[None], self.x, 0.0)[0].T
+        of_plane, seen = odds_along(self.views, odds, line.theta, self.x, 0.0).T
         return of_plane, seen
 
     def _sharpen(self, line: Candidate) -> None:
         """Chooses the radius at which the first wire has the highest odds: it shows how good poses are."""
         search = self.config.search
         odds = [self.odds._replace(sharp_px=radius) for radius in search.sharpness_px]
-        total = [curve_odds(self.views, one, line.theta[None], self.x, 0.0)[0, :, 0].sum() for one in odds]
+        total = [odds_along(self.views, one, line.theta, self.x, 0.0)[:, 0].sum() for one in odds]
         sharp_px = search.sharpness_px[int(np.argmax(total))]
         self.sharpness = Sharpness(sharp_px, self.mask_px(line))
         self.all_odds = self.all_odds._replace(sharp_px=sharp_px)
