@@ -66,6 +66,17 @@ def test_the_direction_of_lines_has_most_votes(azimuth_deg: float, slope_deg: fl
     assert found.excess > 10 * CONFIG.min_excess
 
 
+@pytest.mark.parametrize("count", [12, 150])
+def test_the_footprint_of_images_follows_from_what_pairs_show(count: int) -> None:
+    """Lines 4 long that are 40 px long in the images, however many views of them there are."""
+    views = around(1, count)
+    votes = vote(segments(views, np.concatenate([parallel(37.0, 0.0), clutter(6)])), views, CONFIG)
+    w, h = views.sizes[0]
+    for found in (strongest(votes, [], CONFIG), given(np.radians(37.0), votes, CONFIG)):
+        assert found.footprint == pytest.approx(4.0 / 40 * np.sqrt(w * h), rel=0.1)
+    assert given(0.0, vote(segments(views, clutter(0)), views, CONFIG), CONFIG).footprint == 0
+
+
 def test_a_direction_that_was_searched_is_not_found_again() -> None:
     views = around(3)
     shown = segments(views, np.concatenate([parallel(20.0, 0.0, 5), parallel(75.0, 3.0, 3)]))
@@ -82,9 +93,9 @@ def test_what_two_views_do_not_show_together_does_not_vote() -> None:
     here, there = segments(views, parallel(30.0, 0.0, 1)), segments(views, parallel(30.0, 0.0, 1) + 9.0)
     half = here.owner < 3
     mixed = Segments(*(np.concatenate([a[half], b[~half]]) for a, b in zip(here, there, strict=True)))
-    apart = vote(mixed, views, CONFIG).sum()
-    assert 0 < apart <= vote(here, views, CONFIG).sum() / 2
-    assert vote(here.of(np.zeros(6, bool)), views, CONFIG).sum() == 0
+    apart = vote(mixed, views, CONFIG).pixels.sum()
+    assert 0 < apart <= vote(here, views, CONFIG).pixels.sum() / 2
+    assert vote(here.of(np.zeros(6, bool)), views, CONFIG).pixels.sum() == 0
 
 
 def test_planes_that_meet_at_a_small_angle_say_less() -> None:
@@ -97,7 +108,7 @@ def test_planes_that_meet_at_a_small_angle_say_less() -> None:
         exact = line[None] - views.centre[:, None, None]
         ends = exact.reshape(-1, 2, 3)
         shown = Segments(np.arange(2), unit(np.cross(ends[:, 0], ends[:, 1])), ends, np.full(2, 40.0))
-        votes.append(vote(shown, views, CONFIG).sum())
+        votes.append(vote(shown, views, CONFIG).pixels.sum())
     assert votes[0] == pytest.approx(40.0)
     assert votes[1] == pytest.approx(40.0 * np.sin(0.25) / CONFIG.full_angle) and votes[2] == 0
 
@@ -114,12 +125,16 @@ def test_a_direction_needs_votes_of_its_own_and_a_share_of_the_first_ones() -> N
     assert not stands_out(of(0.99 * least), weak, CONFIG)
 
 
-def test_views_are_compared_once_and_with_those_nearby() -> None:
-    centres = np.stack([np.arange(9.0), np.zeros(9), np.full(9, 5.0)], 1)
+def test_views_are_compared_once_and_most_of_all_with_those_nearby() -> None:
+    centres = np.stack([np.arange(300.0), np.zeros(300), np.full(300, 5.0)], 1)
     views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 1.0, -1.0])))
-    near = pairs_of_views(views, 2)
-    assert near[0, 1] and near[0, 2] and not near[1, 0] and not near[0, 5] and not near.diagonal().any()
-    assert pairs_of_views(views, 64).sum() == 9 * 8 / 2
+    pairs = pairs_of_views(views, 64)
+    assert not np.tril(pairs).any() and 300 * 64 / 2 <= pairs.sum() <= 300 * 64
+    apart = np.subtract(*np.nonzero(pairs)[::-1])
+    count = np.bincount(apart) / (300 - np.arange(apart.max() + 1))  # share of the views so far apart
+    assert (count[1:5] == 1).all() and count[1:50].mean() > 2 * count[100:200].mean() > 0
+    few = views_of(pinhole_cameras(centres[:9], centres[:9] + np.array([0.0, 1.0, -1.0])))
+    assert pairs_of_views(few, 64).sum() == 9 * 8 / 2
 
 
 def test_an_azimuth_that_is_known_gets_the_slope_that_lines_have() -> None:

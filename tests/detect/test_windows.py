@@ -72,6 +72,17 @@ def test_a_flight_that_is_hardly_longer_than_a_window_is_one() -> None:
         assert len(list(windows_along(Direction(0.0, 0.0, 1.0), views, CONFIG))) == windows
 
 
+def test_a_film_is_searched_in_the_windows_of_photos_that_overlap() -> None:
+    footprint = 2.0 / CONFIG.least_step
+    lengths = []
+    for step, direction in ((2.0, Direction(0.0, 0.0, 1.0)), (0.1, Direction(0.0, 0.0, 1.0, footprint))):
+        x = np.arange(0.0, 160.0, step)
+        centres = np.stack([x, np.full(len(x), -5.0), np.full(len(x), 10.0)], 1)
+        views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
+        lengths.append([2 * window.half for window in windows_along(direction, views, CONFIG)])
+    assert lengths[1] == pytest.approx(lengths[0]) and len(lengths[0]) > 3
+
+
 def test_cameras_around_a_place_have_one_window_as_wide_as_their_orbit() -> None:
     angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     centres = np.stack([20 * np.cos(angle), 20 * np.sin(angle), np.full(36, 15.0)], 1)

@@ -217,7 +217,7 @@ class DirectionConfig:
     sag_rad: float = math.radians(5.0)
     """A wire's slope differs by so much from its chord's, up and down."""
     partners: int = 64
-    """Views with which each is compared, at most: the nearest."""
+    """Views that each chooses to be compared with, at most."""
     least_angle: float = 0.1
     """Sine of the angle between two planes from which on a pair votes,"""
     full_angle: float = 0.5
@@ -274,6 +274,9 @@ class WindowConfig:
     """A flight of so many distances between one image and the next is one window;"""
     spacings: float = 25.0
     """windows of a longer one are as long as so many."""
+    least_step: float = 0.12
+    """Images nearer to each other than this fraction of a footprint count as so far apart: a film shows no
+    more of a line than photos that overlap, and its windows hold as much of it."""
     margin: float = 0.27
     """A direction is searched beyond the first and the last camera, as a fraction of their distance or of
     `whole` spacings, whichever is less."""
@@ -296,9 +299,9 @@ class WindowConfig:
         check(
             0 < self.spacings <= self.whole
             and min(self.aside, self.below, self.above, self.near) > 0
-            and min(self.margin, self.follow) >= 0 and self.planes >= 10,
-            "detect.windows needs positive lengths, whole not below spacings, margin and follow of 0 or "
-            "more, and 10 planes or more",
+            and min(self.margin, self.follow, self.least_step) >= 0 and self.planes >= 10,
+            "detect.windows needs positive lengths, whole not below spacings, margin, follow and least_step "
+            "of 0 or more, and 10 planes or more",
             self,
         )
 

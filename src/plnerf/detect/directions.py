@@ -10,7 +10,7 @@ Letters: s segments; n views; a azimuths in [0, pi) from the scene's x towards i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import no_type_check
+from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -35,6 +35,8 @@ class Direction:
     """Upwards along the azimuth."""
     excess: float
     """Votes over those of the median azimuth, as a multiple of these and of what a few pairs have."""
+    footprint: float = 0.0
+    """The usual length of a line that a square image of as many pixels shows, in scene units."""
 
     @property
     def vector(self) -> Float[np.ndarray, "3"]:
@@ -45,36 +47,54 @@ class Direction:
         ])  # fmt: skip
 
 
-def vote(segments: Segments, views: Views, config: DirectionConfig) -> Float[np.ndarray, "a e"]:
-    """Votes for each azimuth and slope, in pixels: of each pair those of the shorter segment.
+class Votes(NamedTuple):
+    """The votes of all pairs."""
 
-    They count by how much of what both show overlaps, and by the angle at which their planes meet.
-    """
+    pixels: Float[np.ndarray, "a e"]
+    """For each azimuth and slope, the pixels of the shorter segment of each pair.  They count by how much of
+    the stretches that both show overlaps, and by the angle at which their planes meet."""
+    footprints: Float[np.ndarray, "a e"]
+    """The same, multiplied by the logarithm of the pair's footprint (`Direction`)."""
+
+
+def vote(segments: Segments, views: Views, config: DirectionConfig) -> Votes:
+    """Votes for each azimuth and slope."""
     azimuths, slopes = bins(config)
+    none = np.zeros((len(views.R), 2, len(azimuths), len(slopes)))
     if not len(segments.owner):
-        return np.zeros((len(azimuths), len(slopes)))
+        return Votes(*none.sum(0))
     limits = (config.least_angle, config.full_angle, config.least_overlap, math.tan(config.max_slope_rad))
     first = np.searchsorted(segments.owner, np.arange(len(views.R) + 1))
     by_view = votes_of_views(
-        segments, views.centre, first, pairs_of_views(views, config.partners), limits,
-        np.zeros((len(views.R), len(azimuths), len(slopes))),
+        segments, views.centre, np.sqrt(views.sizes.prod(1)), first, pairs_of_views(views, config.partners),
+        limits, none,
     )  # fmt: skip
-    votes: Float[np.ndarray, "a e"] = by_view.sum(0)
-    return votes
+    return Votes(*by_view.sum(0))
 
 
 def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "n n"]:
-    """Whether two views vote as a pair: one is among the `most` nearest to the other.  Each pair once."""
+    """Whether two views vote as a pair: one is among `most` partners of the other.  Each pair once.
+
+    Partners of a view are its nearest and, the farther, the fewer of the others: the nearest ones of a film
+    all stand beside it, where planes of far lines hardly differ.
+    """
     distance = np.linalg.norm(views.centre[:, None] - views.centre, axis=2)
     rank = np.argsort(np.argsort(distance, axis=1, kind="stable"), axis=1, kind="stable")
-    near = (rank <= most) | (rank <= most).T
-    return np.triu(near, 1)
+    others = len(distance) - 1
+    k = np.arange(1, min(most, others) + 1)
+    chosen = np.zeros(others + 1, bool)
+    chosen[k + np.round((others - len(k)) * (k / len(k)) ** 3).astype(int)] = True
+    partner = chosen[rank]
+    return np.triu(partner | partner.T, 1)
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
-def votes_of_views(segments, centre, first, partner, limits, votes):
-    """Into votes (n, a, e): those of each view's pairs with the views after it."""
+def votes_of_views(segments, centre, side, first, partner, limits, votes):
+    """Into votes (n, 2, a, e): those of each view's pairs with the views after it, as in `Votes`.
+
+    side: of a square of as many pixels as a view's image has.
+    """
     least_angle, full_angle, least_overlap, steepest = limits
     _, normal, ends, length = segments
     for n in prange(len(centre)):
@@ -100,10 +120,14 @@ def votes_of_views(segments, centre, first, partner, limits, votes):
                     azimuth, slope = np.arctan2(dy, dx), np.arctan2(dz, level)
                     if azimuth < 0:
                         azimuth, slope = azimuth + np.pi, -slope
-                    i = int(azimuth / np.pi * votes.shape[1]) % votes.shape[1]
-                    k = int((slope / np.arctan(steepest) + 1) / 2 * votes.shape[2])
+                    i = int(azimuth / np.pi * votes.shape[2]) % votes.shape[2]
+                    k = int((slope / np.arctan(steepest) + 1) / 2 * votes.shape[3])
+                    k = min(max(k, 0), votes.shape[3] - 1)
                     weight = share * min(length[a], length[b]) * min(sine, full_angle) / full_angle
-                    votes[n, i, min(max(k, 0), votes.shape[2] - 1)] += weight
+                    mine = (high - low) / length[a] * side[n]
+                    theirs = (end - begin) / length[b] * side[other]
+                    votes[n, 0, i, k] += weight
+                    votes[n, 1, i, k] += weight * np.log(max(mine * theirs, 1e-300)) / 2
     return votes
 
 
@@ -131,12 +155,10 @@ def stretch(centre, other, rays, normal, d):
     return low, high
 
 
-def strongest(
-    votes: Float[np.ndarray, "a e"], searched: Sequence[float], config: DirectionConfig
-) -> Direction:
+def strongest(votes: Votes, searched: Sequence[float], config: DirectionConfig) -> Direction:
     """The direction with most votes; not near azimuths that were searched before."""
     azimuths, slopes = bins(config)
-    around = _around(votes, config)
+    around = _around(votes.pixels, config)
     best = around.max(1)
     usual = float(np.median(best))
     for azimuth in searched:
@@ -146,11 +168,12 @@ def strongest(
     turn = (azimuths - azimuths[k] + np.pi / 2) % np.pi - np.pi / 2
     votes_near = np.where(np.abs(turn) <= config.peak_rad, np.maximum(best - usual, 0.0), 0.0)
     azimuth = azimuths[k] + (votes_near @ turn) / max(votes_near.sum(), 1e-12)
-    slope, excess = float(slopes[around[k].argmax()]), float(best[k]) - usual
+    e = int(around[k].argmax())
+    slope, excess, footprint = float(slopes[e]), float(best[k]) - usual, _footprint(votes, k, e, config)
     if not 0 <= azimuth < np.pi:  # the same line from its other end
         azimuth, slope = azimuth % np.pi, -slope
     # To a microradian: sums in another order must not change what is searched.
-    return Direction(round(float(azimuth), 6), slope, excess / (usual + config.few_px))
+    return Direction(round(float(azimuth), 6), slope, excess / (usual + config.few_px), footprint)
 
 
 def stands_out(direction: Direction, first: Direction | None, config: DirectionConfig) -> bool:
@@ -158,12 +181,19 @@ def stands_out(direction: Direction, first: Direction | None, config: DirectionC
     return direction.excess >= max(config.min_excess, config.min_share * first.excess if first else 0.0)
 
 
-def given(azimuth_rad: float, votes: Float[np.ndarray, "a e"], config: DirectionConfig) -> Direction:
+def given(azimuth_rad: float, votes: Votes, config: DirectionConfig) -> Direction:
     """An azimuth that is known, with the slope that lines vote for."""
     azimuths, slopes = bins(config)
-    around = _around(votes, config)
+    around = _around(votes.pixels, config)
     k = int(np.abs((azimuths - azimuth_rad + np.pi / 2) % np.pi - np.pi / 2).argmin())
-    return Direction(azimuth_rad, float(slopes[around[k].argmax()]), np.inf)
+    e = int(around[k].argmax())
+    return Direction(azimuth_rad, float(slopes[e]), np.inf, _footprint(votes, k, e, config))
+
+
+def _footprint(votes: Votes, k: int, e: int, config: DirectionConfig) -> float:
+    """The geometric mean of the footprints of the pairs that vote for a direction; 0 where none does."""
+    pixels, footprints = (_around(part, config)[k, e] for part in votes)
+    return round(float(np.exp(footprints / pixels)), 6) if pixels > 0 else 0.0
 
 
 def _around(votes: Float[np.ndarray, "a e"], config: DirectionConfig) -> Float[np.ndarray, "a e"]:

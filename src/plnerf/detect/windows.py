@@ -88,7 +88,7 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
     along = views.centre[:, :2] @ u
     across = views.centre[:, :2] @ np.array([-u[1], u[0]])
     height = views.centre[:, 2]
-    spacing = spacing_along(views.centre, u)
+    spacing = max(spacing_along(views.centre, u), config.least_step * direction.footprint)
     first, last = along.min(), along.max()
     flown = max(last - first, np.ptp(across))
     whole = flown <= config.whole * spacing
