@@ -6,7 +6,7 @@ import torch
 from tests.support.drawn import two_passes
 
 from plnerf.detect.config import OddsConfig
-from plnerf.detect.odds import BLOCK, STEPS, Odds, distances, odds_of, place_odds, unclaimed
+from plnerf.detect.odds import BLOCK, STEPS, Odds, distances, odds_of, pixels_of, place_odds, unclaimed
 from plnerf.detect.views import Views, project_point, views_of
 from plnerf.scene.cameras import Cameras
 
@@ -80,6 +80,22 @@ def test_beside_others_ridges_nothing_is_known() -> None:
     assert before[0] > 1 and after[0] == 0 and after[1] == 0
     assert after[2] == before[2] == MISSED
     assert after[3] == before[3] > 1 and after[4] == MISSED
+
+
+def test_odds_of_views_that_did_not_change_are_those_of_before() -> None:
+    views, rng = views_of(two_passes(4)), np.random.default_rng(5)
+    responses = (rng.random(int(views.sizes.prod(1).sum())) < 0.03).astype(np.float32)
+    first, others = odds_of(responses, views, CONFIG), np.zeros(len(responses), bool)
+    before = None
+    for views_changed in ([0, 2], [2, 5, 7]):
+        for n in views_changed:
+            part, _ = pixels_of(views, n)
+            others[part] = rng.random(part.stop - part.start) < 0.05
+        left = np.where(others, np.float32(0), responses)
+        whole = unclaimed(first, left, others, views, CONFIG)
+        before = unclaimed(first, left, others, views, CONFIG, before or first, views_changed)
+        assert (before.ridge == whole.ridge).all() and (before.free == whole.free).all()
+        assert (whole.free != first.free).any() and (whole.ridge != first.ridge).any()
 
 
 def test_distances_are_to_the_next_ridge_of_the_same_view() -> None:

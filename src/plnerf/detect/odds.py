@@ -10,6 +10,7 @@ Letters: p pixels of all views, l radii within which a ridge counts as near, c b
 """
 
 import os
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, no_type_check
 
@@ -81,17 +82,27 @@ def unclaimed(
     others: Bool[np.ndarray, " p"],
     views: Views,
     config: OddsConfig,
+    before: Odds | None = None,
+    changed: Iterable[int] | None = None,
 ) -> Odds:
     """The odds (as `odds_of` gave them) where the ridges of some pixels belong to other lines.
 
-    left: responses without those.
+    left: responses without those.  before: what this gave when only the pixels of some views were others',
+    `changed`; None: of all views.
     """
-    ridge, side = odds.ridge.copy(), 2 * config.muffled_px + 1
+    known, side = before or odds, 2 * config.muffled_px + 1
+    ridge, free = known.ridge.copy(), known.free.copy()
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    for (w, h), start in zip(views.sizes, views.starts, strict=True):
-        part = slice(start, start + w * h)
-        ridge[part][cv2.dilate(others[part].reshape(h, w).astype(np.uint8), disc).ravel() > 0] = 0
-    return odds._replace(ridge=ridge, free=distances(left >= config.min_response, views))
+
+    def one(n: int) -> None:
+        part, shape = pixels_of(views, n)
+        muffled = cv2.dilate(others[part].reshape(shape).view(np.uint8), disc).ravel() > 0
+        ridge[part] = np.where(muffled, np.uint8(0), odds.ridge[part])
+        free[part] = distance_to(left[part] >= config.min_response, shape)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(one, range(len(views.sizes)) if changed is None else changed))
+    return odds._replace(ridge=ridge, free=free)
 
 
 def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray, " p"]:
@@ -99,15 +110,26 @@ def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray,
     out = np.empty(len(ridges), np.uint8)
 
     def one(n: int) -> None:
-        w, h = views.sizes[n]
-        part = slice(views.starts[n], views.starts[n] + w * h)
-        away = (~ridges[part]).reshape(h, w).astype(np.uint8)
-        distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_5)
-        out[part] = (STEPS * np.minimum(distance, 255 / STEPS)).astype(np.uint8).ravel()
+        part, shape = pixels_of(views, n)
+        out[part] = distance_to(ridges[part], shape)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, range(len(views.sizes))))
     return out
+
+
+def pixels_of(views: Views, n: int) -> tuple[slice, tuple[int, int]]:
+    """Where a view's pixels are in flat arrays, and its rows and columns."""
+    w, h = (int(side) for side in views.sizes[n])
+    start = int(views.starts[n])
+    return slice(start, start + w * h), (h, w)
+
+
+def distance_to(ridges: Bool[np.ndarray, " p"], shape: tuple[int, int]) -> UInt8[np.ndarray, " p"]:
+    """The same of one view."""
+    away = (~ridges).reshape(shape).view(np.uint8)
+    distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_5)
+    return (STEPS * np.minimum(distance, 255 / STEPS)).astype(np.uint8).ravel()
 
 
 @njit(cache=True, error_model="numpy")

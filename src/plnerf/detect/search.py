@@ -12,7 +12,7 @@ from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.meets import curves_where_chains_meet
-from plnerf.detect.odds import odds_of, unclaimed
+from plnerf.detect.odds import odds_of, pixels_of, unclaimed
 from plnerf.detect.parabola import curve_odds, curve_points, odds_along
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
@@ -48,6 +48,8 @@ class Search:
         """Responses of the ridges that no line has."""
         self.masks = np.zeros(len(responses), np.uint8)
         """Lines whose ridge a pixel is."""
+        self._others = np.zeros(len(responses), bool)
+        """Those pixels when the odds were last told of them."""
         self._mask_px: dict[Candidate, int] = {}
         self._chains: Chains | None = None
         self.all_odds = self.odds = odds_of(responses, views, config.odds)
@@ -306,8 +308,14 @@ class Search:
     def update_odds(self) -> None:
         """Lets the odds know which ridges are left."""
         others = self.masks > 0
-        self.left = np.where(others, np.float32(0), self.responses)
-        self.odds = unclaimed(self.all_odds, self.left, others, self.views, self.config.odds)
+        parts = [pixels_of(self.views, n)[0] for n in range(len(self.views.sizes))]
+        changed = [n for n, part in enumerate(parts) if (others[part] != self._others[part]).any()]
+        left = self.left.copy()
+        for part in (parts[n] for n in changed):
+            left[part] = np.where(others[part], np.float32(0), self.responses[part])
+        config = self.config.odds
+        self.odds = unclaimed(self.all_odds, left, others, self.views, config, self.odds, changed)
+        self.left, self._others = left, others
 
 
 @njit(cache=True)
