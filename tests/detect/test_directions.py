@@ -125,16 +125,19 @@ def test_a_direction_needs_votes_of_its_own_and_a_share_of_the_first_ones() -> N
     assert not stands_out(of(0.99 * least), weak, CONFIG)
 
 
-def test_views_are_compared_once_and_most_of_all_with_those_nearby() -> None:
+def test_views_are_compared_once_with_those_nearby_and_with_few_of_the_others() -> None:
     centres = np.stack([np.arange(300.0), np.zeros(300), np.full(300, 5.0)], 1)
     views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 1.0, -1.0])))
-    pairs = pairs_of_views(views, 64)
-    assert not np.tril(pairs).any() and 300 * 64 / 2 <= pairs.sum() <= 300 * 64
-    apart = np.subtract(*np.nonzero(pairs)[::-1])
-    count = np.bincount(apart) / (300 - np.arange(apart.max() + 1))  # share of the views so far apart
-    assert (count[1:5] == 1).all() and count[1:50].mean() > 2 * count[100:200].mean() > 0
+    near, spread = pairs_of_views(views, 64)
+    for pairs in (near, spread):
+        assert not np.tril(pairs).any() and 300 * 64 / 2 <= pairs.sum() <= 300 * 64
+    apart = np.subtract(*np.nonzero(near)[::-1])
+    assert apart.max() == 64 and near[0, 1:65].all()
+    apart = np.subtract(*np.nonzero(spread)[::-1])
+    share = np.bincount(apart) / (300 - np.arange(apart.max() + 1))  # of the views that are so far apart
+    assert (share[1:5] == 1).all() and share[1:50].mean() > 2 * share[100:200].mean() > 0
     few = views_of(pinhole_cameras(centres[:9], centres[:9] + np.array([0.0, 1.0, -1.0])))
-    assert pairs_of_views(few, 64).sum() == 9 * 8 / 2
+    assert (pairs_of_views(few, 64).sum((1, 2)) == 9 * 8 / 2).all()
 
 
 def test_an_azimuth_that_is_known_gets_the_slope_that_lines_have() -> None:

@@ -48,59 +48,60 @@ class Direction:
 
 
 class Votes(NamedTuple):
-    """The votes of all pairs."""
+    """The votes of all pairs for each azimuth and slope."""
 
     pixels: Float[np.ndarray, "a e"]
-    """For each azimuth and slope, the pixels of the shorter segment of each pair.  They count by how much of
-    the stretches that both show overlaps, and by the angle at which their planes meet."""
+    """Of pairs of neighbours, the pixels of the shorter segment.  They count by how much of the stretches
+    that both show overlaps, and by the angle at which their planes meet."""
+    all_pixels: Float[np.ndarray, "a e"]
+    """The same of pairs of views that stand near to each other or far apart,"""
     footprints: Float[np.ndarray, "a e"]
-    """The same, multiplied by the logarithm of the pair's footprint (`Direction`)."""
+    """and multiplied by the logarithm of the pair's footprint (`Direction`)."""
 
 
 def vote(segments: Segments, views: Views, config: DirectionConfig) -> Votes:
     """Votes for each azimuth and slope."""
     azimuths, slopes = bins(config)
-    none = np.zeros((len(views.R), 2, len(azimuths), len(slopes)))
+    none = np.zeros((len(views.R), 3, len(azimuths), len(slopes)))
     if not len(segments.owner):
         return Votes(*none.sum(0))
     limits = (config.least_angle, config.full_angle, config.least_overlap, math.tan(config.max_slope_rad))
     first = np.searchsorted(segments.owner, np.arange(len(views.R) + 1))
-    by_view = votes_of_views(
-        segments, views.centre, np.sqrt(views.sizes.prod(1)), first, pairs_of_views(views, config.partners),
-        limits, none,
-    )  # fmt: skip
-    return Votes(*by_view.sum(0))
+    pairs = pairs_of_views(views, config.partners)
+    sides = np.sqrt(views.sizes.prod(1))
+    return Votes(*votes_of_views(segments, views.centre, sides, first, pairs, limits, none).sum(0))
 
 
-def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "n n"]:
-    """Whether two views vote as a pair: one is among `most` partners of the other.  Each pair once.
+def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "2 n n"]:
+    """Whether two views are a pair: one is among `most` partners of the other.  Each pair once.
 
-    Partners of a view are its nearest and, the farther, the fewer of the others: the nearest ones of a film
-    all stand beside it, where planes of far lines hardly differ.
+    First the pairs whose partners are the nearest; then those whose partners are, the farther, the fewer of
+    all views: the nearest ones of a film all stand beside it, where planes of far lines hardly differ.
     """
     distance = np.linalg.norm(views.centre[:, None] - views.centre, axis=2)
     rank = np.argsort(np.argsort(distance, axis=1, kind="stable"), axis=1, kind="stable")
     others = len(distance) - 1
     k = np.arange(1, min(most, others) + 1)
-    chosen = np.zeros(others + 1, bool)
-    chosen[k + np.round((others - len(k)) * (k / len(k)) ** 3).astype(int)] = True
-    partner = chosen[rank]
-    return np.triu(partner | partner.T, 1)
+    chosen = np.zeros((2, others + 1), bool)
+    chosen[0, k] = True
+    chosen[1, k + np.round((others - len(k)) * (k / len(k)) ** 3).astype(int)] = True
+    partner = chosen[:, rank]
+    return np.triu(partner | partner.transpose(0, 2, 1), 1)
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
 @no_type_check
-def votes_of_views(segments, centre, side, first, partner, limits, votes):
-    """Into votes (n, 2, a, e): those of each view's pairs with the views after it, as in `Votes`.
+def votes_of_views(segments, centre, side, first, pairs, limits, votes):
+    """Into votes (n, 3, a, e): those of each view's pairs with the views after it, as in `Votes`.
 
-    side: of a square of as many pixels as a view's image has.
+    side: of a square of as many pixels as a view's image has; pairs: as `pairs_of_views` gives them.
     """
     least_angle, full_angle, least_overlap, steepest = limits
     _, normal, ends, length = segments
     for n in prange(len(centre)):
         for a in range(first[n], first[n + 1]):
             for other in range(n + 1, len(centre)):
-                if not partner[n, other]:
+                if not (pairs[0, n, other] or pairs[1, n, other]):
                     continue
                 for b in range(first[other], first[other + 1]):
                     p, q = normal[a], normal[b]
@@ -124,10 +125,13 @@ def votes_of_views(segments, centre, side, first, partner, limits, votes):
                     k = int((slope / np.arctan(steepest) + 1) / 2 * votes.shape[3])
                     k = min(max(k, 0), votes.shape[3] - 1)
                     weight = share * min(length[a], length[b]) * min(sine, full_angle) / full_angle
-                    mine = (high - low) / length[a] * side[n]
-                    theirs = (end - begin) / length[b] * side[other]
-                    votes[n, 0, i, k] += weight
-                    votes[n, 1, i, k] += weight * np.log(max(mine * theirs, 1e-300)) / 2
+                    if pairs[0, n, other]:
+                        votes[n, 0, i, k] += weight
+                    if pairs[1, n, other]:
+                        mine = (high - low) / length[a] * side[n]
+                        theirs = (end - begin) / length[b] * side[other]
+                        votes[n, 1, i, k] += weight
+                        votes[n, 2, i, k] += weight * np.log(max(mine * theirs, 1e-300)) / 2
     return votes
 
 
@@ -192,7 +196,7 @@ def given(azimuth_rad: float, votes: Votes, config: DirectionConfig) -> Directio
 
 def _footprint(votes: Votes, k: int, e: int, config: DirectionConfig) -> float:
     """The geometric mean of the footprints of the pairs that vote for a direction; 0 where none does."""
-    pixels, footprints = (_around(part, config)[k, e] for part in votes)
+    pixels, footprints = (_around(part, config)[k, e] for part in votes[1:])
     return round(float(np.exp(footprints / pixels)), 6) if pixels > 0 else 0.0
 
 
