@@ -140,7 +140,7 @@ def test_distances_in_single_precision_are_increasing() -> None:
 
 
 def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor on whether the parallel kernel runs: bit for bit."""
+    """Bit for bit."""
     rays, t = make_rays(101, torch.float32), edges(101, 24, torch.float32)
     alone = kernel(rays, t, True, 6)
     monkeypatch.setattr(launch, "_WORTH_WAKING_NS", 0)

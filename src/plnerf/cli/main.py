@@ -115,8 +115,8 @@ def about_defect(error: Exception, arguments: Sequence[str]) -> str:
 
 def main() -> None:
     """Entry point of the `plnerf` command."""
-    # PyTorch and Numba bring a pool of OpenMP threads each, whose idle threads spin and starve the
-    # other's: where anything else runs, a step took three times as long.  Read when the libraries are
+    # PyTorch brings a pool of OpenMP threads, whose idle threads spin and starve the kernels' threads
+    # (`ops/threads.py`) and whatever else runs: a step took three times as long.  Read when the library is
     # loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     # A thread that waits for the next kernel spins for some 30 us before it sleeps: waking it takes

@@ -19,7 +19,8 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from plnerf.detect.config_lines import DirectionConfig
 from plnerf.detect.segments import Segments
 from plnerf.detect.views import Views
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
+from plnerf.ops.threads import share
 
 GRAZING = 0.05
 """Sine of the angle between a ray and a plane below which it says nothing where they meet."""
@@ -62,14 +63,14 @@ class Votes(NamedTuple):
 def vote(segments: Segments, views: Views, config: DirectionConfig) -> Votes:
     """Votes for each azimuth and slope."""
     azimuths, slopes = bins(config)
-    none = np.zeros((len(views.R), 3, len(azimuths), len(slopes)))
     if not len(segments.owner):
-        return Votes(*none.sum(0))
+        return Votes(*np.zeros((3, len(azimuths), len(slopes))))
     limits = (config.least_angle, config.full_angle, config.least_overlap, math.tan(config.max_slope_rad))
     first = np.searchsorted(segments.owner, np.arange(len(views.R) + 1))
     pairs = pairs_of_views(views, config.partners)
-    sides = np.sqrt(views.sizes.prod(1))
-    return Votes(*votes_of_views(segments, views.centre, sides, first, pairs, limits, none).sum(0))
+    sides, by_view = np.sqrt(views.sizes.prod(1)), np.zeros((len(views.R), 3, len(azimuths), len(slopes)))
+    share(votes_of_views, segments, views.centre, sides, first, pairs, limits, by_view, of=len(views.R))
+    return Votes(*by_view.sum(0))
 
 
 def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "2 n n"]:
@@ -89,16 +90,16 @@ def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "2 n n"]:
     return np.triu(partner | partner.transpose(0, 2, 1), 1)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 @no_type_check
-def votes_of_views(segments, centre, side, first, pairs, limits, votes):
+def votes_of_views(segments, centre, side, first, pairs, limits, votes, start, stop):
     """Into votes (n, 3, a, e): those of each view's pairs with the views after it, as in `Votes`.
 
     side: of a square of as many pixels as a view's image has; pairs: as `pairs_of_views` gives them.
     """
     least_angle, full_angle, least_overlap, steepest = limits
     _, normal, ends, length = segments
-    for n in prange(len(centre)):
+    for n in range(start, stop):
         for a in range(first[n], first[n + 1]):
             for other in range(n + 1, len(centre)):
                 if not (pairs[0, n, other] or pairs[1, n, other]):
@@ -115,8 +116,8 @@ def votes_of_views(segments, centre, side, first, pairs, limits, votes):
                     low, high = stretch(centre[n], centre[other], ends[a], q, d)
                     begin, end = stretch(centre[other], centre[n], ends[b], p, d)
                     both = min(high, end) - max(low, begin)
-                    share = both / max(max(high, end) - min(low, begin), 1e-12)
-                    if share < least_overlap:
+                    part = both / max(max(high, end) - min(low, begin), 1e-12)
+                    if part < least_overlap:
                         continue
                     azimuth, slope = np.arctan2(dy, dx), np.arctan2(dz, level)
                     if azimuth < 0:
@@ -124,7 +125,7 @@ def votes_of_views(segments, centre, side, first, pairs, limits, votes):
                     i = int(azimuth / np.pi * votes.shape[2]) % votes.shape[2]
                     k = int((slope / np.arctan(steepest) + 1) / 2 * votes.shape[3])
                     k = min(max(k, 0), votes.shape[3] - 1)
-                    weight = share * min(length[a], length[b]) * min(sine, full_angle) / full_angle
+                    weight = part * min(length[a], length[b]) * min(sine, full_angle) / full_angle
                     if pairs[0, n, other]:
                         votes[n, 0, i, k] += weight
                     if pairs[1, n, other]:
@@ -132,7 +133,6 @@ def votes_of_views(segments, centre, side, first, pairs, limits, votes):
                         theirs = (end - begin) / length[b] * side[other]
                         votes[n, 1, i, k] += weight
                         votes[n, 2, i, k] += weight * np.log(max(mine * theirs, 1e-300)) / 2
-    return votes
 
 
 @njit(cache=True, error_model="numpy")

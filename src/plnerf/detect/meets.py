@@ -17,7 +17,8 @@ from jaxtyping import Float, Int
 from plnerf.detect.chains import Chains
 from plnerf.detect.config_lines import ChainConfig
 from plnerf.detect.views import NEAREST, Views, project_point
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
+from plnerf.ops.threads import share
 
 SAMPLES = 9
 """Places along a chain at which its surface is cut by the other's."""
@@ -48,7 +49,9 @@ def curves_where_chains_meet(
     limits = (config.least_angle, config.spare, config.least_length)
     shape = (config.max_askew, config.max_slope, config.max_sag, config.bend_prior)
     box = (low[0], high[0], low[1], high[1])
-    curves = meets(chains, views, np.concatenate(pairs), (x[0], x[-1]), box, limits, shape)
+    every = np.concatenate(pairs)
+    curves = np.full((len(every), 6), np.nan)
+    share(meets, chains, views, every, (x[0], x[-1]), box, limits, shape, curves, of=len(every))
     return curves[np.isfinite(curves[:, 0])]
 
 
@@ -97,13 +100,12 @@ def seen_places(views, places):
     return out
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 @no_type_check
-def meets(chains, views, pairs, ends, box, limits, shape):
-    """The curve of each pair of chains (m, 2), between two places x: (m, 6), NaN for none."""
-    out = np.full((len(pairs), 6), np.nan)
+def meets(chains, views, pairs, ends, box, limits, shape, out, start, stop):  # noqa: PLR0913 (a kernel's arrays, one by one)
+    """The curve of each pair of chains (m, 2), between two places x, into out (m, 6); NaN stays for none."""
     least_angle, spare, least_length = limits
-    for m in prange(len(pairs)):
+    for m in range(start, stop):
         a, b = pairs[m]
         n = chains.owner[a]
         begin, end = chains.ends[a]
@@ -119,7 +121,6 @@ def meets(chains, views, pairs, ends, box, limits, shape):
             count += ends[0] <= x <= ends[1] and box[0] <= y <= box[1] and box[2] <= z <= box[3]
         if count >= 3 and abs(points[count - 1, 0] - points[0, 0]) >= least_length:
             curve_through(points[:count], ends, shape, out[m])
-    return out
 
 
 @njit(cache=True, error_model="numpy")

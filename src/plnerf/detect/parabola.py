@@ -11,7 +11,8 @@ from typing import no_type_check
 import numpy as np
 
 from plnerf.detect.odds import place_odds
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
+from plnerf.ops.threads import share
 
 
 @no_type_check
@@ -38,11 +39,16 @@ def odds_along(views, odds, curve, x, reach):
     return out
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _curve_odds(views, odds, curves, x, reach, out, start, stop):
+    for c in range(start, stop):
+        out[c] = odds_along(views, odds, curves[c], x, reach)
+
+
 @no_type_check
 def curve_odds(views, odds, curves, x, reach):
     """The same of many curves: (c, i, 2)."""
-    out = np.zeros((len(curves), len(x), 2))
-    for c in prange(len(curves)):
-        out[c] = odds_along(views, odds, curves[c], x, reach)
+    out = np.empty((len(curves), len(x), 2))
+    share(_curve_odds, views, odds, curves, x, reach, out, of=len(curves))
     return out

@@ -14,7 +14,8 @@ from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import RefitConfig
 from plnerf.detect.parabola import curve_point
 from plnerf.detect.views import Views, project_across, project_point
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
+from plnerf.ops.threads import share
 
 LEAST_SPREAD = 1e-3
 """Standard deviation of directions, in radians, below which views look from one place."""
@@ -154,11 +155,10 @@ def observe(views, responses, theta, x, window_px, min_response, end_on):
     return out[:count]
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 @no_type_check
-def mask_ridges(views, theta, x, radius_px, masks):
-    """Adds 1 to the pixels along a curve: their ridges are its own."""
-    for n in prange(len(views.R)):
+def _mask_ridges(views, theta, x, radius_px, masks, start, stop):
+    for n in range(start, stop):
         w, h = views.sizes[n]
         mine = np.zeros((h, w), np.uint8)
         for i in range(len(x)):
@@ -172,3 +172,9 @@ def mask_ridges(views, theta, x, radius_px, masks):
         for row in range(h):
             for column in range(w):
                 masks[views.starts[n] + row * w + column] += mine[row, column]
+
+
+@no_type_check
+def mask_ridges(views, theta, x, radius_px, masks):
+    """Adds 1 to the pixels along a curve: their ridges are its own."""
+    share(_mask_ridges, views, theta, x, radius_px, masks, of=len(views.R))

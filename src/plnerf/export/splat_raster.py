@@ -23,7 +23,8 @@ from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST, num_threads
 from plnerf.ops.cpu_math import exp_and_expm1_neg
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
+from plnerf.ops.threads import share
 
 MAX_ALPHA, MIN_ALPHA = 0.99, 1 / 255
 """An alpha is no greater, and what is smaller is left out: as in the reference implementation."""
@@ -35,7 +36,7 @@ CUT_OFF = 4.5
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
-def _composite_band(splats, box, rgb, transmittance, last, first_row, stop_row):
+def _composite_rows(splats, box, rgb, transmittance, last, first_row, stop_row):
     real = splats.dtype.type
     most, least, opaque, cut = real(MAX_ALPHA), real(MIN_ALPHA), real(OPAQUE), real(CUT_OFF)
     one, half = real(1), real(0.5)
@@ -65,16 +66,6 @@ def _composite_band(splats, box, rgb, transmittance, last, first_row, stop_row):
                 rgb[y, x, 2] += weight * blue
                 transmittance[y, x] = T * (one - alpha)
                 last[y, x] = i
-
-
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _composite(splats, box, rgb, transmittance, last, bands):
-    h = rgb.shape[0]
-    for band in prange(bands):
-        _composite_band(
-            splats, box, rgb, transmittance, last, h * band // bands, h * (band + 1) // bands
-        )  # fmt: skip
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -134,44 +125,37 @@ def _gradient_band(  # noqa: PLR0913 (a kernel's arrays, one by one)
         grad[i, 5], grad[i, 6], grad[i, 7], grad[i, 8] = go, gr, gg, gl
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    splats, box, transmittance, final, last, by_rgb, by_final, behind, grads, bands
-):
-    h = final.shape[0]
-    for band in prange(bands):
-        _gradient_band(
-            splats, box, transmittance, final, last, by_rgb, by_final, behind, grads[band],
-            h * band // bands, h * (band + 1) // bands,
-        )  # fmt: skip
-
-
 class _Rasterise(torch.autograd.Function):
     @staticmethod
-    def forward(
-        context: Any, splats: Tensor, box: Tensor, size_px: tuple[int, int]
-    ) -> tuple[Tensor, Tensor]:
+    def forward(context: Any, splats: Tensor, box: Tensor, size_px: tuple[int, int]) -> tuple[Tensor, Tensor]:
         w, h = size_px
         rgb, transmittance = splats.new_zeros(h, w, 3), splats.new_ones(h, w)
         last = np.full((h, w), -1, np.int32)
-        bands = min(num_threads(), h)
-        _composite(
-            splats.detach().numpy(), box.numpy(), rgb.numpy(), transmittance.numpy(), last, bands
+        share(
+            _composite_rows, splats.detach().numpy(), box.numpy(), rgb.numpy(), transmittance.numpy(), last,
+            of=h,
         )  # fmt: skip
         context.save_for_backward(splats, box, transmittance)
-        context.last, context.bands = last, bands
+        context.last = last
         return rgb, transmittance
 
     @staticmethod
     def backward(context: Any, by_rgb: Tensor, by_final: Tensor) -> tuple[Tensor, None, None]:
         splats, box, final = context.saved_tensors
-        grads = np.zeros((context.bands, *splats.shape), splats.detach().numpy().dtype)
+        h = len(by_final)
+        bands = min(num_threads(), h)
+        grads = np.zeros((bands, *splats.shape), splats.detach().numpy().dtype)
         behind = np.zeros(by_rgb.shape, grads.dtype)
-        _gradient(
+        arrays = (
             splats.detach().numpy(), box.numpy(), final.numpy().copy(), final.numpy(), context.last,
-            by_rgb.contiguous().numpy(), by_final.contiguous().numpy(), behind, grads, context.bands,
+            by_rgb.contiguous().numpy(), by_final.contiguous().numpy(), behind,
         )  # fmt: skip
+
+        def of_bands(start: int, stop: int) -> None:
+            for band in range(start, stop):
+                _gradient_band(*arrays, grads[band], h * band // bands, h * (band + 1) // bands)
+
+        share(of_bands, of=bands)
         return torch.from_numpy(grads.sum(0)), None, None
 
 

@@ -21,10 +21,10 @@ from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_products import add_products
 from plnerf.ops.cpu_vectors import add_scaled, load_record, scaled
 from plnerf.ops.grid import GridShape
-from plnerf.ops.kernel_cache import njit
+from plnerf.ops.kernel_cache import INNER, njit
 from plnerf.ops.layout import grid_layout
 
-_FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
+_FLAGS = INNER | {"fastmath": FAST, "error_model": "numpy", "cache": True}
 
 
 class Grid(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.grid import HASH_PRIMES
-from plnerf.ops.kernel_cache import njit
+from plnerf.ops.kernel_cache import INNER, inlined, njit
 
 BLOCK = 128
 """Points whose corners are found at once.  64 to 256 do equally well: the scratch arrays stay in cache."""
@@ -24,25 +24,25 @@ BLOCK = 128
 _PRIME_Y, _PRIME_Z = np.uint32(HASH_PRIMES[1]), np.uint32(HASH_PRIMES[2])
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def weight(u, cubic, real):
     return u * u * (real(3) - real(2) * u) if cubic else u
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def slope(u, cubic, real):
     return real(6) * u * (real(1) - u) if cubic else real(1)
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def curvature(u, cubic, real):
     return real(6) - real(12) * u if cubic else real(0)
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def locate(value, n, real):
     """Cell and fraction of a coordinate.  Beyond the cube, and for NaN, a border cell: rows in bounds."""
@@ -53,7 +53,7 @@ def locate(value, n, real):
     return np.uint32(cell), scaled - real(cell)
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def dense_row(i, j, k, n):
     """Row of a vertex within its level, where that is an array of all (N + 1)^3 vertices."""
@@ -61,20 +61,20 @@ def dense_row(i, j, k, n):
     return np.uint32(i + side * np.uint32(j + np.uint32(side * k)))
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def hashed_row(i, j, k, mask):
     """Row of a vertex within its level of T = mask + 1 rows.  Instant-NGP eq. 4."""
     return np.uint32((i ^ np.uint32(j * _PRIME_Y) ^ np.uint32(k * _PRIME_Z)) & np.uint32(mask))
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def vertex_row(i, j, k, n, dense, mask):
     return dense_row(i, j, k, n) if dense else hashed_row(i, j, k, mask)
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST)
 @no_type_check
 def _fill(x, first, count, n, dense, mask, cubic, rows, shares):  # noqa: PLR0913 (a kernel's arrays, one by one)
     real = x.dtype.type
@@ -93,7 +93,7 @@ def _fill(x, first, count, n, dense, mask, cubic, rows, shares):  # noqa: PLR091
             shares[corner] = (u if a else one - u) * side
 
 
-@njit(fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 @no_type_check
 def fill_corners(x, first, count, n, dense, mask, cubic, rows, shares):  # noqa: PLR0913 (as above)
     """Rows within the level, and weights, of the eight corners around the points first .. first + count - 1.

@@ -16,15 +16,17 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from plnerf.ops.cpu_arrays import FAST, array, num_threads
+from plnerf.ops.cpu_arrays import FAST, array
 from plnerf.ops.cpu_blocks import Grid, Network, add_layer, encode, finish_network, run_network
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_math import exp_and_expm1_neg, sin_cos
 from plnerf.ops.cpu_rays import gaussian
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import INNER, njit
 from plnerf.ops.launch import arrays
+from plnerf.ops.threads import share
 
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
+_INNER = _FLAGS | INNER
 
 
 class Field(NamedTuple):
@@ -57,7 +59,7 @@ class Colours(NamedTuple):
     """Intervals for which the networks were evaluated."""
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _group(w, weight_budget, at, end):
     """The groups of a ray's intervals: their heaviest and one past their last; returns their number.
@@ -83,7 +85,7 @@ def _group(w, weight_budget, at, end):
     return last + 1
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _encode_frustums(mean, variance, octaves, to, first):
     """IPE (6 K, B) of means and variances (3, B), from place `first` of `to` on, as `cpu_rays` has it."""
@@ -105,7 +107,7 @@ def _encode_frustums(mean, variance, octaves, to, first):
             sines[j], cosines[j] = sine * fade, cosine * fade
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _spread_base(base, ray_of, count, units, y):
     """y (H, B): the row of `base` of each point's ray; the points of a ray are neighbours."""
@@ -118,7 +120,7 @@ def _spread_base(base, ray_of, count, units, y):
             start = p
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _write(values, ray_of, first, end, count, to):
     """Of each point p the values (3, B) to all intervals of its group."""
@@ -128,7 +130,7 @@ def _write(values, ray_of, first, end, count, to):
                 to[ray_of[p], i, c] = values[c * BLOCK + p]
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _replace(replacing, row, count, x):
     """Into the feature vectors of x (1 + G, B), after the log density, those of other fields."""
@@ -138,7 +140,7 @@ def _replace(replacing, row, count, x):
                 x[(k + 1) * BLOCK + p] = replacing[row[p], k]
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _sigmoid(y):
     one = y.dtype.type(1)
@@ -147,7 +149,7 @@ def _sigmoid(y):
         y[i] = (one if y[i] > 0 else exp_neg) / (one + exp_neg)
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _normalise(y):
     # The bound on the length is torch's.
@@ -158,64 +160,63 @@ def _normalise(y):
         y[p], y[BLOCK + p], y[2 * BLOCK + p] = a / length, b / length, c / length
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _colours(  # noqa: PLR0913 (a kernel's arrays, one by one)
     origins, directions, radius, t, w, weight_budget, stretch, contraction, octaves, grid, density, colour,
-    normal, base, replaced, replacing, colours, normals, computed, parts,
+    normal, base, replaced, replacing, colours, normals, computed, start, stop,
 ):  # fmt: skip
-    rays, S, real = w.shape[0], w.shape[1], t.dtype.type
+    S, real = w.shape[1], t.dtype.type
     A0, A1, A2 = real(stretch[0]), real(stretch[1]), real(stretch[2])
     tiny, two, quarter = real(np.finfo(t.dtype).tiny), real(2), real(0.25)
     outputs, inputs, units = density.sizes[-1], colour.sizes[0], colour.sizes[1]
     widest = max(density.sizes.max(), colour.sizes.max(), normal.sizes.max()) * BLOCK
-    for part in prange(parts):
-        at, ends = np.empty(S, np.int64), np.empty(S, np.int64)
-        places = np.empty((4, BLOCK), np.int64)
-        ray_of, first, end, row = places[0], places[1], places[2], places[3]
-        mean, variance = np.zeros((3, BLOCK), t.dtype), np.zeros((3, BLOCK), t.dtype)
-        unit = np.empty(3 * BLOCK, t.dtype)
-        rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
-        encoded = np.zeros(density.sizes[0] * BLOCK, t.dtype)
-        x = np.empty((1 + inputs) * BLOCK, t.dtype)  # log density, feature vector, IPE
-        hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
-        filled, stop = 0, rays * (part + 1) // parts
-        for ray in range(rays * part // parts, stop):
-            o0, o1, o2 = origins[ray, 0] * A0, origins[ray, 1] * A1, origins[ray, 2] * A2
-            d0, d1, d2 = directions[ray, 0] * A0, directions[ray, 1] * A1, directions[ray, 2] * A2
-            groups = _group(w[ray], real(weight_budget), at, ends)
-            computed[part] += groups
-            for g in range(groups):
-                i, p = at[g], filled
-                ray_of[p], first[p], end[p] = ray, ends[g - 1] if g > 0 else 0, ends[g]
-                row[p] = replaced[ray, i] if replaced.size else -1
-                m0, m1, m2, v0, v1, v2 = gaussian(
-                    o0, o1, o2, d0, d1, d2, radius[ray], t[ray, i], t[ray, i + 1], A0, A1, A2,
-                    contraction, tiny, real,
-                )  # fmt: skip
-                mean[0, p], mean[1, p], mean[2, p] = m0, m1, m2
-                variance[0, p], variance[1, p], variance[2, p] = v0, v1, v2
-                for axis in range(3):
-                    unit[3 * p + axis] = (mean[axis, p] + two) * quarter
-                filled += 1
-                if filled < BLOCK and (ray < stop - 1 or g < groups - 1):
-                    continue
-                encode(unit, 0, filled, grid, rows, shares, encoded)
-                y = run_network(density, encoded, 0, hidden, other)
-                x[: outputs * BLOCK] = y[: outputs * BLOCK]
-                if replaced.size:
-                    _replace(replacing, row, filled, x)
-                _encode_frustums(mean.reshape(-1), variance.reshape(-1), octaves, x, outputs * BLOCK)
-                _spread_base(base, ray_of, filled, units, hidden)
-                add_layer(colour.weights, 0, units, x, BLOCK, inputs, hidden)
-                y = finish_network(colour, 1, hidden, other)
-                _sigmoid(y)
-                _write(y, ray_of, first, end, filled, colours)
-                if normals.size:
-                    y = run_network(normal, x, BLOCK, hidden, other)
-                    _normalise(y)
-                    _write(y, ray_of, first, end, filled, normals)
-                filled = 0
+    at, ends = np.empty(S, np.int64), np.empty(S, np.int64)
+    places = np.empty((4, BLOCK), np.int64)
+    ray_of, first, end, row = places[0], places[1], places[2], places[3]
+    mean, variance = np.zeros((3, BLOCK), t.dtype), np.zeros((3, BLOCK), t.dtype)
+    unit = np.empty(3 * BLOCK, t.dtype)
+    rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
+    encoded = np.zeros(density.sizes[0] * BLOCK, t.dtype)
+    x = np.empty((1 + inputs) * BLOCK, t.dtype)  # log density, feature vector, IPE
+    hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
+    filled = 0
+    for ray in range(start, stop):
+        o0, o1, o2 = origins[ray, 0] * A0, origins[ray, 1] * A1, origins[ray, 2] * A2
+        d0, d1, d2 = directions[ray, 0] * A0, directions[ray, 1] * A1, directions[ray, 2] * A2
+        groups = _group(w[ray], real(weight_budget), at, ends)
+        computed[ray] = groups
+        for g in range(groups):
+            i, p = at[g], filled
+            ray_of[p], first[p], end[p] = ray, ends[g - 1] if g > 0 else 0, ends[g]
+            row[p] = replaced[ray, i] if replaced.size else -1
+            m0, m1, m2, v0, v1, v2 = gaussian(
+                o0, o1, o2, d0, d1, d2, radius[ray], t[ray, i], t[ray, i + 1], A0, A1, A2,
+                contraction, tiny, real,
+            )  # fmt: skip
+            mean[0, p], mean[1, p], mean[2, p] = m0, m1, m2
+            variance[0, p], variance[1, p], variance[2, p] = v0, v1, v2
+            for axis in range(3):
+                unit[3 * p + axis] = (mean[axis, p] + two) * quarter
+            filled += 1
+            if filled < BLOCK and (ray < stop - 1 or g < groups - 1):
+                continue
+            encode(unit, 0, filled, grid, rows, shares, encoded)
+            y = run_network(density, encoded, 0, hidden, other)
+            x[: outputs * BLOCK] = y[: outputs * BLOCK]
+            if replaced.size:
+                _replace(replacing, row, filled, x)
+            _encode_frustums(mean.reshape(-1), variance.reshape(-1), octaves, x, outputs * BLOCK)
+            _spread_base(base, ray_of, filled, units, hidden)
+            add_layer(colour.weights, 0, units, x, BLOCK, inputs, hidden)
+            y = finish_network(colour, 1, hidden, other)
+            _sigmoid(y)
+            _write(y, ray_of, first, end, filled, colours)
+            if normals.size:
+                y = run_network(normal, x, BLOCK, hidden, other)
+                _normalise(y)
+                _write(y, ray_of, first, end, filled, normals)
+            filled = 0
 
 
 def colours_along_rays(  # noqa: PLR0913 (rays, what they saw, and the field)
@@ -245,10 +246,9 @@ def colours_along_rays(  # noqa: PLR0913 (rays, what they saw, and the field)
     o, d, r, edges, weights, shared, replacing, out, out_normals = arrays(
         origins, directions, radius, t, w, base, replaced.feature, colours, found
     )
-    count = num_threads()
-    computed = np.zeros(count, np.int64)
-    _colours(
-        o, d, r, edges, weights, weight_budget, stretch, contraction, octaves, *field, shared,
-        array(replaced.row), replacing, out, out_normals, computed, count,
+    computed = np.zeros(len(w), np.int64)
+    share(
+        _colours, o, d, r, edges, weights, weight_budget, stretch, contraction, octaves, *field, shared,
+        array(replaced.row), replacing, out, out_normals, computed, of=len(w),
     )  # fmt: skip
     return Colours(colours, found, int(computed.sum()))

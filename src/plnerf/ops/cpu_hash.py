@@ -28,8 +28,9 @@ from plnerf.ops.cpu_cells import BLOCK, fill_corners
 from plnerf.ops.cpu_hash_normals import PositionGradient
 from plnerf.ops.cpu_vectors import add_scaled, load_row, scaled, store_row
 from plnerf.ops.grid import GridShape
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
 from plnerf.ops.layout import grid_layout
+from plnerf.ops.threads import share
 
 
 class _Kernels(NamedTuple):
@@ -43,35 +44,32 @@ def _kernels(features: int) -> _Kernels:
     """Kernels for a fixed number of features: the length of their vectors."""
     F = features
 
-    @njit(parallel=True, cache=True, fastmath=FAST)
-    def forward(x, table, layout, cubic, out, parts):
-        points, levels = x.size // 3, layout.shape[0]
-        for part in prange(parts):
-            rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, x.dtype)
-            begin, end = points * part // parts, points * (part + 1) // parts
-            for level in range(levels):
-                n, start, dense, mask = layout[level]
-                of_level = table[start * F :]
-                for first in range(begin, end, BLOCK):
-                    count = min(BLOCK, end - first)
-                    fill_corners(x, first, count, n, dense, mask, cubic, rows, shares)
-                    for p in range(count):
-                        row = np.uint64(rows[np.uint64(p)]) * np.uint64(F)
-                        total = scaled(shares[np.uint64(p)], load_row(of_level, row, F))
-                        for c in range(1, 8):
-                            corner = np.uint64(c * BLOCK + p)
-                            row = np.uint64(rows[corner]) * np.uint64(F)
-                            total = add_scaled(total, shares[corner], load_row(of_level, row, F))
-                        store_row(out, np.uint64(((first + p) * levels + level) * F), total)
+    @njit(cache=True, fastmath=FAST)
+    def forward(x, table, layout, cubic, out, start, stop):
+        rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, x.dtype)
+        for level in range(layout.shape[0]):
+            n, row_first, dense, mask = layout[level]
+            of_level = table[row_first * F :]
+            for first in range(start, stop, BLOCK):
+                count = min(BLOCK, stop - first)
+                fill_corners(x, first, count, n, dense, mask, cubic, rows, shares)
+                for p in range(count):
+                    row = np.uint64(rows[np.uint64(p)]) * np.uint64(F)
+                    total = scaled(shares[np.uint64(p)], load_row(of_level, row, F))
+                    for c in range(1, 8):
+                        corner = np.uint64(c * BLOCK + p)
+                        row = np.uint64(rows[corner]) * np.uint64(F)
+                        total = add_scaled(total, shares[corner], load_row(of_level, row, F))
+                    store_row(out, np.uint64(((first + p) * layout.shape[0] + level) * F), total)
 
-    @njit(parallel=True, cache=True, fastmath=FAST)
-    def table_gradient(x, g_out, layout, cubic, g_table, parts):
+    @njit(cache=True, fastmath=FAST)
+    def table_gradient(x, g_out, layout, cubic, g_table, parts, start, stop):
         points, levels = x.size // 3, layout.shape[0]
-        for part in prange(parts):
+        for part in range(start, stop):
             rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, x.dtype)
             for level in range(part, levels, parts):
-                n, start, dense, mask = layout[level]
-                of_level = g_table[start * F :]
+                n, row_first, dense, mask = layout[level]
+                of_level = g_table[row_first * F :]
                 for first in range(0, points, BLOCK):
                     count = min(BLOCK, points - first)
                     fill_corners(x, first, count, n, dense, mask, cubic, rows, shares)
@@ -92,9 +90,11 @@ def add_table_gradient(
 ) -> None:
     """Adds the gradient of <g_out, hash_encode(x)> by the table to `g_table`, which must be contiguous."""
     cubic = grid.interpolation == "cubic"
-    _kernels(grid.features).table_gradient(
-        flat(x), flat(g_out), grid_layout(grid), cubic, flat(g_table), cpu_arrays.num_threads()
-    )
+    parts = cpu_arrays.num_threads()
+    share(
+        _kernels(grid.features).table_gradient, flat(x), flat(g_out), grid_layout(grid), cubic, flat(g_table),
+        parts, of=parts,
+    )  # fmt: skip
 
 
 class _HashEncode(torch.autograd.Function):
@@ -102,9 +102,10 @@ class _HashEncode(torch.autograd.Function):
     def forward(ctx: Any, x: Tensor, table: Tensor, grid: GridShape) -> Tensor:
         out = x.new_empty(x.shape[0], grid.width)
         cubic = grid.interpolation == "cubic"
-        _kernels(grid.features).forward(
-            flat(x), flat(table), grid_layout(grid), cubic, flat(out), cpu_arrays.num_threads()
-        )
+        share(
+            _kernels(grid.features).forward, flat(x), flat(table), grid_layout(grid), cubic, flat(out),
+            of=len(x),
+        )  # fmt: skip
         ctx.save_for_backward(x, table)
         ctx.grid = grid
         return out

@@ -20,37 +20,38 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from plnerf.ops.cpu_arrays import FAST, adds_in_place, array, flat, num_threads
+from plnerf.ops.cpu_arrays import FAST, adds_in_place, array, flat
 from plnerf.ops.cpu_blocks import add_layer, encode, grid_of, network_of, run_network, spread_biases
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_hash import add_table_gradient
 from plnerf.ops.cpu_products import add_products
 from plnerf.ops.grid import GridShape
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import INNER, njit
+from plnerf.ops.threads import share
 
 SLABS = 16
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
+_INNER = _FLAGS | INNER
 _SUMS = FAST | {"reassoc"}  # lets LLVM add a block's terms in vectors; the order is still a fixed one
 
 
-@njit(parallel=True, **_FLAGS)
+@njit(**_FLAGS)
 @no_type_check
-def _forward(x, grid, network, encoded, out, parts):
-    points, blocks = out.size, encoded.shape[0]
-    for part in prange(parts):
-        rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, x.dtype)
-        hidden = np.empty(network.sizes[1] * BLOCK, x.dtype)
-        other = np.empty(network.sizes[1] * BLOCK, x.dtype)
-        for block in range(blocks * part // parts, blocks * (part + 1) // parts):
-            first = block * BLOCK
-            count = min(BLOCK, points - first)
-            encode(x, first, count, grid, rows, shares, encoded[block])
-            raw = run_network(network, encoded[block], 0, hidden, other)
-            for p in range(count):
-                out[first + p] = raw[p]
+def _forward(x, grid, network, encoded, out, start, stop):
+    """The blocks start .. stop - 1 of the points."""
+    rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, x.dtype)
+    hidden = np.empty(network.sizes[1] * BLOCK, x.dtype)
+    other = np.empty(network.sizes[1] * BLOCK, x.dtype)
+    for block in range(start, stop):
+        first = block * BLOCK
+        count = min(BLOCK, out.size - first)
+        encode(x, first, count, grid, rows, shares, encoded[block])
+        raw = run_network(network, encoded[block], 0, hidden, other)
+        for p in range(count):
+            out[first + p] = raw[p]
 
 
-@njit(fastmath=_SUMS, error_model="numpy", cache=True)
+@njit(**_INNER | {"fastmath": _SUMS})
 @no_type_check
 def _dot(a, b):
     total = a.dtype.type(0)
@@ -59,7 +60,7 @@ def _dot(a, b):
     return total
 
 
-@njit(fastmath=_SUMS, error_model="numpy", cache=True)
+@njit(**_INNER | {"fastmath": _SUMS})
 @no_type_check
 def _sum(a):
     total = a.dtype.type(0)
@@ -68,7 +69,7 @@ def _sum(a):
     return total
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _through_unit(g, weight, h, kept):
     """h (B), a hidden unit before its ReLU, becomes the gradient by it; what it put out goes to `kept`."""
@@ -78,7 +79,7 @@ def _through_unit(g, weight, h, kept):
         h[p] = weight * g[p] if h[p] > zero else zero
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _add_by_inputs(w1, inputs, units, g_h, g_x):
     """g_x (I, B) += w1^T (I, H) g_h (H, B)."""
@@ -91,23 +92,23 @@ def _add_by_inputs(w1, inputs, units, g_h, g_x):
             add_products(g_x, i * BLOCK + p, BLOCK, w1, i, 1, inputs, g_h, p, BLOCK, units, 1, 64)
 
 
-@njit(parallel=True, **_FLAGS)
+@njit(**_FLAGS)
 @no_type_check
-def _backward(encoded, moved, g_out, network, g_encoded, g_weights, g_biases):
+def _backward(encoded, moved, g_out, network, g_encoded, g_weights, g_biases, start, stop):  # noqa: PLR0913 (a kernel's arrays, one by one)
     """By the weights and, g_encoded flat (m I), by the encodings of the points `moved`, whose are g_out (m).
 
     g_weights and g_biases, as the network has them, have a slab each in their first axis; the caller adds up.
     """
     inputs, units, real = network.sizes[0], network.sizes[1], encoded.dtype.type
     w1 = network.weights[: units * inputs]
-    for slab in prange(SLABS):
+    for slab in range(start, stop):
         x, g_x = np.zeros(inputs * BLOCK, encoded.dtype), np.empty(inputs * BLOCK, encoded.dtype)
         h, kept = np.empty(units * BLOCK, encoded.dtype), np.empty(BLOCK, encoded.dtype)
         g = np.empty(BLOCK, encoded.dtype)
         g_w, g_b = g_weights[slab], g_biases[slab]
-        stop = moved.size * (slab + 1) // SLABS
-        for first in range(moved.size * slab // SLABS, stop, BLOCK):
-            count = min(BLOCK, stop - first)
+        end = moved.size * (slab + 1) // SLABS
+        for first in range(moved.size * slab // SLABS, end, BLOCK):
+            count = min(BLOCK, end - first)
             g[:] = real(0)
             for p in range(count):
                 g[p] = g_out[first + p]
@@ -138,7 +139,9 @@ class _HashMLP(torch.autograd.Function):
         network = network_of(((w1, b1), (w2, b2)))
         encoded = x.new_empty(-(-len(x) // BLOCK), shape.width * BLOCK)
         out = x.new_empty(len(x))
-        _forward(flat(x), grid_of(table, shape), network, encoded.numpy(), out.numpy(), num_threads())
+        share(
+            _forward, flat(x), grid_of(table, shape), network, encoded.numpy(), out.numpy(), of=len(encoded)
+        )  # fmt: skip
         ctx.save_for_backward(x, table, encoded, *weights)
         ctx.shape = shape
         return out
@@ -156,9 +159,9 @@ class _HashMLP(torch.autograd.Function):
         w1, b1, w2, b2 = weights
         g_weights = x.new_zeros(SLABS, w1.numel() + w2.numel())
         g_biases = x.new_zeros(SLABS, len(b1) + len(b2))
-        _backward(
-            encoded.numpy(), moved.numpy(), array(g_outputs[0][moved]), network_of(((w1, b1), (w2, b2))),
-            flat(g_encoded), g_weights.numpy(), g_biases.numpy(),
+        share(
+            _backward, encoded.numpy(), moved.numpy(), array(g_outputs[0][moved]),
+            network_of(((w1, b1), (w2, b2))), flat(g_encoded), g_weights.numpy(), g_biases.numpy(), of=SLABS,
         )  # fmt: skip
         in_place = adds_in_place(table)
         g_table = table.grad if in_place else torch.zeros_like(table, memory_format=torch.contiguous_format)

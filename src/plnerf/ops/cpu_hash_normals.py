@@ -22,8 +22,9 @@ from plnerf.ops.cpu_arrays import FAST, adds_in_place, flat
 from plnerf.ops.cpu_cells import curvature, locate, slope, vertex_row, weight
 from plnerf.ops.cpu_vectors import add_scaled, dot, load_row, scaled, store_row
 from plnerf.ops.grid import GridShape
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
 from plnerf.ops.layout import grid_layout
+from plnerf.ops.threads import share
 
 
 class _Kernels(NamedTuple):
@@ -37,48 +38,47 @@ def _kernels(features: int) -> _Kernels:
     """Kernels for a fixed number of features: the length of their vectors."""
     F = features
 
-    @njit(parallel=True, cache=True, fastmath=FAST)
-    def position_gradient(x, g_out, table, layout, cubic, g_x, parts):
-        points, levels, real = x.size // 3, layout.shape[0], x.dtype.type
+    @njit(cache=True, fastmath=FAST)
+    def position_gradient(x, g_out, table, layout, cubic, g_x, start, stop):
+        levels, real = layout.shape[0], x.dtype.type
         one = real(1)
-        for part in prange(parts):
-            for level in range(levels):
-                n, start, dense, mask = layout[level]
-                for p in range(points * part // parts, points * (part + 1) // parts):
-                    i, u = locate(x[3 * p], n, real)
-                    j, v = locate(x[3 * p + 1], n, real)
-                    k, w = locate(x[3 * p + 2], n, real)
-                    du = slope(u, cubic, real) * real(n)
-                    dv = slope(v, cubic, real) * real(n)
-                    dw = slope(w, cubic, real) * real(n)
-                    u, v, w = weight(u, cubic, real), weight(v, cubic, real), weight(w, cubic, real)
-                    g = load_row(g_out, uint64((p * levels + level) * F), F)
-                    for c in range(8):
-                        a, b, d = c & 1, c >> 1 & 1, c >> 2
-                        r = vertex_row(
-                            uint32(i + uint32(a)),
-                            uint32(j + uint32(b)),
-                            uint32(k + uint32(d)),
-                            n,
-                            dense,
-                            mask,
-                        )
-                        value = dot(g, load_row(table, uint64(start + r) * uint64(F), F))
-                        pu, pv, pw = (u if a else one - u), (v if b else one - v), (w if d else one - w)
-                        g_x[3 * p] += value * (du if a else -du) * pv * pw
-                        g_x[3 * p + 1] += value * pu * (dv if b else -dv) * pw
-                        g_x[3 * p + 2] += value * pu * pv * (dw if d else -dw)
+        for level in range(levels):
+            n, row_first, dense, mask = layout[level]
+            for p in range(start, stop):
+                i, u = locate(x[3 * p], n, real)
+                j, v = locate(x[3 * p + 1], n, real)
+                k, w = locate(x[3 * p + 2], n, real)
+                du = slope(u, cubic, real) * real(n)
+                dv = slope(v, cubic, real) * real(n)
+                dw = slope(w, cubic, real) * real(n)
+                u, v, w = weight(u, cubic, real), weight(v, cubic, real), weight(w, cubic, real)
+                g = load_row(g_out, uint64((p * levels + level) * F), F)
+                for c in range(8):
+                    a, b, d = c & 1, c >> 1 & 1, c >> 2
+                    r = vertex_row(
+                        uint32(i + uint32(a)),
+                        uint32(j + uint32(b)),
+                        uint32(k + uint32(d)),
+                        n,
+                        dense,
+                        mask,
+                    )
+                    value = dot(g, load_row(table, uint64(row_first + r) * uint64(F), F))
+                    pu, pv, pw = (u if a else one - u), (v if b else one - v), (w if d else one - w)
+                    g_x[3 * p] += value * (du if a else -du) * pv * pw
+                    g_x[3 * p + 1] += value * pu * (dv if b else -dv) * pw
+                    g_x[3 * p + 2] += value * pu * pv * (dw if d else -dw)
 
-    @njit(parallel=True, cache=True, fastmath=FAST)
+    @njit(cache=True, fastmath=FAST)
     def position_gradient_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
-        x, g_out, table, layout, cubic, q, slabs_x, g_g_out, g_table, parts
+        x, g_out, table, layout, cubic, q, slabs_x, g_g_out, g_table, parts, start, stop
     ):
         # slabs_x (L, 3 n) has one slab a level, added up by the caller.
         points, levels, real = x.size // 3, layout.shape[0], x.dtype.type
         one = real(1)
-        for part in prange(parts):
+        for part in range(start, stop):
             for level in range(part, levels, parts):
-                n, start, dense, mask = layout[level]
+                n, row_first, dense, mask = layout[level]
                 for p in range(points):
                     i, u = locate(x[3 * p], n, real)
                     j, v = locate(x[3 * p + 1], n, real)
@@ -105,7 +105,7 @@ def _kernels(features: int) -> _Kernels:
                             dense,
                             mask,
                         )
-                        row = uint64(start + r) * uint64(F)
+                        row = uint64(row_first + r) * uint64(F)
                         pu, pv, pw = (u if a else one - u), (v if b else one - v), (w if d else one - w)
                         su, sv, sw = (du if a else -du), (dv if b else -dv), (dw if d else -dw)
                         tu, tv, tw = (ddu if a else -ddu), (ddv if b else -ddv), (ddw if d else -ddw)
@@ -130,9 +130,10 @@ class PositionGradient(torch.autograd.Function):
     def forward(ctx: Any, x: Tensor, g_out: Tensor, table: Tensor, grid: GridShape) -> Tensor:
         g_x = torch.zeros_like(x, memory_format=torch.contiguous_format)
         cubic = grid.interpolation == "cubic"
-        _kernels(grid.features).position_gradient(
-            flat(x), flat(g_out), flat(table), grid_layout(grid), cubic, flat(g_x), cpu_arrays.num_threads()
-        )
+        share(
+            _kernels(grid.features).position_gradient, flat(x), flat(g_out), flat(table), grid_layout(grid),
+            cubic, flat(g_x), of=len(x),
+        )  # fmt: skip
         ctx.save_for_backward(x, g_out, table)
         ctx.grid = grid
         return g_x
@@ -146,8 +147,10 @@ class PositionGradient(torch.autograd.Function):
         slabs_x = x.new_empty(grid.levels, x.numel())
         g_g_out = torch.empty_like(g_out, memory_format=torch.contiguous_format)
         g_table = table.grad if in_place else torch.zeros_like(table, memory_format=torch.contiguous_format)
-        _kernels(grid.features).position_gradient_backward(
-            flat(x), flat(g_out), flat(table), grid_layout(grid), grid.interpolation == "cubic", flat(q),
-            slabs_x.numpy(), flat(g_g_out), flat(g_table), cpu_arrays.num_threads(),
+        parts = cpu_arrays.num_threads()
+        share(
+            _kernels(grid.features).position_gradient_backward, flat(x), flat(g_out), flat(table),
+            grid_layout(grid), grid.interpolation == "cubic", flat(q), slabs_x.numpy(), flat(g_g_out),
+            flat(g_table), parts, of=parts,
         )  # fmt: skip
         return slabs_x.sum(0).view(x.shape), g_g_out, None if in_place else g_table, None

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
 from plnerf.ops.launch import arrays, launch
 
 FLOOR = 1e-5
@@ -65,16 +65,6 @@ def _blurred(  # noqa: PLR0913 (a kernel's arrays, one by one)
         loss[ray] = lost
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _blurred_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    s, w, s_proposal, w_proposal, h, loss, gradient, rays, parts
-):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _blurred(s, w, s_proposal, w_proposal, h, loss, gradient, start, stop)
-
-
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _dilate(s, w, h, out, start, stop):
@@ -114,13 +104,6 @@ def _dilate(s, w, h, out, start, stop):
             out[ray, i] *= scale
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _dilate_parallel(s, w, h, out, rays, parts):
-    for part in prange(parts):
-        _dilate(s, w, h, out, rays * part // parts, rays * (part + 1) // parts)
-
-
 class _WithGradient(torch.autograd.Function):
     """A loss of rays, differentiable by weights, once, whose kernel writes the loss and its gradient."""
 
@@ -150,7 +133,7 @@ def blurred_interlevel_loss(
     def kernel(loss: Tensor, gradient: Tensor) -> None:
         *inputs, out, slope = arrays(s, w, s_proposal, w_proposal, loss, gradient)
         launch(
-            _blurred, _blurred_parallel, *inputs, float(half_width), out, slope,
+            _blurred, *inputs, float(half_width), out, slope,
             rays=len(s), samples=w.numel() + w_proposal.numel(), ns=8.0,
         )  # fmt: skip
 
@@ -163,7 +146,7 @@ def dilate(s: Float[Tensor, "r E"], w: Float[Tensor, "r S"], half_width: float) 
     out = torch.empty_like(w, memory_format=torch.contiguous_format)
     s_array, w_array, out_array = arrays(s, w, out)
     launch(
-        _dilate, _dilate_parallel, s_array, w_array, float(half_width), out_array,
+        _dilate, s_array, w_array, float(half_width), out_array,
         rays=len(s), samples=w.numel(), ns=20.0,
     )  # fmt: skip
     return out

@@ -13,7 +13,7 @@ from typing import NamedTuple, no_type_check
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import INNER, njit
 from plnerf.ops.launch import arrays, launch
 
 _ITERATIONS, _LONGEST_STEP = 16, 1.0  # as the reference's
@@ -28,7 +28,7 @@ class CastRays(NamedTuple):
     radius: Float[Tensor, " r"]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **INNER)
 @no_type_check
 def _undistort(d, distortion):
     k1, k2, k3 = distortion[0], distortion[1], distortion[4]
@@ -80,18 +80,6 @@ def _cast(  # noqa: PLR0913 (a kernel's arrays, one by one)
         radius[ray] = width * inverse / ((fx + fy) * 0.5)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-@no_type_check
-def _cast_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    R, centre, focal, principal, distortion, camera, pixel, origins, directions, radius, rays, parts
-):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _cast(
-            R, centre, focal, principal, distortion, camera, pixel, origins, directions, radius, start, stop
-        )
-
-
 def cast_rays(
     R_scene_camera: Float[Tensor, "n 3 3"],
     centre: Float[Tensor, "n 3"],
@@ -108,7 +96,7 @@ def cast_rays(
     out = CastRays(centre.new_empty(rays, 3), centre.new_empty(rays, 3), centre.new_empty(rays))
     cameras = arrays(R_scene_camera, centre, focal_px, principal_px, distortion)
     launch(
-        _cast, _cast_parallel, *cameras, camera.contiguous().numpy(), *arrays(pixel_px), *arrays(*out),
+        _cast, *cameras, camera.contiguous().numpy(), *arrays(pixel_px), *arrays(*out),
         rays=rays, samples=rays, ns=150.0,
     )  # fmt: skip
     return out

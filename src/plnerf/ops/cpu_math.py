@@ -18,8 +18,10 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from plnerf.ops.kernel_cache import njit
+from plnerf.ops.cpu_arrays import FAST
+from plnerf.ops.kernel_cache import INNER
 
+_OPTIONS = INNER | {"forceinline": True, "fastmath": FAST, "error_model": "numpy"}
 _f32 = np.float32
 _ROUND = _f32(12582912.0)  # 1.5 * 2^23
 _LOG2_E = _f32(math.log2(math.e))
@@ -39,7 +41,6 @@ def exp_and_expm1_neg(x: Any) -> Any:
     raise NotImplementedError("for use inside of Numba kernels")
 
 
-@njit(inline="always")
 @no_type_check
 def _exp_and_expm1_neg32(x):
     one = _f32(1)
@@ -59,11 +60,11 @@ def _exp_and_expm1_neg32(x):
     return (_f32(0) if x > _LAST_EXPONENT else exp_neg), (one if x > _LAST_EXPONENT else alpha)
 
 
-@overload(exp_and_expm1_neg, inline="always")
+@overload(exp_and_expm1_neg, jit_options=_OPTIONS)
 @no_type_check
 def _exp_and_expm1_neg(x):
     if x == types.float32:
-        return lambda x: _exp_and_expm1_neg32(x)  # noqa: PLW0108 (Numba wants a function of its own)
+        return _exp_and_expm1_neg32
     return lambda x: (math.exp(-x), -math.expm1(-x))
 
 
@@ -73,7 +74,6 @@ def sin_cos(x: Any) -> Any:
     raise NotImplementedError("for use inside of Numba kernels")
 
 
-@njit(inline="always")
 @no_type_check
 def _sin_cos32(x):
     rounded = x * _2_OVER_PI + _ROUND
@@ -91,11 +91,11 @@ def _sin_cos32(x):
     return sine, cosine
 
 
-@overload(sin_cos, inline="always")
+@overload(sin_cos, jit_options=_OPTIONS)
 @no_type_check
 def _sin_cos(x):
     if x == types.float32:
-        return lambda x: _sin_cos32(x)  # noqa: PLW0108 (Numba wants a function of its own)
+        return _sin_cos32
     return lambda x: (math.sin(x), math.cos(x))
 
 
@@ -105,7 +105,6 @@ def power(x: Any, exponent: Any) -> Any:
     raise NotImplementedError("for use inside of Numba kernels")
 
 
-@njit(inline="always")
 @no_type_check
 def _power32(x, exponent):
     small = x < _TINY
@@ -123,13 +122,13 @@ def _power32(x, exponent):
     p = p * f + _f32(3.3333331174e-1)
     octaves = _f32(e) - (_f32(24) if small else _f32(0))
     log = octaves * _LOG_2_LOW + (p * f * f * f - _f32(0.5) * f * f) + f + octaves * _LOG_2_HIGH
-    raised, _ = _exp_and_expm1_neg32(-exponent * log)
+    raised, _ = exp_and_expm1_neg(-exponent * log)
     return _f32(0) if x == _f32(0) else raised
 
 
-@overload(power, inline="always")
+@overload(power, jit_options=_OPTIONS)
 @no_type_check
 def _power(x, exponent):
     if x == types.float32:
-        return lambda x, exponent: _power32(x, exponent)  # noqa: PLW0108 (Numba wants a function of its own)
+        return _power32
     return lambda x, exponent: x**exponent

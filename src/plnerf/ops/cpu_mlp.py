@@ -21,14 +21,18 @@ from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST, array, flat
 from plnerf.ops.cpu_products import add_products
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import INNER, njit
+from plnerf.ops.threads import share
 
 BLOCK = 64
 SLABS = 16
+_ROWS, _START, _STEP = np.int64(BLOCK), np.int64(0), np.int64(1)
+"""As whole numbers that Numba takes for variables: for every constant a function is compiled anew."""
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
+_INNER = _FLAGS | INNER
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _multiply(out, out_first, rows, width, s, s_first, s_stride, s_step, v, v_first, terms):  # noqa: PLR0913 (a kernel's arrays, one by one)
     """out (rows, width) += s (rows, terms) v (terms, width); rows a multiple of 8, width of 16."""
@@ -46,7 +50,7 @@ def _multiply(out, out_first, rows, width, s, s_first, s_stride, s_step, v, v_fi
             )  # fmt: skip
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _load(source, columns, first, count, to, column, width):
     """Rows first... of a (points, columns) array into columns of (B, width); what there is not is 0."""
@@ -58,7 +62,7 @@ def _load(source, columns, first, count, to, column, width):
             row[:] = 0
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _copy(source, to):
     # Of slices, since LLVM makes vector code of loops whose places begin at 0.
@@ -66,21 +70,21 @@ def _copy(source, to):
         to[i] = source[i]
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _add(source, to):
     for i in range(to.size):
         to[i] += source[i]
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _rectify(h):
     for i in range(h.size):
         h[i] = max(h[i], h.dtype.type(0))
 
 
-@njit(**_FLAGS)
+@njit(**_INNER)
 @no_type_check
 def _stop(g, h):
     # No gradient goes where h, what came out of a ReLU, is 0.
@@ -88,22 +92,24 @@ def _stop(g, h):
         g[i] = g[i] if h[i] > 0 else 0
 
 
-@njit(parallel=True, **_FLAGS)
+@njit(**_FLAGS)
 @no_type_check
-def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firsts, out):  # noqa: PLR0913 (a kernel's arrays, one by one)
+def _forward(  # noqa: PLR0913 (a kernel's arrays, one by one)
+    x, const, base, samples, sizes, wide, weights, biases, hidden, firsts, out, first_slab, stop_slab
+):
     """hidden (blocks, B sum(H)): what the layers put out, kept for the backward; `firsts` each slab's first
     block, -1 where a slab shall use block number `slab` again and again (nothing is kept)."""
     depth = len(sizes) - 2
     units, inputs = sizes[2], sizes[0] + sizes[1]
     rays = base.size // units
-    for slab in prange(SLABS):
+    for slab in range(first_slab, stop_slab):
         end = rays * (slab + 1) // SLABS * samples
         xs = np.zeros(BLOCK * wide[0], base.dtype)
         y = np.zeros(BLOCK * wide[depth], base.dtype)
         block = firsts[slab]
         for first in range(rays * slab // SLABS * samples, end, BLOCK):
             count = min(BLOCK, end - first)
-            _load(x, sizes[0], first, count, xs, 0, wide[0])
+            _load(x, sizes[0], first, count, xs, _START, wide[0])
             _load(const, sizes[1], first, count, xs, sizes[0], wide[0])
             h = hidden[block] if block >= 0 else hidden[slab]
             block += block >= 0
@@ -112,7 +118,7 @@ def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firs
                 ray = (first + min(p, count - 1)) // samples
                 _copy(base[ray * units : (ray + 1) * units], h[p * width : p * width + units])
                 h[p * width + units : (p + 1) * width] = 0
-            _multiply(h, 0, BLOCK, width, xs, 0, wide[0], 1, weights, 0, inputs)
+            _multiply(h, _START, _ROWS, width, xs, _START, wide[0], _STEP, weights, _START, inputs)
             start, stop, w, b = 0, BLOCK * width, inputs * width, 0
             for layer in range(1, depth):
                 _rectify(h[start:stop])
@@ -120,7 +126,7 @@ def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firs
                 to, at = (y, 0) if layer == depth - 1 else (h, stop)
                 for p in range(BLOCK):
                     _copy(biases[b : b + width], to[at + p * width : at + (p + 1) * width])
-                _multiply(to, at, BLOCK, width, h, start, wide[layer], 1, weights, w, terms)
+                _multiply(to, at, _ROWS, width, h, start, wide[layer], _STEP, weights, w, terms)
                 start, stop, w, b = stop, stop + BLOCK * width, w + terms * width, b + width
             results = sizes[depth + 1]
             for p in range(count):
@@ -128,16 +134,19 @@ def _forward(x, const, base, samples, sizes, wide, weights, biases, hidden, firs
                 _copy(row, out[(first + p) * results : (first + p + 1) * results])
 
 
-@njit(parallel=True, **_FLAGS)
+@njit(**_FLAGS)
 @no_type_check
 def _backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    x, const, samples, sizes, wide, weights, hidden, firsts, g_out, g_x, g_base, g_weights, g_biases
-):
+    x, const, samples, sizes, wide, weights, hidden, firsts, g_out, g_x, g_base, g_weights, g_biases,
+    first_slab, stop_slab,
+):  # fmt: skip
     """weights are those of the layers, (O, wide I); g_weights, (wide O, wide I), and g_biases have a slab
     each in their first axis; the caller adds up."""
     depth, units = len(sizes) - 2, sizes[2]
-    rays, widest = g_base.size // units, wide.max()
-    for slab in prange(SLABS):
+    rays, widest = g_base.size // units, 0
+    for width in wide:
+        widest = max(widest, width)
+    for slab in range(first_slab, stop_slab):
         end = rays * (slab + 1) // SLABS * samples
         xs = np.zeros(BLOCK * wide[0], g_base.dtype)
         g = np.zeros(BLOCK * widest, g_base.dtype)
@@ -146,12 +155,12 @@ def _backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
         block = firsts[slab]
         for first in range(rays * slab // SLABS * samples, end, BLOCK):
             count = min(BLOCK, end - first)
-            _load(x, sizes[0], first, count, xs, 0, wide[0])
+            _load(x, sizes[0], first, count, xs, _START, wide[0])
             _load(const, sizes[1], first, count, xs, sizes[0], wide[0])
             h = hidden[block]
             block += 1
             g[: BLOCK * wide[depth]] = 0
-            _load(g_out, sizes[depth + 1], first, count, g, 0, wide[depth])
+            _load(g_out, sizes[depth + 1], first, count, g, _START, wide[depth])
             start, w, to, b = h.size, len(weights), g_w.size, g_b.size
             for back in range(depth - 1):
                 layer = depth - 1 - back
@@ -159,19 +168,19 @@ def _backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
                 start, w, to, b = start - BLOCK * width, w - outputs * width, to - above * width, b - above
                 for p in range(BLOCK):
                     _add(g[p * above : (p + 1) * above], g_b[b : b + above])
-                _multiply(g_w, to, above, width, g, 0, 1, above, h, start, BLOCK)
+                _multiply(g_w, to, above, width, g, _START, _STEP, above, h, start, _ROWS)
                 before[: BLOCK * width] = 0
-                _multiply(before, 0, BLOCK, width, g, 0, above, 1, weights, w, outputs)
+                _multiply(before, _START, _ROWS, width, g, _START, above, _STEP, weights, w, outputs)
                 _stop(before[: BLOCK * width], h[start : start + BLOCK * width])
                 g, before = before, g
             above, width = wide[1], wide[0]
-            _multiply(g_w, 0, above, width, g, 0, 1, above, xs, 0, BLOCK)
+            _multiply(g_w, _START, above, width, g, _START, _STEP, above, xs, _START, _ROWS)
             for p in range(count):
                 ray = (first + p) // samples
                 _add(g[p * above : p * above + units], g_base[ray * units : (ray + 1) * units])
             if g_x.size:
                 before[: BLOCK * width] = 0
-                _multiply(before, 0, BLOCK, width, g, 0, above, 1, weights, 0, units)
+                _multiply(before, _START, _ROWS, width, g, _START, above, _STEP, weights, _START, units)
                 for p in range(count):
                     row = before[p * width : p * width + sizes[0]]
                     _copy(row, g_x[(first + p) * sizes[0] : (first + p + 1) * sizes[0]])
@@ -208,9 +217,10 @@ class _RayMLP(torch.autograd.Function):
         firsts, count = (blocks[:-1], int(blocks[-1])) if kept else (np.full(SLABS, -1), SLABS)
         hidden = x.new_empty(count, BLOCK * int(wide[1:-1].sum()))
         out = x.new_empty(rays, samples, int(sizes[-1]))
-        _forward(
-            flat(x), flat(const), flat(base), samples, sizes, wide, _joined([w.T for w in matrices]),
-            _joined([array(b) for b in params[2::2]]), hidden.numpy(), firsts, flat(out),
+        share(
+            _forward, flat(x), flat(const), flat(base), samples, sizes, wide,
+            _joined([w.T for w in matrices]), _joined([array(b) for b in params[2::2]]), hidden.numpy(),
+            firsts, flat(out), of=SLABS,
         )  # fmt: skip
         if kept:
             ctx.save_for_backward(x, const, base, hidden, *params)
@@ -226,10 +236,10 @@ class _RayMLP(torch.autograd.Function):
         g_biases = x.new_zeros(SLABS, int(wide[2:].sum()))
         g_x = x.new_empty(x.shape if ctx.needs_input_grad[0] else (0,))
         g_base = torch.zeros_like(base, memory_format=torch.contiguous_format)
-        _backward(
-            flat(x), flat(const), x.shape[1], sizes, wide, _joined(matrices),
-            hidden.numpy(), ctx.firsts, flat(g_outputs[0]), flat(g_x), flat(g_base), g_weights.numpy(),
-            g_biases.numpy(),
+        share(
+            _backward, flat(x), flat(const), x.shape[1], sizes, wide, _joined(matrices), hidden.numpy(),
+            ctx.firsts, flat(g_outputs[0]), flat(g_x), flat(g_base), g_weights.numpy(), g_biases.numpy(),
+            of=SLABS,
         )  # fmt: skip
         areas = (wide[1:] * wide[:-1]).tolist()
         g_params: list[Tensor] = []

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.cpu_math import exp_and_expm1_neg, sin_cos
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import inlined, njit
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 
@@ -45,7 +45,7 @@ def s_to_t(s: Float[Tensor, "*n"], near: float, far: float, knee: float) -> Floa
     return t
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST, error_model="numpy")
 @no_type_check
 def _moments(t0, t1, radius, tiny, real):
     """(t_mean, var_t, var_r) of an interval: `frustums.frustum_moments`."""
@@ -62,7 +62,7 @@ def _moments(t0, t1, radius, tiny, real):
     return t_mean, var_t, var_r
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST, error_model="numpy")
 @no_type_check
 def _contract(x, y, z, real):
     """f(x), and of its Jacobian a, b and whether k is 0, 1 (else 2): `contraction.jacobian_terms`."""
@@ -79,7 +79,7 @@ def _contract(x, y, z, real):
     return a, b, first, second
 
 
-@njit(inline="always")
+@inlined(fastmath=FAST, error_model="numpy")
 @no_type_check
 def gaussian(  # noqa: PLR0913 (a kernel's arrays, one by one)
     o0, o1, o2, d0, d1, d2, radius, t0, t1, A0, A1, A2, contraction, tiny, real
@@ -156,18 +156,6 @@ def fill_features(  # noqa: PLR0913 (a kernel's arrays, one by one)
                     encoded[ray, i, width + 3 * k + axis] = cosines[k, 3 * i + axis]
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _features_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    origins, directions, radius, t, stretch, contraction, octaves, unit, encoded, rays, parts
-):
-    for part in prange(parts):
-        fill_features(
-            origins, directions, radius, t, stretch, contraction, octaves, unit, encoded,
-            rays * part // parts, rays * (part + 1) // parts,
-        )  # fmt: skip
-
-
 def frustum_features(
     origins: Float[Tensor, "r 3"],
     directions: Float[Tensor, "r 3"],
@@ -190,7 +178,7 @@ def frustum_features(
         origins, directions, radius, t, unit.view(rays, 3 * intervals), encoded
     )
     launch(
-        fill_features, _features_parallel, o, d, r, edges, stretch, contraction, octaves, flat, ipe,
+        fill_features, o, d, r, edges, stretch, contraction, octaves, flat, ipe,
         rays=rays, samples=rays * intervals, ns=1.5 + 2.5 * octaves,
     )  # fmt: skip
     return unit, encoded

@@ -16,13 +16,14 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from plnerf.ops.cpu_arrays import FAST, num_threads
+from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.cpu_blocks import Grid, Network, encode, run_network
 from plnerf.ops.cpu_cells import BLOCK
 from plnerf.ops.cpu_math import exp_and_expm1_neg
 from plnerf.ops.cpu_rays import fill_features
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
 from plnerf.ops.launch import arrays
+from plnerf.ops.threads import share
 
 _PACKET = 16
 """Rays at once: their intervals fill whole blocks where a ray has a multiple of 8."""
@@ -30,34 +31,32 @@ _BOUND = 15.0  # of the exponent, as in `field.networks.density_activation`
 _DENSEST = math.exp(_BOUND)
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _densities(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    origins, directions, radius, t, stretch, contraction, grid, network, sigma, parts
+    origins, directions, radius, t, stretch, contraction, grid, network, sigma, start, stop
 ):
-    rays, S, real = t.shape[0], t.shape[1] - 1, t.dtype.type
+    S, real = t.shape[1] - 1, t.dtype.type
     widest = network.sizes.max() * BLOCK
     bound, densest = real(_BOUND), real(_DENSEST)
-    for part in prange(parts):
-        unit, none = np.empty((_PACKET, 3 * S), t.dtype), np.empty((_PACKET, S, 0), t.dtype)
-        points = unit.reshape(-1)
-        rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
-        encoded = np.zeros(network.sizes[0] * BLOCK, t.dtype)
-        hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
-        stop = rays * (part + 1) // parts
-        for first in range(rays * part // parts, stop, _PACKET):
-            count = min(_PACKET, stop - first)
-            fill_features(
-                origins[first:], directions[first:], radius[first:], t[first:], stretch, contraction, 0,
-                unit, none, 0, count,
-            )  # fmt: skip
-            for begin in range(0, count * S, BLOCK):
-                size = min(BLOCK, count * S - begin)
-                encode(points, begin, size, grid, rows, shares, encoded)
-                raw = run_network(network, encoded, 0, hidden, other)
-                for p in range(size):
-                    exp_neg, _ = exp_and_expm1_neg(bound - min(raw[p], bound))
-                    sigma[first * S + begin + p] = densest * exp_neg
+    unit, none = np.empty((_PACKET, 3 * S), t.dtype), np.empty((_PACKET, S, 0), t.dtype)
+    points = unit.reshape(-1)
+    rows, shares = np.empty(8 * BLOCK, np.uint32), np.empty(8 * BLOCK, t.dtype)
+    encoded = np.zeros(network.sizes[0] * BLOCK, t.dtype)
+    hidden, other = np.empty(widest, t.dtype), np.empty(widest, t.dtype)
+    for first in range(start, stop, _PACKET):
+        count = min(_PACKET, stop - first)
+        fill_features(
+            origins[first:], directions[first:], radius[first:], t[first:], stretch, contraction, 0,
+            unit, none, 0, count,
+        )  # fmt: skip
+        for begin in range(0, count * S, BLOCK):
+            size = min(BLOCK, count * S - begin)
+            encode(points, begin, size, grid, rows, shares, encoded)
+            raw = run_network(network, encoded, 0, hidden, other)
+            for p in range(size):
+                exp_neg, _ = exp_and_expm1_neg(bound - min(raw[p], bound))
+                sigma[first * S + begin + p] = densest * exp_neg
 
 
 def densities_along_rays(
@@ -77,5 +76,5 @@ def densities_along_rays(
     """
     sigma = t.new_empty(t.shape[0], t.shape[1] - 1)
     o, d, r, edges, out = arrays(origins, directions, radius, t, sigma.view(-1))
-    _densities(o, d, r, edges, stretch, contraction, grid, network, out, num_threads())
+    share(_densities, o, d, r, edges, stretch, contraction, grid, network, out, of=len(t))
     return sigma

@@ -15,7 +15,7 @@ from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.cpu_math import power
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import njit
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 
 
@@ -48,14 +48,6 @@ def _resample(s, w, u, padding, anneal, edges, start, stop):
             share = (level - cdf[upper - 1]) / width if width > zero else half
             share = max(min(share, one), zero)
             edges[ray, i] = s[ray, upper - 1] + share * (s[ray, upper] - s[ray, upper - 1])
-
-
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _resample_parallel(s, w, u, padding, anneal, edges, rays, parts):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _resample(s, w, u, padding, anneal, edges, start, stop)
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -91,14 +83,6 @@ def _interlevel(s, w, s_proposal, w_proposal, loss, gradient, start, stop):
             gradient[ray, j] = running
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _interlevel_parallel(s, w, s_proposal, w_proposal, loss, gradient, rays, parts):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _interlevel(s, w, s_proposal, w_proposal, loss, gradient, start, stop)
-
-
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _distortion(s, w, loss, gradient, start, stop):
@@ -124,19 +108,12 @@ def _distortion(s, w, loss, gradient, start, stop):
         loss[ray] = half * doubled
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _distortion_parallel(s, w, loss, gradient, rays, parts):
-    for part in prange(parts):
-        _distortion(s, w, loss, gradient, rays * part // parts, rays * (part + 1) // parts)
-
-
 class _Interlevel(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, s: Tensor, w: Tensor, s_proposal: Tensor, w_proposal: Tensor) -> Tensor:
         loss, gradient = s.new_empty(len(s)), s.new_empty(w_proposal.shape)
         launch(
-            _interlevel, _interlevel_parallel, *arrays(s, w, s_proposal, w_proposal, loss, gradient),
+            _interlevel, *arrays(s, w, s_proposal, w_proposal, loss, gradient),
             rays=len(s), samples=w.numel() + w_proposal.numel(), ns=3.0,
         )  # fmt: skip
         ctx.save_for_backward(gradient)
@@ -154,7 +131,7 @@ class _Distortion(torch.autograd.Function):
     def forward(ctx: Any, s: Tensor, w: Tensor) -> Tensor:
         loss, gradient = s.new_empty(len(s)), torch.empty_like(w, memory_format=torch.contiguous_format)
         launch(
-            _distortion, _distortion_parallel, *arrays(s, w, loss, gradient),
+            _distortion, *arrays(s, w, loss, gradient),
             rays=len(s), samples=w.numel(), ns=2.0,
         )  # fmt: skip
         ctx.save_for_backward(gradient)
@@ -181,7 +158,7 @@ def resample_edges(
     edges = torch.empty_like(u, memory_format=torch.contiguous_format)
     s_array, w_array, u_array, out = arrays(s, w, u, edges)
     launch(
-        _resample, _resample_parallel, s_array, w_array, u_array, padding, float(anneal), out,
+        _resample, s_array, w_array, u_array, padding, float(anneal), out,
         rays=len(s), samples=w.numel() + u.numel(), ns=2.0,
     )  # fmt: skip
     return edges

@@ -20,7 +20,7 @@ from torch.autograd.function import once_differentiable
 
 from plnerf.ops.cpu_arrays import FAST
 from plnerf.ops.cpu_math import exp_and_expm1_neg
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import INNER, njit
 from plnerf.ops.launch import arrays, launch, refuse_gradients
 from plnerf.ops.rendered import Rendered
 
@@ -40,13 +40,6 @@ def _weights(sigma, t, w, T_next, start, stop):
             T_next[ray, i] = transmittance
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _weights_parallel(sigma, t, w, T_next, rays, parts):
-    for part in prange(parts):
-        _weights(sigma, t, w, T_next, rays * part // parts, rays * (part + 1) // parts)
-
-
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 @no_type_check
 def _weights_backward(t, w, T_next, g_w, g_sigma, start, stop):
@@ -58,15 +51,7 @@ def _weights_backward(t, w, T_next, g_w, g_sigma, start, stop):
             later += g_w[ray, k] * w[ray, k]
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _weights_backward_parallel(t, w, T_next, g_w, g_sigma, rays, parts):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _weights_backward(t, w, T_next, g_w, g_sigma, start, stop)
-
-
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy", **INNER)
 @no_type_check
 def _median(w, t, ray, before, inside, real, eps):
     """`volume.median_depth`: `inside` the interval where the sum of weights reaches 1/2, `before` it."""
@@ -106,17 +91,6 @@ def _composite(t, w, colours, colour, rest, start, stop):
         rest[2, ray] = _median(w, t, ray, before, inside, real, eps)
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _render_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    sigma, t, colours, w, T_next, colour, rest, rays, parts
-):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _weights(sigma, t, w, T_next, start, stop)
-        _composite(t, w, colours, colour, rest, start, stop)
-
-
 @no_type_check
 def _render(  # noqa: PLR0913 (a kernel's arrays, one by one)
     sigma, t, colours, w, T_next, colour, rest, start, stop
@@ -154,22 +128,12 @@ def _render_backward(  # noqa: PLR0913 (a kernel's arrays, one by one)
         g_colours[ray, S - 1, 2] += missed * blue
 
 
-@njit(parallel=True, cache=True, fastmath=FAST, error_model="numpy")
-@no_type_check
-def _render_backward_parallel(  # noqa: PLR0913 (a kernel's arrays, one by one)
-    t, colours, w, T_next, g_w, g_colour, g_total, g_sigma, g_colours, rays, parts
-):
-    for part in prange(parts):
-        start, stop = rays * part // parts, rays * (part + 1) // parts
-        _render_backward(t, colours, w, T_next, g_w, g_colour, g_total, g_sigma, g_colours, start, stop)
-
-
 class _Weights(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, sigma: Tensor, t: Tensor) -> Tensor:
         w, T_next = (torch.empty_like(sigma, memory_format=torch.contiguous_format) for _ in range(2))
         launch(
-            _weights, _weights_parallel, *arrays(sigma, t, w, T_next),
+            _weights, *arrays(sigma, t, w, T_next),
             rays=len(sigma), samples=sigma.numel(), ns=1.0,
         )  # fmt: skip
         ctx.save_for_backward(t, w, T_next)
@@ -181,7 +145,7 @@ class _Weights(torch.autograd.Function):
         t, w, T_next = ctx.saved_tensors
         g_sigma = torch.empty_like(w)
         launch(
-            _weights_backward, _weights_backward_parallel, *arrays(t, w, T_next, *g_outputs, g_sigma),
+            _weights_backward, *arrays(t, w, T_next, *g_outputs, g_sigma),
             rays=len(w), samples=w.numel(), ns=1.0,
         )  # fmt: skip
         return g_sigma, None
@@ -193,7 +157,7 @@ class _Render(torch.autograd.Function):
         w, T_next = (torch.empty_like(sigma, memory_format=torch.contiguous_format) for _ in range(2))
         colour, rest = sigma.new_empty(len(sigma), 3), sigma.new_empty(3, len(sigma))
         launch(
-            _render, _render_parallel, *arrays(sigma, t, colours, w, T_next, colour, rest),
+            _render, *arrays(sigma, t, colours, w, T_next, colour, rest),
             rays=len(sigma), samples=sigma.numel(), ns=2.5,
         )  # fmt: skip
         ctx.save_for_backward(t, colours, w, T_next)
@@ -207,7 +171,7 @@ class _Render(torch.autograd.Function):
         t, colours, w, T_next = ctx.saved_tensors
         g_sigma, g_colours = torch.empty_like(w), w.new_empty(*w.shape, 3)
         launch(
-            _render_backward, _render_backward_parallel,
+            _render_backward,
             *arrays(t, colours, w, T_next, *g_outputs[:3], g_sigma, g_colours),
             rays=len(w), samples=w.numel(), ns=2.5,
         )  # fmt: skip

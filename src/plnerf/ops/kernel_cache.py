@@ -1,4 +1,4 @@
-"""Numba's `njit` and `prange` for kernels, and where compiled kernels are kept: by a hash of their source.
+"""Numba's `njit` for kernels, and where compiled kernels are kept: by a hash of their source.
 
 Numba's own cache knows a kernel by the file that defines it.  A kernel calls others of other files, which are
 compiled into it: after an edit there, the old machine code would still run.  Here the hash covers every file
@@ -9,6 +9,7 @@ them, as for a container's user without a home, comes a folder among the tempora
 writable either, every process compiles for itself.  A warning reports both.
 """
 
+import gc
 import hashlib
 import inspect
 import os
@@ -24,13 +25,14 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba import prange
-from numba.core import caching
+from numba.core import caching, event
 
-__all__ = ["njit", "prange"]
+__all__ = ["INNER", "inlined", "njit"]
 
 PACKAGE = Path(__file__).resolve().parent.parent
 PREFIX = "kernels-"
+INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of a function that only kernels call: what Python would call is not compiled."""
 _MADE: list[Any] = []
 """Every kernel that is to be kept."""
 KEPT_S = 14 * 24 * 3600.0
@@ -53,11 +55,14 @@ def kernel_files(package: Path) -> list[Path]:
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Numba's `njit`, always with options; what it compiles is not kept where no place for it is writable."""
+    """Numba's `njit`, always with options; what it compiles is not kept where no place for it is writable.
+
+    A kernel runs without Python's lock, so that threads can share its work (`threads.py`).
+    """
 
     def compiled(function: Callable[..., Any]) -> Any:
         kept = options.get("cache", False) and _can_be_kept(function)
-        kernel = numba.njit(**{**options, "cache": kept})(function)
+        kernel = numba.njit(**{"nogil": True, "no_cfunc_wrapper": True, **options, "cache": kept})(function)
         if options.get("cache", False):
             _MADE.append(kernel)
         if kept:
@@ -65,6 +70,15 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         return kernel
 
     return compiled
+
+
+def inlined(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Numba's `njit` for a small function that only kernels call: LLVM puts it in the place of every call.
+
+    Numba's own `inline="always"` does so before types are inferred, anew for every call, and takes twice as
+    long.  The flags of fast mathematics are not those of the caller: name them.
+    """
+    return numba.njit(**INNER, forceinline=True, **options)
 
 
 def kept_kernels() -> dict[str, list[str]]:
@@ -110,11 +124,35 @@ def _can_be_kept(function: Callable[..., Any]) -> bool:
     return False
 
 
+class _NoCollection(event.Listener):
+    """Leaves the search for cyclic garbage out while Numba compiles: its objects are many, and are in use.
+
+    Every search through all that PyTorch and Numba hold takes a quarter of a second.
+    """
+
+    def __init__(self) -> None:
+        self._depth, self._enabled = 0, False
+
+    def on_start(self, event: Any) -> None:
+        """A compilation begins, maybe within another one; only one thread at a time compiles."""
+        if not self._depth:
+            self._enabled = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """It has ended."""
+        self._depth -= 1
+        if not self._depth and self._enabled:
+            gc.enable()
+
+
 def _install() -> None:
     """Has Numba keep this package's kernels by their hash; those of other packages stay where they were.
 
     Numba chooses a kernel's folder when the kernel is defined, which is why this file is imported first.
     """
+    event.register("numba:compile", _NoCollection())
     implementation = _numba("CacheImpl")
     known = implementation._locator_classes
     if not any(issubclass(locator, _ByHash) for locator in known):

@@ -1,11 +1,10 @@
 """How the kernels of rays are called on a CPU: with arrays of one type, on one thread or on all.
 
-A kernel comes twice: plain, over the rays `start` to `stop`, and parallel, which hands a part of the rays to
-every thread.  No ray's numbers depend on another's, so that results do not depend on the number of threads.
-Waking threads costs about 40 us, as much as a kernel has to do for some hundred rays: small work stays on one
-thread.
+No ray's numbers depend on another's, so that results do not depend on the number of threads.  Waking threads
+costs about 40 us, as much as a kernel has to do for some hundred rays: small work stays on one thread.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ import torch
 from torch import Tensor
 
 from plnerf.ops.cpu_arrays import num_threads
+from plnerf.ops.threads import share
 
 _WORTH_WAKING_NS = 120_000
 
@@ -28,13 +28,9 @@ def arrays(*tensors: Tensor) -> tuple[np.ndarray, ...]:
     return tuple(tensor.detach().contiguous().numpy() for tensor in tensors)
 
 
-def launch(plain: Any, parallel: Any, *arguments: Any, rays: int, samples: int, ns: float) -> None:
+def launch(kernel: Callable[..., Any], *arguments: Any, rays: int, samples: int, ns: float) -> None:
     """Runs a kernel over all rays; `ns` is about what one thread needs for a sample, in nanoseconds."""
-    count = num_threads() if samples * ns > _WORTH_WAKING_NS else 1
-    if count == 1:
-        plain(*arguments, 0, rays)
-    else:
-        parallel(*arguments, rays, count)
+    share(kernel, *arguments, of=rays, threads=num_threads() if samples * ns > _WORTH_WAKING_NS else 1)
 
 
 def refuse_gradients(op: str, **tensors: Tensor) -> None:

@@ -12,7 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from plnerf.ops.kernel_cache import njit, prange
+from plnerf.ops.kernel_cache import inlined, njit
+from plnerf.ops.threads import share
 from plnerf.survey.config_wires import CollinearConfig
 
 
@@ -53,13 +54,18 @@ def on_lines(
         -1,
     )
     keep = np.zeros(len(points), dtype=bool)
-    keep[order] = _on_lines(
+    kept = np.zeros(len(points), dtype=bool)
+    share(
+        _on_lines,
         np.ascontiguousarray(points[order] / radius),
         np.ascontiguousarray(np.unique(view, return_inverse=True)[1][order]),
         np.append(starts, len(points)),
         stretches,
         _limits(config),
+        kept,
+        of=len(filled),
     )
+    keep[order] = kept
     return keep
 
 
@@ -73,15 +79,14 @@ def _limits(config: CollinearConfig) -> _Limits:
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
-def _on_lines(points, view, starts, stretches, limits):
-    """`on_lines` of points in radii, sorted by the cells that begin at `starts`; (n,) bool.
+@njit(cache=True)
+def _on_lines(points, view, starts, stretches, limits, keep, start, stop):
+    """Into keep (n,): `on_lines` of points in radii, sorted by the cells that begin at `starts`.
 
     stretches (cells, 9, 2): where in the order the neighbours of a cell's points are.
     """
-    keep = np.zeros(len(points), dtype=np.bool_)
     views = view.max() + 1
-    for cell in prange(len(starts) - 1):
+    for cell in range(start, stop):
         seen = np.full(views, -1)
         most = (stretches[cell, :, 1] - stretches[cell, :, 0]).sum()
         near, whose = np.empty((most, 3)), np.empty(most, np.int64)
@@ -112,7 +117,6 @@ def _on_lines(points, view, starts, stretches, limits):
             enough = core >= max(limits.min_points, limits.min_core_share * count)
             enough = enough and different >= limits.min_views and inner >= limits.min_dense_share * core
             keep[n] = enough and length >= limits.extent_squared * core
-    return keep
 
 
 @no_type_check
@@ -145,7 +149,7 @@ def _axis(near, spread_squared):
 
 
 @no_type_check
-@njit(inline="always")
+@inlined()
 def _across(u, v, w, x, y, z):
     """Squared distance of an offset from the axis (x, y, z)."""
     along = u * x + v * y + w * z
