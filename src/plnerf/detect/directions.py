@@ -68,8 +68,8 @@ def vote(segments: Segments, views: Views, config: DirectionConfig) -> Votes:
     limits = (config.least_angle, config.full_angle, config.least_overlap, math.tan(config.max_slope_rad))
     first = np.searchsorted(segments.owner, np.arange(len(views.R) + 1))
     pairs = pairs_of_views(views, config.partners)
-    sides, by_view = np.sqrt(views.sizes.prod(1)), np.zeros((len(views.R), 3, len(azimuths), len(slopes)))
-    share(votes_of_views, segments, views.centre, sides, first, pairs, limits, by_view, of=len(views.R))
+    by_view = np.zeros((len(views.R), 3, len(azimuths), len(slopes)))
+    share(votes_of_views, segments, views, first, pairs, limits, by_view, of=len(views.R))
     return Votes(*by_view.sum(0))
 
 
@@ -92,13 +92,14 @@ def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "2 n n"]:
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def votes_of_views(segments, centre, side, first, pairs, limits, votes, start, stop):
+def votes_of_views(segments, views, first, pairs, limits, votes, start, stop):
     """Into votes (n, 3, a, e): those of each view's pairs with the views after it, as in `Votes`.
 
-    side: of a square of as many pixels as a view's image has; pairs: as `pairs_of_views` gives them.
+    pairs: as `pairs_of_views` gives them.
     """
     least_angle, full_angle, least_overlap, steepest = limits
-    _, normal, ends, length = segments
+    (_, normal, ends, length), centre = segments, views.centre
+    side = np.sqrt(1.0 * views.sizes[:, 0] * views.sizes[:, 1])
     for n in range(start, stop):
         for a in range(first[n], first[n + 1]):
             for other in range(n + 1, len(centre)):
