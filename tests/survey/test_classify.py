@@ -123,3 +123,22 @@ def test_settings_that_classify_nothing_are_refused(config: Any, wrong: dict[str
     (name,) = wrong
     with pytest.raises(ConfigError, match=name):
         config(**wrong)
+
+
+def test_what_has_a_smooth_roof_is_a_building_and_a_crown_is_not() -> None:
+    random = np.random.default_rng(2)
+    xy = random.uniform(-20, 20, (20000, 2))
+    house = (np.abs(xy[:, 0] - 6) < 5) & (np.abs(xy[:, 1]) < 4)
+    floor = np.column_stack([xy[~house], np.zeros((~house).sum())])
+    roof = np.column_stack([xy[house], 7.0 - 0.7 * np.abs(xy[house, 1])])
+    wall = np.column_stack([random.uniform(1, 11, 800), np.full(800, -4.0), random.uniform(0.5, 4.2, 800)])
+    crown = random.normal(size=(3000, 3))
+    crown = crown / np.linalg.norm(crown, axis=1, keepdims=True) * random.uniform(2.0, 2.6, (3000, 1))
+    parts = [floor, roof, wall, np.array([-9, 0, 6.0]) + crown]
+    xyz = np.concatenate(parts)
+    surface = seen(xyz + 0.05 * random.normal(size=xyz.shape), 0.08, DOWN)
+    none = np.zeros(len(xyz), bool)
+    cloud, _ = classified(surface, ground_of(surface, [], none, CONFIG), [], none, CONFIG)
+    of = np.split(cloud.label, np.cumsum([len(part) for part in parts])[:-1])
+    assert (of[1] == 6).mean() > 0.98 and (of[2] == 6).mean() > 0.95
+    assert not (of[0] == 6).any() and not (of[3] == 6).any()

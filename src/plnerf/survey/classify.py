@@ -7,17 +7,31 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter, uniform_filter
 
 from plnerf.findings import Finding, harms, note
-from plnerf.line.cloud import CONDUCTOR, GROUND, NO_WIRE, NOISE, SHIELD, TOWER, UNCLASSIFIED, Cloud
+from plnerf.line.cloud import (
+    BUILDING,
+    CONDUCTOR,
+    GROUND,
+    NO_WIRE,
+    NOISE,
+    SHIELD,
+    TOWER,
+    UNCLASSIFIED,
+    Cloud,
+)
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ClassifyConfig
 from plnerf.survey.ground import Ground, find_ground, vegetation
+from plnerf.survey.lidar.config_things import ThingsConfig
+from plnerf.survey.lidar.things import under_roofs
 from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
+
+THINGS = ThingsConfig()
 
 
 def ground_of(
@@ -71,10 +85,11 @@ def classified(
     wires: Sequence[Wire],
     of_structure: Bool[np.ndarray, " n"],
     config: ClassifyConfig,
+    things: ThingsConfig = THINGS,
 ) -> tuple[Cloud, tuple[Finding, ...]]:
     """The surface's points with their classes and wires, and what a reader must know of the classes.
 
-    Buildings are not distinguished from plants.
+    Buildings are recognised by their roofs as in a cloud without classes; all else that stands is vegetation.
     """
     label = np.full(len(surface.xyz), UNCLASSIFIED, np.uint8)
     wire = np.full(len(surface.xyz), NO_WIRE, np.int64)
@@ -91,8 +106,11 @@ def classified(
         sigma = np.where(on_it, upright, sigma)
         higher = (above > 0) & ~on_it
         label[higher] = vegetation(above[higher], config.ground)
+        label[_of_buildings(surface, above, higher & ~of_structure, things)] = BUILDING
         finding = note(
-            "classes", "Buildings and all else that stands are classified as vegetation, by height."
+            "classes",
+            "Buildings are recognised by smooth roofs that are seen from above; all else that stands is "
+            "classified as vegetation, by height.",
         )
     label[of_structure] = TOWER
     nearest, smeared = on_wires(surface, wires, config.on_wires)
@@ -101,3 +119,13 @@ def classified(
         wire[nearest == k] = one.id
         label[nearest == k] = SHIELD if one.kind == "shield" else CONDUCTOR
     return Cloud(surface.xyz, label, wire, surface.rgb, sigma), (finding,)
+
+
+def _of_buildings(
+    surface: Surface, above_m: Float[np.ndarray, " n"], may_be: Bool[np.ndarray, " n"], things: ThingsConfig
+) -> Int[np.ndarray, " _"]:
+    """Indices of the points under roofs, by the points that are exact enough to show one."""
+    index = np.flatnonzero(may_be)
+    exact = surface.sigma_m[index] <= things.max_sigma_m
+    as_exact = replace(things, max_rms_m=things.images_rms_m)
+    return index[under_roofs(surface.xyz[index], above_m[index], as_exact, exact)]

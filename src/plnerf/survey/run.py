@@ -195,7 +195,7 @@ def _of_images(
     as_detected = tuple(
         replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)
     )
-    cloud, more = classified(surface, ground, every, supports.points, config.classify)
+    cloud, more = classified(surface, ground, every, supports.points, config.classify, config.lidar.things)
     cloud = with_witnesses(cloud, sights, config.stereo.witnesses)
     if part is not None:
         lines, cloud, as_detected = numbered_part(part, photos.frame, lines, cloud, as_detected)

@@ -44,6 +44,10 @@ class ThingsConfig:
     """Greatest angle between planes of neighbouring places of one roof."""
     min_roof_m2: float = 12.0
     """Least area of a roof in plan, of what is 3 m wide everywhere."""
+    images_rms_m: float = 0.15
+    """The same as `max_rms_m` in clouds from images, which know a surface less exactly,"""
+    max_sigma_m: float = 0.4
+    """of whose points those of a greater standard deviation show no roof."""
     over_roof_m: float = 1.3
     """Points up to so far above the highest part of a smooth roof within a metre or two belong to it, such as
     chimneys: they end 0.6 to 0.9 m above the ridge, and half a metre around a ridge is no smooth plane.  What
@@ -52,7 +56,7 @@ class ThingsConfig:
     def __post_init__(self) -> None:
         lengths = (
             self.straight_m, self.beside_m, self.around_m, self.touching_m, self.cell_m, self.radius_m,
-            self.max_rms_m, self.min_roof_m2, self.aloft_m,
+            self.max_rms_m, self.min_roof_m2, self.aloft_m, self.images_rms_m, self.max_sigma_m,
         )  # fmt: skip
         if min(lengths) <= 0 or not 3 <= self.min_neighbours <= self.neighbours:
             raise ConfigError(

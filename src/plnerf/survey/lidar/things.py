@@ -34,7 +34,7 @@ def no_plants(
     """
     label = np.zeros(len(points), np.uint8)
     label[_straight(points, linear, config, lines)] = UNCLASSIFIED
-    label[_under_roofs(points, above_m, config)] = BUILDING
+    label[under_roofs(points, above_m, config)] = BUILDING
     return label
 
 
@@ -69,12 +69,17 @@ def _groups(points: Float[np.ndarray, "k 3"], reach_m: float) -> Int[np.ndarray,
     return number
 
 
-def _under_roofs(
-    points: Float[np.ndarray, "k 3"], above_m: Float[np.ndarray, " k"], config: ThingsConfig
-) -> Bool[np.ndarray, " k"]:
-    """Which points belong to roofs, or lie under them and beside their walls."""
+def under_roofs(
+    points: Float[np.ndarray, "k 3"], above_m: Float[np.ndarray, " k"], config: ThingsConfig,
+    exact: Bool[np.ndarray, " k"] | None = None,
+) -> Bool[np.ndarray, " k"]:  # fmt: skip
+    """Which points belong to roofs, or lie under them and beside their walls.
+
+    exact: those that may show a roof; None: all.
+    """
     inside = np.zeros(len(points), np.bool_)
-    high = points[above_m >= config.roof_from_m]
+    aloft = above_m >= config.roof_from_m
+    high = points[aloft if exact is None else aloft & exact]
     if len(high) < config.min_neighbours:
         return inside
     at = thinned(high, config.cell_m)
