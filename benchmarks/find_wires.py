@@ -39,11 +39,11 @@ def main() -> None:
             scene = load_scene(Path(folder), store=Path(store))
             if scene.truth is None:
                 sys.exit(f"{folder} has no truth.json: give scenes that `plnerf synth` made.")
-            start = time.perf_counter()
+            start, worked = time.perf_counter(), time.process_time()
             scene, change = with_adjusted_poses(scene, PosesConfig(adjust=not options.given_poses))
             adjusting = time.perf_counter() - start
             detected = detect_wires(scene)
-            seconds = time.perf_counter() - start
+            seconds, worked = time.perf_counter() - start, time.process_time() - worked
         frame = LineFrame.of_scene(scene.frames)
         true = json.loads(scene.truth.read_text())["conductors"]
         axes = [frame.from_world(dense(np.array(wire["polyline"]))) for wire in true]
@@ -58,7 +58,8 @@ def main() -> None:
             if certain and apart[nearest] < CLOSE_M:
                 found[name] = apart[nearest]
         poses = f"{adjusting:.1f} s of them for poses"
-        print(f"{folder}: {len(found)} of {len(true)} found, {seconds:.1f} s, {poses}")
+        many = f"{len(scene.train)} images, {worked:.1f} s of a processor"
+        print(f"{folder}: {len(found)} of {len(true)} found, {seconds:.1f} s, {poses}, {many}")
         if change is not None:
             print(f"  {change.text(scene.frames.unit)}")
         truth = read_truth(scene.truth).moved(Similarity(*frame.similarity))
