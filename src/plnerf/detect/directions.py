@@ -52,10 +52,10 @@ class Votes(NamedTuple):
     """The votes of all pairs for each azimuth and slope."""
 
     pixels: Float[np.ndarray, "a e"]
-    """Of pairs of neighbours, the pixels of the shorter segment.  They count by how much of the stretches
-    that both show overlaps, and by the angle at which their planes meet."""
+    """The pixels of the shorter segment of each pair that two views near to each other show.  They count by
+    how much of the stretches that both show overlaps, and by the angle at which their planes meet."""
     all_pixels: Float[np.ndarray, "a e"]
-    """The same of pairs of views that stand near to each other or far apart,"""
+    """The same where the views stand near to each other or far apart,"""
     footprints: Float[np.ndarray, "a e"]
     """and multiplied by the logarithm of the pair's footprint (`Direction`)."""
 

@@ -119,14 +119,14 @@ def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray,
 
 
 def pixels_of(views: Views, n: int) -> tuple[slice, tuple[int, int]]:
-    """Where a view's pixels are in flat arrays, and its rows and columns."""
+    """The part of flat arrays that holds a view's pixels, and its rows and columns."""
     w, h = (int(side) for side in views.sizes[n])
     start = int(views.starts[n])
     return slice(start, start + w * h), (h, w)
 
 
 def distance_to(ridges: Bool[np.ndarray, " p"], shape: tuple[int, int]) -> UInt8[np.ndarray, " p"]:
-    """The same of one view."""
+    """From each pixel of one view to its nearest ridge, in quarters of a pixel; 255 at most."""
     away = (~ridges).reshape(shape).view(np.uint8)
     distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_5)
     return (STEPS * np.minimum(distance, 255 / STEPS)).astype(np.uint8).ravel()
