@@ -49,7 +49,7 @@ class Search:
         self.masks = np.zeros(len(responses), np.uint8)
         """Lines whose ridge a pixel is."""
         self._others = np.zeros(len(responses), bool)
-        """Those pixels when the odds were last told of them."""
+        """Whether a pixel was a line's when `update_odds` last ran."""
         self._mask_px: dict[Candidate, int] = {}
         self._chains: Chains | None = None
         self.all_odds = self.odds = odds_of(responses, views, config.odds)

@@ -27,7 +27,7 @@ from plnerf.ops.threads import share
 BLOCK = 64
 SLABS = 16
 _ROWS, _START, _STEP = np.int64(BLOCK), np.int64(0), np.int64(1)
-"""As whole numbers that Numba takes for variables: for every constant a function is compiled anew."""
+"""NumPy integers, not Python's: for each constant of these Numba would compile a function anew."""
 _FLAGS = {"fastmath": FAST, "error_model": "numpy", "cache": True}
 _INNER = _FLAGS | INNER
 
