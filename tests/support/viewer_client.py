@@ -64,7 +64,8 @@ class ViewerClient:
         )  # fmt: skip
 
     def click(self, origin: np.ndarray, direction: np.ndarray) -> None:
-        """On the scene, away from nodes that can be clicked."""
+        """On the scene, away from nodes that can be clicked; as a browser does, once the page listens."""
+        self.wait(lambda: any(one["modifiers"] for one in self.of("ScenePointerEnableMessage")), "listener")
         self.send(
             "ScenePointerMessage", event_type="click", ray_origin=origin.tolist(),
             ray_direction=direction.tolist(), screen_pos=[[0.5, 0.5]], modifier=None,
