@@ -5,6 +5,7 @@ and plnerf.
 """
 
 import logging
+import os
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
@@ -94,7 +95,7 @@ class OnRay:
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise ConfigError(
                 f"There is no Ray cluster at {address} ({str(error).splitlines()[0]}). Start one, ray start "
-                "--head, or give --address local."
+                f"--head, or give --address local.{_about_token()}"
             ) from error
         try:
             require_room(ray.cluster_resources(), address, cores, gpus)
@@ -144,6 +145,16 @@ def require_room(have: Mapping[str, float], address: str, cores: int, gpus: floa
             f"A task needs {cores} cores and {gpus:g} GPUs, but the cluster at {address} has "
             f"{have.get('CPU', 0):g} and {have.get('GPU', 0):g} in all. Ask for fewer: --cores, --gpus."
         )
+
+
+def _about_token() -> str:
+    """What to do where the cluster asks for a token, which Ray's error does not tell from no cluster."""
+    if os.environ.get("RAY_AUTH_MODE") == "token":
+        return " If there is one, it may have another token than this machine's: see ~/.ray/auth_token."
+    return (
+        " If there is one, it may ask for a token, as newer versions of Ray do: set RAY_AUTH_MODE=token here "
+        "and on every node, each with the head's ~/.ray/auth_token."
+    )
 
 
 def _require_server(address: str) -> None:
