@@ -219,10 +219,12 @@ def test_findings_name_their_spans_and_many_alike_are_few(tmp_path: Path) -> Non
     ]
     found = merged(blocks, [], frame, "a", {}).findings
     texts = [one.what for one in found]
-    assert texts[0] == "Spans 1, 2, 3, 4, 5, 6: All alike."
-    assert texts[1:4] == ["Span 1: 1 of 9.", "Span 2: 2 of 9.", "Span 3: 3 of 9."]
-    assert texts[4:] == ["The like is stated of 3 more blocks: see their reports."]
-    assert found[1].where == ("span 1",) and found[4].kind == "ends" and found[4].degree == "harms"
+    assert texts == [
+        "Spans 1–6: All alike.",
+        "Span 1: 1 of 9. The like is stated of spans 2–6: see their reports.",
+    ]
+    assert found[1].where == tuple(f"span {k}" for k in range(1, 7))
+    assert found[1].kind == "ends" and found[1].degree == "harms"
 
 
 class Failing(KnownLine):

@@ -148,7 +148,7 @@ def require_room(have: Mapping[str, float], address: str, cores: int, gpus: floa
 
 
 def _about_token() -> str:
-    """What to do where the cluster asks for a token, which Ray's error does not tell from no cluster."""
+    """Advice about tokens: a cluster that asks for one gives the same error as one that is not there."""
     if os.environ.get("RAY_AUTH_MODE") == "token":
         return " If there is one, it may have another token than this machine's: see ~/.ray/auth_token."
     return (

@@ -14,10 +14,9 @@ from plnerf.line.line import Line, Span, Structure
 from plnerf.line.move import move_wire
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
+from plnerf.report.figures import runs_of
 
-MOST_ALIKE = 3
-"""Findings that differ in numbers alone, of so many blocks each."""
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_NUMBER = re.compile(r"\d[\d.,]*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,35 +109,32 @@ def _better(one: Structure | None, other: Structure) -> Structure:
 def _findings(
     blocks: Sequence[BlockSurvey], planned: Sequence[int], spans: Mapping[int, Mapping[int, Span]]
 ) -> tuple[Finding, ...]:
-    """Those of the blocks, each with the spans that it is about; the first ones of many that differ in
-    numbers alone."""
-    texts: dict[tuple[str, str], dict[str, list[BlockSurvey]]] = {}
-    first: dict[str, Finding] = {}
+    """Those of the blocks, each with the spans that it is about; of those that differ in numbers alone the
+    first."""
+    texts: dict[tuple[str, str], list[tuple[Finding, BlockSurvey]]] = {}
     for block in blocks:
         for one in block.survey.findings:
-            alike = texts.setdefault((one.kind, _NUMBER.sub("#", one.what)), {})
-            alike.setdefault(one.what, []).append(block)
-            first.setdefault(one.what, one)
-    found: dict[tuple[str, str], Finding] = {}
-    for key, alike in texts.items():
-        shown = list(alike.items())[:MOST_ALIKE]
-        for what, its in shown:
-            spans_of = [number for block in its for number in block.spans]
-            where = tuple(f"span {number}" for number in spans_of)
-            found[key[0], what] = replace(first[what], what=f"{_named(spans_of, its)}: {what}", where=where)
-        if len(alike) > MOST_ALIKE:
-            what = f"The like is stated of {len(alike) - MOST_ALIKE} more blocks: see their reports."
-            found[key[0], key[1]] = replace(first[shown[0][0]], what=what, where=(), do="")
+            texts.setdefault((one.kind, _NUMBER.sub("#", one.what)), []).append((one, block))
+    found = []
+    for alike in texts.values():
+        first = alike[0][0]
+        same = [block for one, block in alike if one.what == first.what]
+        others = [block for one, block in alike if one.what != first.what]
+        what = f"{_named(same).capitalize()}: {first.what}"
+        if others:
+            what += f" The like is stated of {_named(others)}: see their reports."
+        where = tuple(f"span {number}" for _, block in alike for number in block.spans)
+        found.append(replace(first, what=what, where=where))
     lost = sorted(set(planned) - {k for its in spans.values() for k in its})
     if lost:
         what = f"{len(lost)} of {len(planned)} spans that were planned are in no block's survey."
-        where = tuple(f"span {number}" for number in lost)
-        found["corridor", what] = Finding("corridor", "harms", what, where)
-    return tuple(found.values())
+        found.append(Finding("corridor", "harms", what, tuple(f"span {number}" for number in lost)))
+    return tuple(found)
 
 
-def _named(spans: Sequence[int], blocks: Sequence[BlockSurvey]) -> str:
-    """The spans of a finding, or the folders of blocks without any."""
+def _named(blocks: Sequence[BlockSurvey]) -> str:
+    """The spans of some blocks, or the folders of blocks without any."""
+    spans = [number for block in blocks for number in block.spans]
     if not spans:
         return ", ".join(block.folder.parent.name for block in blocks)
-    return f"Span{'s' * (len(spans) > 1)} {', '.join(map(str, spans))}"
+    return f"span{'s' * (len(spans) > 1)} {runs_of(spans)}"

@@ -47,7 +47,7 @@ def write_corridor_page(
     names of what was written beside it.
     """
     units = Units("ft" if survey.report_units == "feet" else "m")
-    main, notes = sorted_caveats(survey)
+    main, notes = sorted_caveats(survey, clouds=False)
     page = environment().get_template("corridor.html").render(
         title=f"Corridor of {name_of(survey)}",
         style=asset("page.css"),

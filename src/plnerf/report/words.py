@@ -132,13 +132,17 @@ def caveats(survey: Survey) -> list[str]:
     return [text for one in (*main, *notes) for text in one.texts]
 
 
-def sorted_caveats(survey: Survey) -> tuple[list[Caveat], list[Caveat]]:
-    """What limits the use of the figures, and notes on what they rest on; each matter once."""
+def sorted_caveats(survey: Survey, *, clouds: bool = True) -> tuple[list[Caveat], list[Caveat]]:
+    """What limits the use of the figures, and notes on what they rest on; each matter once.
+
+    clouds: whether the survey has its own points; those of a corridor lie with its blocks.
+    """
     of_all = _of_all(survey)
     found = sorted(survey.findings, key=lambda one: DEGREES.index(one.degree))
     limits = [(one.kind, one.text) for one in found if one.degree != "note" or one.kind == STATE]
     notes = [(one.kind, one.text) for one in found if one.degree == "note" and one.kind != STATE]
-    main = _by_matter([*(("", text) for text in of_all), *limits, *_of_wires(survey)])
+    own = [*(_of_ground(survey) if clouds else []), *_of_wires(survey)]
+    main = _by_matter([*(("", text) for text in of_all), *limits, *own])
     said = {text for one in main for text in one.texts}
     return main, _by_matter([(kind, text) for kind, text in notes if text not in said])
 
@@ -168,15 +172,18 @@ def _of_all(survey: Survey) -> list[str]:
     return texts
 
 
-def _of_wires(survey: Survey) -> list[tuple[str, str]]:
-    """What is not known of the ground below wires, and of the wires themselves."""
-    units, texts = units_of(survey), []
+def _of_ground(survey: Survey) -> list[tuple[str, str]]:
+    """Where no ground is known below wires."""
     profiles = [one.profile for one in survey.clearances.wires] if survey.clearances is not None else []
     bare = [one.wire for one in profiles if not np.isfinite(one.ground_z).any()]
     if survey.wires and not (survey.cloud.label == GROUND).any():
-        texts.append(("ground", "No ground is known, and so no height above ground."))
-    elif bare:
-        texts.append(("ground", f"No ground is known below {wires_named(sorted(bare))}."))
+        return [("ground", "No ground is known, and so no height above ground.")]
+    return [("ground", f"No ground is known below {wires_named(sorted(bare))}.")] if bare else []
+
+
+def _of_wires(survey: Survey) -> list[tuple[str, str]]:
+    """What is not known of the wires themselves."""
+    units, texts = units_of(survey), list[tuple[str, str]]()
     doubts: dict[tuple[str, ...], list[tuple[int, str]]] = {}
     for wire in survey.wires:
         for text in _doubts(wire, units):
