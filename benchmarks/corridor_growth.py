@@ -1,6 +1,7 @@
 """Whether the time and memory of `plnerf corridor` grow with the number of spans, and what a kilometre takes.
 
     python benchmarks/corridor_growth.py SCENE OUT [--spans 8] [--parts 1 2 4 8] [--block-m 150]
+        [--overlap-m 50]
 
 SCENE has so many spans (`plnerf synth OUT --scene long`: 8).  For each part the first images along the
 cameras' way, as large a share of it as the part is of the spans, are a scene of their own, by reference, and
@@ -49,11 +50,11 @@ def write_part(source: Path, folder: Path, share: float) -> int:
     return len(images)
 
 
-def survey(scene: Path, out: Path, block_m: float) -> dict[str, float]:
+def survey(scene: Path, out: Path, options: list[str]) -> dict[str, float]:
     """Surveys a part; what it took, as its records say, whether it was done now or before."""
     env = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    command = [sys.executable, "-m", "plnerf", "corridor", str(scene), "-o", str(out), "--block-m"]
-    ended = subprocess.run([*command, str(block_m)], stdout=subprocess.DEVNULL, env=env, check=False)
+    command = [sys.executable, "-m", "plnerf", "corridor", str(scene), "-o", str(out), *options]
+    ended = subprocess.run(command, stdout=subprocess.DEVNULL, env=env, check=False)
     if ended.returncode:
         sys.exit(f"The corridor of {scene} ended with status {ended.returncode}.")
     state = json.loads((out / "corridor.json").read_text())
@@ -69,7 +70,7 @@ def drawing(rows: list[dict[str, float]], slope: float, at_none: float) -> str:
     """Processor time (blue, with its line) and peak memory (red) by images."""
     most = max(row["images"] for row in rows)
     top_s = 1.1 * max(row["processor_seconds"] for row in rows)
-    top_mb = 1.1 * max(row["peak_mb"] for row in rows)
+    top_mb = 1.4 * max(row["peak_mb"] for row in rows)  # so that the two last dots are apart
 
     def place(images: float, share: float) -> tuple[float, float]:
         return LEFT + (RIGHT - LEFT) * images / (1.05 * most), BOTTOM - (BOTTOM - TOP) * share
@@ -87,17 +88,19 @@ def drawing(rows: list[dict[str, float]], slope: float, at_none: float) -> str:
             (f"{top_mb * k / 4:,.0f} MB", RED, RIGHT + 6, "start"),
         ):
             parts.append(f'<text x="{at}" y="{y + 4}" fill="{colour}" text-anchor="{anchor}">{text}</text>')
-    (x1, y1), (x2, y2) = (place(n, (at_none + slope * n) / top_s) for n in (0, most))
+    (x1, y1), (x2, y2) = (place(n, (at_none + slope * n) / top_s) for n in (rows[0]["images"], most))
     parts.append(f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke="{GREY}"/>')
     for row in rows:
         for share, colour in ((row["processor_seconds"] / top_s, BLUE), (row["peak_mb"] / top_mb, RED)):
             x, y = place(row["images"], share)
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour}"/>')
         x, _ = place(row["images"], 0)
-        label = f"{row['images']:.0f} images, {row['spans']:.0f} spans"
+        label = f"{row['images']:.0f} ({row['spans']:.0f})"
         parts.append(
             f'<text x="{x:.1f}" y="{BOTTOM + 20}" text-anchor="middle" font-size="11">{label}</text>'
         )
+    middle = (LEFT + RIGHT) / 2
+    parts.append(f'<text x="{middle}" y="{HEIGHT - 10}" text-anchor="middle">images (spans)</text>')
     parts.append(f'<text x="{LEFT}" y="{HEIGHT - 10}" fill="{BLUE}">processor time</text>')
     parts.append(f'<text x="{RIGHT}" y="{HEIGHT - 10}" fill="{RED}" text-anchor="end">peak memory</text>')
     return "\n".join([*parts, "</svg>"])
@@ -110,12 +113,14 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--spans", type=int, default=8)
     parser.add_argument("--parts", type=int, nargs="+", default=[1, 2, 4, 8])
-    parser.add_argument("--block-m", type=float, default=150.0)
+    parser.add_argument("--block-m", default="150")
+    parser.add_argument("--overlap-m", default="50")
     given = parser.parse_args()
+    options = ["--block-m", given.block_m, "--overlap-m", given.overlap_m]
     rows: list[dict[str, float]] = []
     for part in given.parts:
         count = write_part(given.scene, given.out / f"scene-{part}", part / given.spans)
-        took = survey(given.out / f"scene-{part}", given.out / f"part-{part}", given.block_m)
+        took = survey(given.out / f"scene-{part}", given.out / f"part-{part}", options)
         rows.append({"part": part, "images": count, **took})
         print(
             f"{count} images: {took['spans']} spans, {took['wires']} wires; "

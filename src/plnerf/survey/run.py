@@ -66,6 +66,8 @@ from plnerf.train.settings import to_json
 Progress = Callable[[int, int], None]
 FLIGHT_M = 120.0
 """Greatest height above the ground at which drones commonly may fly."""
+REST = 4
+"""Steps after the fit: classes, witnesses, clearances, crops."""
 LOW_SHARE = 20
 """One of so many points of a cloud counts as below any line: noise may lie deeper."""
 
@@ -83,7 +85,7 @@ def survey_run(
     a corridor that the survey is about; None: all that is seen.
     """
     config = config or SurveyConfig()
-    parts = _parts(progress, 4)
+    parts = _parts(progress, 5)
     photos = _with_heights(photos_of(run.scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
     found = (finder or detect_wires)(run.scene, config.detect, None) if run.wires is None else run.wires
@@ -106,7 +108,7 @@ def survey_scene(
     about; None: all that is seen.
     """
     config = config or SurveyConfig()
-    parts = _parts(progress, 4)
+    parts = _parts(progress, 5)
     photos = _with_heights(photos_of(scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
@@ -179,6 +181,7 @@ def _of_images(
     scenery = scenery_of(surface, field, chains, config.supports)
     extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
     refined, residual_px = refine_spans(photos, extents, config.refine, parts[1])
+    parts[2](0, REST)
     supports = find_supports(scenery, refined, config.supports, config.spans)
     supports = with_structure_kinds(supports, photos, config.structure_kinds)
     hung = hung_between(refined, extents, supports)
@@ -196,7 +199,9 @@ def _of_images(
         replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)
     )
     cloud, more = classified(surface, ground, every, supports.points, config.classify, config.lidar.things)
+    parts[2](1, REST)
     cloud = with_witnesses(cloud, sights, config.stereo.witnesses)
+    parts[2](2, REST)
     if part is not None:
         lines, cloud, as_detected = numbered_part(part, photos.frame, lines, cloud, as_detected)
         every = [wire for line in lines for wire in line.wires]
@@ -208,16 +213,19 @@ def _of_images(
         pictures=pictures_of(photos, every, config.pictures), from_images=True,
     )  # fmt: skip
     survey = _finished(survey, config, sights)
+    parts[2](3, REST)
     possible = survey.clearances.possible if survey.clearances is not None else ()
     near = survey.encroachments.records if survey.encroachments is not None else ()
     survey = survey if part is None else own_points(survey, part)
-    return replace(
+    survey = replace(
         survey,
         crops=crops_of(photos, [(one.place.on_obstacle, one.place.on_wire) for one in possible]),
         encroachment_crops=crops_of(
             photos, [(one.on_object, one.on_wire) for one in near[: config.encroachments.pictures]]
         ),
     )
+    parts[2](REST, REST)
+    return survey
 
 
 def _with_heights(photos: Photos, config: SurveyConfig) -> Photos:
