@@ -203,6 +203,7 @@ def test_only_a_bounded_part_of_the_pixels_is_mapped(tmp_path: Path, monkeypatch
     with (tmp_path / "images.u8").open("wb") as file:
         file.truncate(3 * count * side**2)
     store = ImageStore(tmp_path, np.full((count, 2), side))
+    assert store.waits_for_disk
     store.image(0).max()
     before = mapped_mb()
     for i in range(count):

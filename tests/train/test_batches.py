@@ -2,15 +2,19 @@
 
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
-from tests.support.tiny_run import open_tiny
+from tests.support.tiny_run import Recorder, assert_same_bits, newest_tensors, open_tiny, tiny_config
 from torch import Tensor
 
+from plnerf.scene import images
+from plnerf.train import loop
 from plnerf.train.batches import Ahead, pinned, to_device
-from plnerf.train.loop import step_generator
+from plnerf.train.loop import step_generator, train
 from plnerf.train.pixels import PixelBatch, PixelSampler, detail_pools
 
 CPU = torch.device("cpu")
@@ -48,6 +52,25 @@ def test_it_is_never_further_ahead_than_allowed(ahead: int) -> None:
             time.sleep(0.02)  # and would go on, if it did
             assert begun == list(range(asked + ahead))
             assert next(values) == asked
+
+
+def test_pixels_that_are_read_from_the_disk_are_drawn_ahead_and_train_alike(
+    tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ahead of the step they are drawn only where the file is larger than what may be mapped."""
+    drawn_ahead: list[int] = []
+
+    def ahead(draw: Callable[[int], Any], first: int, count: int) -> Ahead[Any]:
+        drawn_ahead.append(count)
+        return Ahead(draw, first, count)
+
+    monkeypatch.setattr(loop, "Ahead", ahead)
+    mapped, read = tmp_path / "mapped", tmp_path / "read"
+    train(tiny_config(tiny_scene), mapped, Recorder())
+    monkeypatch.setattr(images, "RESIDENT_BYTES", 1000)
+    train(tiny_config(tiny_scene), read, Recorder())
+    assert drawn_ahead == [0, 2]
+    assert_same_bits(newest_tensors(read), newest_tensors(mapped))
 
 
 def test_nothing_ahead_means_no_thread() -> None:

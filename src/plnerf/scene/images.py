@@ -41,13 +41,18 @@ class _PixelFile:
             self._read = rows.nbytes
         return rows
 
+    @property
+    def one_by_one(self) -> bool:
+        """Whether single rows are read each by itself."""
+        return self._rows.nbytes > RESIDENT_BYTES and hasattr(os, "pread")
+
     def pick(self, rows: Int[np.ndarray, " r"]) -> UInt8[np.ndarray, "r c"]:
         """A copy of single rows.
 
         Of a file that may not be mapped whole each is read by itself: around each byte that is read of a map,
         the system maps up to 2 MB.
         """
-        if self._rows.nbytes <= RESIDENT_BYTES or not hasattr(os, "pread"):
+        if not self.one_by_one:
             return self._rows[rows]
         file, width, read = self._file.fileno(), self._rows.shape[1], os.pread
         if hasattr(os, "posix_fadvise"):  # a disk reads many places at once, if it knows of them
@@ -74,6 +79,11 @@ class ImageStore:
 
     def __len__(self) -> int:
         return len(self.sizes_px)
+
+    @property
+    def waits_for_disk(self) -> bool:
+        """Whether colours of single pixels are read from the file, which holds more than may be mapped."""
+        return self._pixels.one_by_one
 
     @property
     def has_masks(self) -> bool:

@@ -97,8 +97,9 @@ def train(
         return batch if device == CPU else pinned(batch), generator
 
     report.begin(config, scene, step)
-    # On a CPU a thread that draws would only take the kernels' place.
-    with closing(report), closing(visitor), Ahead(draw, step, ahead=0 if device == CPU else 2) as batches:
+    # On a CPU a thread that draws would only take the kernels' place, unless it waits for the disk.
+    ahead = 2 if device != CPU or scene.images.waits_for_disk else 0
+    with closing(report), closing(visitor), Ahead(draw, step, ahead) as batches:
         visitor.begin(config, folder, scene, model)
         while progress < 1 and goes_on:
             clock = time.perf_counter()
