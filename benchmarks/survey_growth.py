@@ -1,4 +1,4 @@
-"""What each stage of a survey takes, and how it grows with the number of images.
+"""Measures what each stage of a survey takes, and how that grows with the number of images.
 
     python benchmarks/survey_growth.py SCENE... -o OUT
 

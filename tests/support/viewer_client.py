@@ -64,7 +64,7 @@ class ViewerClient:
         )  # fmt: skip
 
     def click(self, origin: np.ndarray, direction: np.ndarray) -> None:
-        """On the scene, away from nodes that can be clicked; as a browser does, once the page listens."""
+        """Clicks the scene away from its nodes; as in a browser, once the page listens."""
         self.wait(lambda: any(one["modifiers"] for one in self.of("ScenePointerEnableMessage")), "listener")
         self.send(
             "ScenePointerMessage", event_type="click", ray_origin=origin.tolist(),

@@ -109,8 +109,8 @@ def _better(one: Structure | None, other: Structure) -> Structure:
 def _findings(
     blocks: Sequence[BlockSurvey], planned: Sequence[int], spans: Mapping[int, Mapping[int, Span]]
 ) -> tuple[Finding, ...]:
-    """Those of the blocks, each with the spans that it is about; of those that differ in numbers alone the
-    first."""
+    """The findings of the blocks, each with the spans that it is about; of several that differ in numbers
+    alone the first."""
     texts: dict[tuple[str, str], list[tuple[Finding, BlockSurvey]]] = {}
     for block in blocks:
         for one in block.survey.findings:

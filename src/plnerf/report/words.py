@@ -173,7 +173,7 @@ def _of_all(survey: Survey) -> list[str]:
 
 
 def _of_ground(survey: Survey) -> list[tuple[str, str]]:
-    """Where no ground is known below wires."""
+    """A caveat where no ground is known below wires."""
     profiles = [one.profile for one in survey.clearances.wires] if survey.clearances is not None else []
     bare = [one.wire for one in profiles if not np.isfinite(one.ground_z).any()]
     if survey.wires and not (survey.cloud.label == GROUND).any():
@@ -182,7 +182,7 @@ def _of_ground(survey: Survey) -> list[tuple[str, str]]:
 
 
 def _of_wires(survey: Survey) -> list[tuple[str, str]]:
-    """What is not known of the wires themselves."""
+    """Caveats about the wires themselves."""
     units, texts = units_of(survey), list[tuple[str, str]]()
     doubts: dict[tuple[str, ...], list[tuple[int, str]]] = {}
     for wire in survey.wires:
