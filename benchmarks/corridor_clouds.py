@@ -4,8 +4,9 @@
 
 Makes tiles of one tile: copies side by side along its longer side, each with noise of its own (1 cm, seed 0),
 so that the line of one goes on in the next with a jump.  Surveys each count in blocks, in a process of its
-own, and one of them as a single cloud as well.  Prints time and peak memory of each, and how far the wires of
-blocks and of the single cloud are apart.  OUT is written anew where tiles are absent.
+own, and one of them as a single cloud as well.  Prints time and peak memory of each, how far the wires of
+blocks and of the single cloud are apart, and how many points have other classes.  OUT is written anew where
+tiles are absent.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import laspy
@@ -77,11 +79,32 @@ def compare(blocks: Survey, whole: Survey) -> None:
         other = blocks.wires[int(off.argmin())]
         if wire.sag is not None and other.sag is not None and off.min() < 1.0:
             sags.append(abs(wire.sag.value - other.sag.value))
-    largest = f", largest {1e3 * np.max(sags):.2f} mm" if sags else ""
+    largest = f", largest {1e6 * np.max(sags):.2f} um" if sags else ""
     print(
         f"wires: {len(whole.wires)} of one cloud, {len(blocks.wires)} of blocks; ends apart: median "
-        f"{1e3 * np.median(apart):.1f} mm, largest {1e3 * np.max(apart):.1f} mm; sags of {len(sags)}{largest}"
+        f"{1e6 * np.median(apart):.2f} um, largest {1e6 * np.max(apart):.2f} um; sags of {len(sags)}{largest}"
     )
+
+
+def compare_classes(blocks: Path, whole: Path) -> None:
+    """Prints whether both have the same points, and how many have another class."""
+    mine, its = (
+        classes_of(paths) for paths in (sorted(blocks.glob("*/survey/cloud.laz")), [whole / "cloud.laz"])
+    )
+    if mine.shape != its.shape or (mine[:, :3] != its[:, :3]).any():
+        print(f"points: {len(its):,} of one cloud and {len(mine):,} of blocks are not the same")
+    else:
+        print(f"points: {len(its):,} of both, {(mine[:, 3] != its[:, 3]).sum():,} with another class")
+
+
+def classes_of(paths: Sequence[Path]) -> np.ndarray:
+    """Places in millimetres and class of all points, in their order."""
+    parts = []
+    for path in paths:
+        las = laspy.read(path)
+        parts.append(np.column_stack([np.round(1e3 * las.xyz), las.classification]).astype(np.int64))
+    rows = np.concatenate(parts)
+    return rows[np.lexsort(rows.T[::-1])]
 
 
 def main() -> None:
@@ -111,6 +134,7 @@ def main() -> None:
         seconds, peak_mb = measured("survey", str(one), "-o", str(given.out / "whole"))
         print(f"{copies} tiles as one cloud: {seconds:.0f} s, {peak_mb:,.0f} MB", flush=True)
         compare(found, read_survey(given.out / "whole" / SURVEY_FILE))
+        compare_classes(out / "clouds", given.out / "whole")
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def test_the_ground_is_distinguished_from_what_stands_on_it(cloud: tuple[np.ndar
 
 def test_a_plane_is_a_plane_between_cells_and_across_holes() -> None:
     """Of each cell the lowest point counts, which here lies half a cell from its middle: a constant."""
-    x, y = np.meshgrid(np.arange(0.5, 60), np.arange(0.5, 40))
+    x, y = np.meshgrid(np.arange(60.0), np.arange(40.0))
     points = np.column_stack([x.ravel(), y.ravel(), (0.3 * x - 0.2 * y + 7).ravel()])
     hole = (np.abs(points[:, :2] - [30, 20]) < 8).all(1)
     ground = find_ground(points[~hole], CONFIG)
@@ -63,12 +63,34 @@ def test_a_plane_is_a_plane_between_cells_and_across_holes() -> None:
     assert above == pytest.approx(50 - ground.below(inside), abs=1e-12)
 
 
+def test_holes_go_on_from_one_rim_to_the_other() -> None:
+    """Not in steps, as the nearest known cell would: under a barn on a bank the ground climbs."""
+    x, y = np.meshgrid(np.arange(60.0), np.arange(40.0))
+    bank = np.clip(0.2 * (x - 20), 0.0, 4.0)  # bends at both sides of the hole
+    points = np.column_stack([x.ravel(), y.ravel(), bank.ravel()])
+    hole = (points[:, 0] >= 20) & (points[:, 0] <= 40) & (np.abs(points[:, 1] - 20) < 12)
+    ground = find_ground(points[~hole], CONFIG)
+    assert ground is not None
+    inside = np.column_stack([np.arange(23.0, 39.0), np.full(16, 20.0)])
+    assert ground.below(inside) == pytest.approx(0.2 * (inside[:, 0] - 20.5), abs=0.25)
+
+
 def test_moving_the_cloud_moves_the_ground(cloud: tuple[np.ndarray, np.ndarray]) -> None:
     points, _ = cloud
     shift = np.array([250_000.0, 5_800_000.0, 30.0])
     one, other = find_ground(points, CONFIG), find_ground(points + shift, CONFIG)
     assert one is not None and other is not None
     assert other.above(points + shift) == pytest.approx(one.above(points), abs=0.05)
+
+
+def test_a_part_of_a_cloud_has_the_cells_of_the_whole(cloud: tuple[np.ndarray, np.ndarray]) -> None:
+    """So that neighbouring tiles, each cut where it may be, state one ground where they overlap."""
+    points, _ = cloud
+    part = points[(points[:, 0] > 7.3) & (points[:, 1] > 3.9)]
+    one, other = find_ground(points, CONFIG), find_ground(part, CONFIG)
+    assert one is not None and other is not None
+    inside = np.random.default_rng(4).uniform([30, 30], EXTENT - 2, (1000, 2))
+    assert np.median(np.abs(one.below(inside) - other.below(inside))) < 1e-9
 
 
 def test_far_coordinates_keep_millimetres() -> None:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from scipy import ndimage
-from scipy.interpolate import LinearNDInterpolator
 
 from plnerf.line.cloud import HIGH_VEGETATION, LOW_VEGETATION, VEGETATION
 from plnerf.survey.config_ground import GroundConfig
@@ -43,11 +42,12 @@ class Ground:
 def find_ground(points: Float[np.ndarray, "n 3"], config: GroundConfig) -> Ground | None:
     """The ground of a cloud of n > 0 finite points; None where they form no surface.
 
-    Cells without points (water, shadow) are filled linearly from those around.
+    Cells without points (water, shadow) are filled linearly from those around, along rows and columns.
     """
-    corner = points[:, :2].min(0)
     extent = np.ptp(points[:, :2], axis=0)
     cell_m = max(config.cell_m, float(np.sqrt(extent.prod() / config.max_cells)))
+    # At multiples of the cell, so that a part of a cloud has the cells of the whole.
+    corner = np.floor(points[:, :2].min(0) / cell_m) * cell_m
     lowest = _lowest(points, corner, cell_m)
     seen = np.isfinite(lowest)
     whole = seen & (ndimage.uniform_filter(seen.astype(np.float64), 3, mode="constant") > 7.5 / 9)
@@ -115,12 +115,29 @@ def _opened(z: Float[np.ndarray, "r c"], cell_m: float, config: GroundConfig) ->
 
 
 def _filled(z: Float[np.ndarray, "r c"], known: Bool[np.ndarray, "r c"]) -> Float[np.ndarray, "r c"]:
-    """Heights with holes filled linearly from their rims, and beyond the last known cells by the nearest."""
-    filled = _filled_with_nearest(z, known)
-    rim = known & ndimage.binary_dilation(~known)
-    if np.ptp(np.nonzero(rim), axis=1).min(initial=0) > 0:  # otherwise the rim spans no triangle
-        holes = np.argwhere(~known)
-        inside = LinearNDInterpolator(np.argwhere(rim), z[rim])(holes)
-        good = np.isfinite(inside)
-        filled[tuple(holes[good].T)] = inside[good]
-    return filled
+    """Heights with holes filled linearly, along rows and columns, and beyond the last known cells by the
+    nearest.
+
+    A hole takes nothing from beyond its rim: it is filled alike in a part of a cloud and in all of it.
+    """
+    along, weight = _between(z, known)
+    across, other = (one.T for one in _between(z.T, known.T))
+    sums = weight + other
+    between = (weight * along + other * across) / np.where(sums > 0, sums, 1.0)
+    return np.where(known, z, np.where(sums > 0, between, _filled_with_nearest(z, known)))
+
+
+def _between(
+    z: Float[np.ndarray, "r c"], known: Bool[np.ndarray, "r c"]
+) -> tuple[Float[np.ndarray, "r c"], Float[np.ndarray, "r c"]]:
+    """Heights on the lines between the known cells to both sides in the same row, and how near these are to
+    each other: 0 where one is missing."""
+    columns = known.shape[1]
+    at = np.broadcast_to(np.arange(columns), known.shape)
+    before = np.maximum.accumulate(np.where(known, at, -1), axis=1)
+    after = np.minimum.accumulate(np.where(known, at, columns)[:, ::-1], axis=1)[:, ::-1]
+    both = (before >= 0) & (after < columns)
+    before, after = np.where(both, before, at), np.where(both, after, at)
+    gap = np.maximum(after - before, 1)
+    low, high = (np.where(both, np.take_along_axis(z, one, 1), 0.0) for one in (before, after))
+    return low + (high - low) * (at - before) / gap, both / gap

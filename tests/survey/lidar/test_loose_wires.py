@@ -12,10 +12,11 @@ from plnerf.survey.lidar.parabola import Parabola
 from plnerf.survey.lidar.spans import TrackSpan
 
 
+@pytest.mark.parametrize("seed", [4, 5, 10])
 @pytest.mark.parametrize("beyond_m", [7.0, 12.0])
-def test_what_goes_on_beyond_a_structure_is_no_obstacle(beyond_m: float) -> None:
+def test_what_goes_on_beyond_a_structure_is_no_obstacle(beyond_m: float, seed: int) -> None:
     """Too short for a track: such pieces were unclassified, and so things beside every wire."""
-    line = made.line(np.array([[0.0, 0.0], [110.0, 20.0], [215.0, 70.0]]), seed=4)
+    line = made.line(np.array([[0.0, 0.0], [110.0, 20.0], [215.0, 70.0]]), seed=seed)
     u = (line.feet[1] - line.feet[0])[:2]
     along = (line.xyz[:, :2] - line.feet[1][:2]) @ (u / np.linalg.norm(u))
     cut, truth = line.xyz[along < beyond_m], line.truth[along < beyond_m]
@@ -23,6 +24,17 @@ def test_what_goes_on_beyond_a_structure_is_no_obstacle(beyond_m: float) -> None
     beyond = (along[along < beyond_m] > 4.0) & np.isin(truth, [SHIELD, CONDUCTOR])
     assert beyond.sum() > 20 and (found.label[beyond] == UNCLASSIFIED).mean() < 0.05
     assert set(found.wire[beyond]) <= {NO_WIRE}
+
+
+@pytest.mark.parametrize(("beyond_m", "held"), [(-6.0, False), (3.0, True), (8.0, True)])
+def test_a_structure_at_the_edge_of_a_cloud_holds_the_span(beyond_m: float, held: bool) -> None:
+    """Where a cloud ended a few metres behind a tower, the span had no sag: "the cloud ends there"."""
+    line = made.line(np.array([[0.0, 0.0], [110.0, 20.0], [215.0, 70.0]]), seed=7)
+    along = line.xyz[:, :2] @ (line.feet[1][:2] / np.linalg.norm(line.feet[1][:2]))
+    kept = along < np.linalg.norm(line.feet[1][:2]) + beyond_m
+    (found,) = find_lines(line.xyz[kept], LidarConfig()).lines
+    assert len(found.structures) == 1 + held
+    assert {wire.sag is not None for wire in found.wires} == {held}
 
 
 def test_short_tracks_at_the_other_end_do_not_say_where_a_span_ends() -> None:

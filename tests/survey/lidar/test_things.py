@@ -9,6 +9,7 @@ from plnerf.line.cloud import BUILDING, GROUND, HIGH_VEGETATION, LOW_NOISE, NO_W
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.lidar.config_things import ThingsConfig
 from plnerf.survey.lidar.find import Found, find_lines
+from plnerf.survey.lidar.things import under_roofs
 
 HOUSE, BOOM = np.array([45.0, -20.0]), np.array([70.0, 20.0])
 FEW, MANY = np.array([60.0, 31.0]), np.array([88.0, -18.0])
@@ -55,6 +56,15 @@ def test_roofs_and_what_is_under_them_are_buildings_and_trees_are_none(line: mad
     assert (label[truth == 6] == BUILDING).mean() > 0.95
     assert not (label[truth == 5] == BUILDING).any() and np.isin(label[truth == 5], PLANTS).mean() > 0.98
     assert (label[truth == 2] == GROUND).mean() > 0.97
+
+
+@pytest.mark.parametrize("shift_m", [0.0, 0.2, 0.4, 0.6, 0.8])
+def test_a_house_is_one_wherever_the_squares_begin(shift_m: float) -> None:
+    """Of a roof 4 m wide 2.5 m were flat, three squares of a metre or two: a third of it to all was found."""
+    random = np.random.default_rng(7)
+    parts = np.concatenate(house(random, HOUSE)) + np.array([shift_m, -shift_m, 0.0])
+    above = parts[:, 2] - made.relief(HOUSE[None])[0]
+    assert under_roofs(parts, above, LidarConfig().things).mean() > 0.98
 
 
 def test_few_points_high_in_the_air_and_below_the_ground_are_noise(line: made.Line, found: Found) -> None:

@@ -98,6 +98,14 @@ def test_cells_stand_for_their_points_however_many() -> None:
     assert whole == pytest.approx(points.mean(0)[None])
 
 
+def test_a_part_of_a_cloud_has_the_cells_of_the_whole() -> None:
+    points = np.random.default_rng(2).uniform(-3, 3, (2000, 3))
+    right = points[:, 0] > 0.37
+    cells, part = thinned(points, 0.2), thinned(points[right], 0.2)
+    inside = cells[:, 0] > 0.4
+    assert part[part[:, 0] > 0.4] == pytest.approx(cells[inside], abs=1e-12)
+
+
 def test_neither_leaves_nor_surfaces_are_lines() -> None:
     random = np.random.default_rng(3)
     leaves = random.uniform(0, 12, (6000, 3))

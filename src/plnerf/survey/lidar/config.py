@@ -225,6 +225,10 @@ class StructureConfig:
     min_body_share: float = 0.4
     """Least share of the metres between `body_from_m` and its lowest wire in which it must show points, where
     only one span ends."""
+    edge_body_share: float = 0.8
+    """The same where the cloud ends behind it: there the wires may end with the cloud."""
+    edge_arms_share: float = 0.5
+    """Least width of what is as high as the wires, as a share of theirs, where the cloud ends behind it."""
     body_from_m: float = 2.0
     """Height above the ground below which points may be plants."""
     min_points: int = 4

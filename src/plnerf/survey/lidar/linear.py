@@ -29,8 +29,12 @@ class Linear:
 
 
 def thinned(points: Float[np.ndarray, "n 3"], cell_m: float) -> Float[np.ndarray, "m 3"]:
-    """The mean of the points in each cell of a cubic grid, so that density has no influence."""
-    cell = np.floor((points - points.min(0)) / cell_m).astype(np.int64)
+    """The mean of the points in each cell of a cubic grid, so that density has no influence.
+
+    The grid is that of the frame, so that a part of a cloud has the cells of the whole.
+    """
+    cell = np.floor(points / cell_m).astype(np.int64)
+    cell -= cell.min(0)
     size = cell.max(0) + 1
     key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
     _, which, count = np.unique(key, return_inverse=True, return_counts=True)

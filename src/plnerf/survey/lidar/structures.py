@@ -81,12 +81,10 @@ def find_structures(
                 met = meet(span, partner, meeting) if j != k else None
                 if met is not None and met[0] == last:
                     ends.append((j, met[1]))
-            if len(ends) == 1 and _cloud_ends(span, last, plan, config):
-                holders[k, last] = CLOUD_ENDS
-                continue
-            outline = _outline([(spans[j], at) for j, at in ends], other, ground, config)
+            edge = len(ends) == 1 and _cloud_ends(span, last, plan, config)
+            outline = _outline([(spans[j], at) for j, at in ends], other, ground, config, edge)
             if outline is None:
-                holders[k, last] = NOTHING_SEEN
+                holders[k, last] = CLOUD_ENDS if edge else NOTHING_SEEN
                 continue
             holders.update(dict.fromkeys(ends, len(found)))
             found.append(outline)
@@ -109,9 +107,12 @@ def _cloud_ends(span: TrackSpan, last: bool, plan: cKDTree, config: StructureCon
 
 def _outline(
     ends: Sequence[tuple[TrackSpan, bool]], other: Float[np.ndarray, "k 3"], ground: Ground,
-    config: StructureConfig,
+    config: StructureConfig, edge: bool,
 ) -> Outline | None:  # fmt: skip
-    """What stands where spans end; where several do, something does even if no point shows it."""
+    """What stands where spans end; where several do, something does even if no point shows it.
+
+    edge: the cloud ends there, and wires may end with it: what is no whole structure may be a tree.
+    """
     wires = np.concatenate([span.end(last) for span, last in ends])
     low, high = float(wires[:, 2].min()), float(wires[:, 2].max())
     place = np.mean([span.end(last)[:, :2].mean(0) for span, last in ends], axis=0)
@@ -131,7 +132,10 @@ def _outline(
         around = (np.abs(flat - middle) <= [config.body_m, half + config.beside_m]).all(1)
         body = other[around, 2] - z
         metres = np.unique(body[(body >= config.body_from_m) & (body < low - z)].astype(int))
-        seen = seen and len(metres) >= config.min_body_share * (low - z - config.body_from_m)
+        share = config.edge_body_share if edge else config.min_body_share
+        seen = seen and len(metres) >= share * (low - z - config.body_from_m)
+        if edge:
+            seen = seen and half > 0 and bool(np.ptp(flat[upper, 1]) >= config.edge_arms_share * 2 * half)
     if not seen and len(ends) == 1:
         return None
     top = float(other[upper, 2].max()) if seen else high

@@ -7,6 +7,8 @@ are unclassified.  In doubt a point stays a plant, since what is none has no veg
 Letters: k points that may be plants; m cells that stand for them; metres, z up.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from scipy import ndimage
@@ -84,8 +86,8 @@ def under_roofs(
         return inside
     at = thinned(high, config.cell_m)
     flat, normal = _flat(at, config)
-    at, normal = at[flat], normal[flat]
-    roofs = [_covered(at[part], config) for part in _planes(at, normal, config)]
+    planes = _planes(at[flat], normal[flat], config)
+    roofs = [_covered(part, config) for part in _with_edges(at, flat, normal, planes, config)]
     cells = np.concatenate([*(cell for cell, _ in roofs), np.zeros((0, 2), np.int64)])
     if not len(cells):
         return inside
@@ -114,6 +116,30 @@ def _planes(
     plane = connected_components(graph, directed=False)[1]
     order = np.argsort(plane, kind="stable")
     return [part for part in np.split(order, np.cumsum(np.bincount(plane))[:-1]) if len(part)]
+
+
+def _with_edges(
+    at: Float[np.ndarray, "m 3"], flat: Bool[np.ndarray, " m"], normal: Float[np.ndarray, "m 3"],
+    planes: Sequence[Int[np.ndarray, " _"]], config: ThingsConfig,
+) -> list[Float[np.ndarray, "_ 3"]]:  # fmt: skip
+    """The places of each flat plane, with those around that lie on the plane of the nearest of them.
+
+    Around ridge and eaves, half a metre and more wide, no neighbourhood is flat; how much of that lies in a
+    square metre depends on where the squares begin.
+    """
+    if not planes:
+        return []
+    firm, rest = at[flat], at[~flat]
+    plane = np.empty(len(firm), np.int64)
+    for k, part in enumerate(planes):
+        plane[part] = k
+    apart, which = cKDTree(firm).query(rest, distance_upper_bound=config.radius_m)
+    which = np.minimum(which, len(firm) - 1)
+    off = np.abs(np.einsum("ij,ij->i", rest - firm[which], normal[flat][which]))
+    on = np.isfinite(apart) & (off <= 2 * config.max_rms_m)
+    places, plane = np.concatenate([firm, rest[on]]), np.concatenate([plane, plane[which[on]]])
+    order = np.argsort(plane, kind="stable")
+    return np.split(places[order], np.cumsum(np.bincount(plane))[:-1])
 
 
 def _covered(
