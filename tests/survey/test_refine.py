@@ -124,6 +124,14 @@ def test_no_wire_is_refined_where_none_is_seen(photos: Photos) -> None:
     assert refused(found) and np.allclose(found.theta, empty.theta, atol=1e-12)
 
 
+def test_what_stands_out_nowhere_is_told_from_what_is_not_refitted(photos: Photos) -> None:
+    sure = replace(MOVED[1], evidence=replace(MOVED[1].evidence, reach_m=0.4 * PIXEL))
+    config = replace(CONFIG, piece_m=0.05)
+    found = refine_wires(photos, [MOVED[0], sure, hung(0.14, -0.1, 0.02)], config)
+    assert [bool(refused(wire)) for wire in found.wires] == [False, True, True]
+    assert found.shown == (True, True, False)
+
+
 def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
     random = np.random.default_rng(0)
     known = np.array([wire.theta for wire in WIRES])

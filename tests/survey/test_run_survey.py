@@ -114,6 +114,23 @@ def test_a_scene_is_surveyed_without_training(tmp_path: Path) -> None:
     assert json.dumps(dict(survey.settings))
 
 
+def test_a_curve_that_photos_show_nowhere_is_left_out(tmp_path: Path) -> None:
+    """It was stated as a conductor, with a note that it stands out at 2 % of its places."""
+    wires = [hanging(-0.08, 0.05), hanging(0.06, 0.02, 0.03), hanging(0.0, 0.1, 0.05)]
+    known = [
+        dataclasses.replace(one, evidence=dataclasses.replace(one.evidence, reach_m=0.01))
+        for one in (*wires, hanging(0.14, -0.1, 0.02))
+    ]
+    cameras = two_passes(10)
+    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(wire) for wire in wires]))
+    refine = dataclasses.replace(SMALL.refine, diameter_m=0.006, piece_m=0.05)
+    config = dataclasses.replace(SMALL, refine=refine)
+    survey = survey_scene(scene, config, finder=lambda scene, config, progress: known)
+    assert [min(apart(wire, true) for true in wires) < 0.01 for wire in survey.wires] == [True] * 3
+    assert [wire.id for wire in survey.detected] == [1, 2, 3]
+    assert any("were detected, 1 stand out" in one.text for one in survey.findings)
+
+
 def test_a_run_whose_preset_detected_no_wires_is_surveyed_by_detecting_them(run: TrainedRun) -> None:
     assert run.wires is None
     survey = survey_run(run, SMALL)

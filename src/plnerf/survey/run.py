@@ -177,10 +177,18 @@ def _of_images(
     if photos.frame.unit == "m":
         wires, grounded = without_grounded(wires, surface, config.classify)
         findings = (*findings, *grounded)
-    chains = find_chains(wires, config.spans)
-    scenery = scenery_of(surface, field, chains, config.supports)
-    extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
-    refined, residual_px = refine_spans(photos, extents, config.refine, parts[1])
+    progress, unshown = parts[1], 0
+    while True:
+        chains = find_chains(wires, config.spans)
+        scenery = scenery_of(surface, field, chains, config.supports)
+        extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
+        refined, residual_px, shown = refine_spans(photos, extents, config.refine, progress)
+        if all(shown):
+            break
+        # What photos at their full size do not show is no wire, and would be its span's neighbour.
+        progress, unshown = _silent, unshown + shown.count(False)
+        wires = [wire for wire, seen in zip(wires_of(chains), shown, strict=True) if seen]
+    findings = (*findings, *_unshown(unshown))
     parts[2](0, REST)
     supports = find_supports(scenery, refined, config.supports, config.spans)
     supports = with_structure_kinds(supports, photos, config.structure_kinds)
@@ -305,6 +313,22 @@ def _about(found: Sequence[Wire], lines: Sequence[Line]) -> list[Finding]:
             )
         )
     return findings
+
+
+def _silent(done: int, of: int) -> None:
+    """No progress is shown."""
+
+
+def _unshown(count: int) -> list[Finding]:
+    if not count:
+        return []
+    return [
+        note(
+            "wires",
+            f"Of the curves that were detected, {count} stand out in the photos at their full size no more "
+            "often than noise, and nowhere in several photos. They are taken for chance and left out.",
+        )
+    ]
 
 
 def _loose(residual_px: float) -> Finding:

@@ -19,12 +19,13 @@ def refine_spans(
     chains: Sequence[Chain],
     config: RefineConfig,
     progress: Callable[[int, int], None],
-) -> tuple[tuple[Chain, ...], float]:
-    """The chains with refitted curves, and the pose residual in px of the training's images: the spans'
-    median."""
+) -> tuple[tuple[Chain, ...], float, tuple[bool, ...]]:
+    """The chains with refitted curves; the pose residual in px of the training's images: the spans' median;
+    and whether the images show each wire, in the order of `wires_of`."""
     full = photos.full_size()
     spans = [span for chain in chains for span in chain]
     wires: list[Wire] = []
+    shown: list[bool] = []
     residuals = []
     for k, span in enumerate(spans):
 
@@ -35,5 +36,7 @@ def refine_spans(
         points = np.concatenate([wire.points(places * wire.base.length_m) for wire in span.wires])
         refined = refine_wires(full.of(points), span.wires, config, report)
         wires += refined.wires
+        shown += refined.shown
         residuals.append(refined.pose_residual_px / photos.reduced)
-    return with_wires(chains, wires), float(np.median(residuals)) if residuals else 0.0
+    residual_px = float(np.median(residuals)) if residuals else 0.0
+    return with_wires(chains, wires), residual_px, tuple(shown)

@@ -33,6 +33,9 @@ class Refinement:
     reason in its notes."""
     pose_residual_px: float
     """Standard deviation of what the images' poses are off by, as their wires show it."""
+    shown: tuple[bool, ...]
+    """Of each wire whether it stands out in the images more often than noise, or enough of them show a piece
+    of it; true where nothing can be measured."""
 
 
 def refine_wires(
@@ -47,7 +50,7 @@ def refine_wires(
     far is refused.
     """
     if not wires:
-        return Refinement((), 0.0)
+        return Refinement((), 0.0, ())
     base = common_base(wires)
     started = [wire.on(base) for wire in wires]
     before, s = np.array([wire.theta for wire in started]), np.linspace(0, base.length_m, config.samples)
@@ -79,7 +82,12 @@ def refine_wires(
     report(config.most_rounds, config.most_rounds)
     step = replace(step, state=state)
     judged = [_judged(wire, prior, step, w, found, s, config) for w, wire in enumerate(started)]
-    return Refinement(tuple(judged), step.pose_residual_px())
+    shown = []
+    for w, wire in enumerate(judged):
+        count = sum(len(row[w]) for row in found)
+        often = len(step.off_px[w]) >= config.least_visible * count
+        shown.append(often or bool(wire.evidence.seen_m))
+    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown))
 
 
 def common_base(wires: Sequence[Wire]) -> Base:
