@@ -214,7 +214,8 @@ def _of_images(
         lines, cloud, as_detected = numbered_part(part, photos.frame, lines, cloud, as_detected)
         every = [wire for line in lines for wire in line.wires]
     if not every:
-        findings = (why_none(found, photos, surface, config.refine.diameter_m), *findings)
+        unsure = [wire for wire in found if not wire.evidence.certain]
+        findings = (why_none(unsure, photos, surface, config.refine.diameter_m), *findings)
     survey = Survey(
         photos.frame, lines, cloud, source, made, findings=(*_about(found, lines), *findings, *more),
         detected=as_detected, wire_points=points,
