@@ -91,32 +91,29 @@ def test_seams_change_no_wire(done: Corridor, whole: Survey) -> None:
         assert other.sag.value == pytest.approx(wire.sag.value, abs=1e-5)
 
 
-def test_each_point_is_in_one_cloud_with_what_was_known_of_it(done: Corridor, tiles: Path) -> None:
-    index = json.loads((done.folder / CLOUDS).read_text())
-    assert len(index) > 2
-    points, intensity = [], []
-    for one in index:
+def clouds_of(done: Corridor) -> list[laspy.LasData]:
+    """The clouds of all blocks."""
+    clouds = []
+    for one in json.loads((done.folder / CLOUDS).read_text()):
         with open_las(done.folder / one["file"]) as reader:
-            las = reader.read()
-        points.append(las.xyz)
-        intensity.append(np.asarray(las.intensity))
+            clouds.append(reader.read())
+    return clouds
+
+
+def test_each_point_is_in_one_cloud_with_what_was_known_of_it(done: Corridor, tiles: Path) -> None:
+    clouds = clouds_of(done)
+    assert len(clouds) > 2
     given = [laspy.read(path) for path in sorted(tiles.glob("*.laz"))]
     before = np.concatenate([np.column_stack([las.xyz.round(3), las.intensity]) for las in given])
-    after = np.column_stack([np.concatenate(points).round(3), np.concatenate(intensity)])
+    after = np.concatenate([np.column_stack([las.xyz.round(3), las.intensity]) for las in clouds])
     assert after.shape == before.shape
     order, other = np.lexsort(before.T), np.lexsort(after.T)
     assert np.abs(before[order] - after[other]).max() < 2e-3
 
 
 def test_seams_change_no_class(done: Corridor, whole: Survey) -> None:
-    index = json.loads((done.folder / CLOUDS).read_text())
-    xyz, label = [], []
-    for one in index:
-        with open_las(done.folder / one["file"]) as reader:
-            las = reader.read()
-        xyz.append(las.xyz)
-        label.append(np.asarray(las.classification))
-    mine = np.column_stack([np.concatenate(xyz).round(3), np.concatenate(label)])
+    clouds = clouds_of(done)
+    mine = np.concatenate([np.column_stack([las.xyz.round(3), las.classification]) for las in clouds])
     theirs = np.column_stack([whole.frame.to_world(whole.cloud.xyz).round(3), whole.cloud.label])
     mine, theirs = mine[np.lexsort(mine.T[:3])], theirs[np.lexsort(theirs.T[:3])]
     assert np.abs(mine[:, :3] - theirs[:, :3]).max() < 2e-3
