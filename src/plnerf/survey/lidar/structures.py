@@ -134,7 +134,7 @@ def _outline(
         metres = np.unique(body[(body >= config.body_from_m) & (body < low - z)].astype(int))
         share = config.edge_body_share if edge else config.min_body_share
         seen = seen and len(metres) >= share * (low - z - config.body_from_m)
-        if edge:
+        if edge:  # one wire alone is as wide as nothing, and tells no arms from twigs
             seen = seen and half > 0 and bool(np.ptp(flat[upper, 1]) >= config.edge_arms_share * 2 * half)
     if not seen and len(ends) == 1:
         return None
