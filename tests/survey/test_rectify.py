@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tests.survey.test_stereo import row_of_cameras, taken, views_of
 
-from plnerf.survey.stereo import depth, stereo_views
 from plnerf.survey.stereo.config import MatchConfig
+from plnerf.survey.stereo.pair import match_pair
 from plnerf.survey.stereo.rectify import Sphere, angles, axes_about, disparity_at, inverse_distance_at
-from plnerf.survey.stereo.stereo_views import Picture, View, on_all_cores
+from plnerf.survey.stereo.stereo_views import Picture, View
 
 RANDOM = np.random.default_rng(5)
 
@@ -33,7 +33,7 @@ def test_a_point_has_one_azimuth_and_its_disparity_is_its_distance(towards: list
     seen = []
     for view in (one, other):
         rays = points - view.centre
-        seen.append(angles(rays / np.linalg.norm(rays, axis=1, keepdims=True), R))
+        seen.append(angles((rays / np.linalg.norm(rays, axis=1, keepdims=True)).T, R))
     (left, row), (right, same) = seen
     assert row == pytest.approx(same, abs=1e-9) and (left >= right).all()
     t = np.linalg.norm(points - one.centre, axis=1)
@@ -48,7 +48,7 @@ def test_a_grid_shows_each_direction_where_the_image_shows_it() -> None:
     one, _, _, R = pair([0.1, 0.05, 0.02])
     columns = np.broadcast_to(np.arange(one.width, dtype=np.uint8), (one.height, one.width))
     per_rad = np.full(2, one.pixels_per_rad)
-    at = np.stack(angles(one.rays(), R), -1) * per_rad
+    at = np.stack(angles(np.moveaxis(one.rays(), -1, 0), R), -1) * per_rad
     low, high = np.floor(at.min((0, 1))) - 4, np.ceil(at.max((0, 1))) + 4
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     grey, valid = Sphere(R, per_rad, low, size).resampled(Picture(one, columns, np.ones_like(columns, bool)))
@@ -90,7 +90,7 @@ def test_oblique_pairs_are_matched_at_about_as_many_pixels_as_the_images_have(
     one = views_of(row_of_cameras())[0]
     towards = np.cos(np.radians(turn_deg)) * np.array([1.0, 0, 0]) + np.sin(np.radians(turn_deg)) * one.axis
     other = replace(one, centre=one.centre + 0.05 * towards)
-    depth.inverse_distance(taken(one), taken(other), 1.5, MatchConfig())
+    match_pair(taken(one), taken(other), 1.5, MatchConfig())
     assert max(columns * rows for columns, rows in grids) < 2 * one.width * one.height
 
 
@@ -99,7 +99,7 @@ def test_nothing_is_searched_nearer_than_the_baseline_allows(grids: list[tuple[i
     config = MatchConfig()
     limit = 0.2 / config.max_parallax / config.nearest
     for near in (2 * limit, limit, limit / 50):
-        depth.inverse_distance(taken(one), taken(other), near, config)
+        match_pair(taken(one), taken(other), near, config)
     far, at, nearer = (grids[k][0] for k in (0, 2, 4))
     assert far < at == nearer
 
@@ -109,8 +109,8 @@ def test_what_the_partner_does_not_show_is_not_matched(grids: list[tuple[int, in
     one, other, *_ = pair([0.2, 0.0, 0.0])
     c, s = np.cos(np.radians(40)), np.sin(np.radians(40))
     up = replace(other, R_line_camera=other.R_line_camera @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]))
-    w, _ = depth.inverse_distance(taken(one), taken(other), 1.5, MatchConfig())
-    cropped, _ = depth.inverse_distance(taken(one), taken(up), 1.5, MatchConfig())
+    w = match_pair(taken(one), taken(other), 1.5, MatchConfig())[0].w
+    cropped = match_pair(taken(one), taken(up), 1.5, MatchConfig())[0].w
     assert grids[2][1] < 0.5 * grids[0][1]
     assert np.isfinite(w[120:]).any() and not np.isfinite(cropped[120:]).any()
 
@@ -121,9 +121,3 @@ def test_pixels_per_radian_are_those_of_the_solid_angle() -> None:
     a, b = one.width / 2 / one.focal_px[0], one.height / 2 / one.focal_px[1]
     angle = 4 * np.arctan(a * b / np.sqrt(1 + a**2 + b**2))
     assert one.pixels_per_rad == pytest.approx(np.sqrt(one.width * one.height / angle), rel=1e-3)
-
-
-def test_views_come_in_order_from_any_number_of_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    for cores in (1, 3):
-        monkeypatch.setattr(stereo_views, "usable_cores", lambda cores=cores: cores)
-        assert list(on_all_cores(lambda k: k * k, 20)) == [k * k for k in range(20)]

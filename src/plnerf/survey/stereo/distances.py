@@ -7,7 +7,6 @@ Letters: m views, n points, q quantiles of distances, the farthest first.  LineF
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,9 +15,10 @@ from scipy.spatial import cKDTree
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
-from plnerf.survey.stereo.depth import depth_map
+from plnerf.survey.stereo.depth import DepthMap
+from plnerf.survey.stereo.depth_maps import depth_maps
 from plnerf.survey.stereo.partners import partners
-from plnerf.survey.stereo.stereo_views import View, on_all_cores, picture, shows_wires, view_of
+from plnerf.survey.stereo.stereo_views import View, picture, shows_wires, view_of
 
 
 def distances_of_points(
@@ -57,24 +57,21 @@ def distances_by_matching(
             near, partners(views, np.full(len(views), distance), config.pairs), strict=True
         ):
             mine.update(dict.fromkeys(others, distance))
-    found = np.full((len(views), len(config.coarse.quantiles)), np.nan)
 
-    def matched(k: int) -> Float[np.ndarray, " q"] | None:
-        """The quantiles of view k; None where too little of it is matched."""
-        if len(near[k]) < 2:
-            return None
-        one = replace(pictures[k])  # a copy: its rays are not kept
-        t = depth_map(one, [pictures[j] for j in near[k]], list(near[k].values()), config.match).t
-        t[shows_wires(views[k], wires, config)] = np.nan
-        known = np.isfinite(t)
-        t = t[known][photos.within(views[k].centre + t[known][:, None] * one.rays[known], config.farthest)]
+    def quantiles(k: int, depths: DepthMap) -> Float[np.ndarray, " q"] | None:
+        """Of view k; None where too little of it is matched."""
+        depths.t[shows_wires(views[k], wires, config)] = np.nan
+        known = np.isfinite(depths.t)
+        t = depths.t[known]
+        t = t[photos.within(views[k].centre + t[:, None] * views[k].rays()[known], config.farthest)]
         return np.quantile(t, config.coarse.quantiles) if len(t) >= config.min_share * known.size else None
 
-    for k, quantiles in enumerate(on_all_cores(matched, len(views))):
-        if quantiles is not None:
-            found[k] = quantiles
+    found = np.full((len(views), len(config.coarse.quantiles)), np.nan)
+    for done, (k, some) in enumerate(depth_maps(near, pictures.__getitem__, quantiles, config.match), 1):
+        if some is not None:
+            found[k] = some
         if progress is not None:
-            progress(k + 1, len(views))
+            progress(done, len(views))
     return _filled(found, np.array([view.centre for view in views]))
 
 

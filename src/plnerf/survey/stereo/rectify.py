@@ -81,11 +81,11 @@ def axes_about(x: Float[np.ndarray, "3"], forward: Float[np.ndarray, "3"]) -> Fl
 
 
 def angles(
-    rays: Float[np.ndarray, "*n 3"], R: Float[np.ndarray, "3 3"]
+    rays: Float[np.ndarray, "3 *n"], R: Float[np.ndarray, "3 3"]
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """Elevation and azimuth of unit vectors about the axes R."""
-    x, y, z = np.moveaxis(rays @ R.T, -1, 0)
-    return np.arcsin(np.clip(x, -1.0, 1.0)), np.arctan2(y, z)
+    """Elevation and azimuth of unit vectors about the axes R, as exact as `rays` are."""
+    x, y, z = np.tensordot(R.astype(rays.dtype), rays, 1)
+    return np.arcsin(np.clip(x, -1, 1)), np.arctan2(y, z)
 
 
 def disparity_at(t: float, elevation: Float[np.ndarray, "*n"], baseline: float) -> Float[np.ndarray, "*n"]:
@@ -98,4 +98,5 @@ def inverse_distance_at(
     disparity: Float[np.ndarray, "*n"], elevation: Float[np.ndarray, "*n"], baseline: float
 ) -> Float[np.ndarray, "*n"]:
     """1/t of left rays, by the law of sines in the triangle of both centres and the point."""
-    return np.sin(disparity) / (baseline * np.maximum(np.cos(elevation - disparity), 1e-3))
+    across: Float[np.ndarray, "*n"] = np.maximum(np.cos(elevation - disparity), 1e-3)
+    return np.sin(disparity) / (baseline * across)

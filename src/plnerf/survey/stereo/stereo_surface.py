@@ -11,17 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
 from plnerf.findings import Finding, harms
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos, box_around
 from plnerf.survey.stereo.config import StereoConfig
 from plnerf.survey.stereo.consistency import consistent
-from plnerf.survey.stereo.depth import DepthMap, depth_map
+from plnerf.survey.stereo.depth import DepthMap
+from plnerf.survey.stereo.depth_maps import depth_maps
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points
 from plnerf.survey.stereo.partners import joined_partners, partners
-from plnerf.survey.stereo.stereo_views import Picture, on_all_cores, picture, shows_wires, view_of
+from plnerf.survey.stereo.stereo_views import Picture, picture, shows_wires, view_of
 from plnerf.survey.stereo.witnesses import Sight
 from plnerf.survey.surface import Surface, joined
 
@@ -65,24 +66,23 @@ def stereo_surface(
     each = max(1, config.points // min(max(1, len(views)), config.most_sharing))
     parts, images, radii = [], [], []
 
-    def matched(k: int) -> tuple[Picture, UInt8[np.ndarray, "h w 3"], DepthMap] | None:
-        """Image k with its colours and its depths; None without two partners."""
-        if len(chosen[k]) < 2:
-            return None
-        mine, rgb = picture(photos, photos.train[k], views[k], config.longest_px)
-        there = [picture(photos, photos.train[j], views[j], config.longest_px)[0] for j in chosen[k]]
-        depths = depth_map(mine, there, float(distances[k, -1]), config.match)
-        depths.t[shows_wires(views[k], wires, config)] = np.nan
-        return mine, rgb, depths
+    def of_view(k: int) -> Picture:
+        return picture(photos, photos.train[k], views[k], config.longest_px)[0]
 
-    for k, found in enumerate(on_all_cores(matched, len(views))):
-        if found is not None:
-            mine, rgb, depths = found
-            view = mine.view
+    def without_wires(k: int, depths: DepthMap) -> DepthMap:
+        depths.t[shows_wires(views[k], wires, config)] = np.nan
+        return depths
+
+    near = [dict.fromkeys(mine, float(own[-1])) for mine, own in zip(chosen, distances, strict=True)]
+    for done, (k, depths) in enumerate(depth_maps(near, of_view, without_wires, config.match), 1):
+        if depths is not None:
+            view = views[k]
             if keep is not None:
                 keep(Sight.of(view, depths))
+            _, rgb = picture(photos, photos.train[k], view, config.longest_px)
             at = _pixels(depths, each, random)
-            t, rays, sigma = depths.t[at], mine.rays[at], depths.sigma[at]
+            t, sigma = depths.t[at], depths.sigma[at]
+            rays = view.directions(np.stack(at[::-1], -1) + 0.5)
             pixel = t / float(view.focal_px.mean())
             sigma_m = np.hypot(sigma, config.edge_px * pixel)
             parts.append(Surface(view.centre + t[:, None] * rays, rgb[at], sigma_m, rays))
@@ -90,7 +90,7 @@ def stereo_surface(
             # The distance within which another image would have so many points of the same thing.
             apart = np.sqrt(config.consistency.expected_points * depths.t.size / (np.pi * each))
             radii.append(sigma + apart * pixel)
-        report(len(views) * (rounds - 1) + k + 1, len(views) * rounds)
+        report(len(views) * (rounds - 1) + done, len(views) * rounds)
     met = joined(parts)
     if len(met.xyz) < config.min_share * each * len(views):
         pairs = f"{sum(len(others) > 1 for others in chosen)} of {len(views)}"

@@ -4,25 +4,20 @@ Letters: p points or pixels.  LineFrame, float64; pixels as in `scene/cameras.py
 (0.5, 0.5).
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TypeVar
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 
 from plnerf.line.wire import Wire
-from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.rays.lens import undistort_plane
 from plnerf.scene.cameras import distort
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import StereoConfig
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,19 +64,19 @@ class View:
 
     def rays(self) -> Float[np.ndarray, "h w 3"]:
         """Directions of all pixels' centres, unit length."""
-        x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
-        return self.directions(np.stack([x, y], -1))
+        return self.directions(_centres(self.width, self.height))
 
     def directions(self, pixels: Float[np.ndarray, "*p 2"]) -> Float[np.ndarray, "*p 3"]:
         """Unit vectors from the centre through pixels."""
-        plane = torch.from_numpy((pixels - self.principal_px) / self.focal_px)
-        if self.distortion.any():
-            plane = undistort_plane(plane, torch.from_numpy(self.distortion).expand(*plane.shape[:-1], 5))
-        rays = np.concatenate([plane.numpy(), np.ones((*pixels.shape[:-1], 1))], -1)
-        turned: Float[np.ndarray, "*p 3"] = (
-            rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ self.R_line_camera.T
-        )
+        rays = _through(pixels, self.focal_px, self.principal_px, self.distortion)
+        turned: Float[np.ndarray, "*p 3"] = rays @ self.R_line_camera.T
         return turned
+
+    @property
+    def camera_rays(self) -> Float32[np.ndarray, "3 h w"]:
+        """Unit vectors through all pixels' centres in the camera's axes; views of one lens share them."""
+        lens = (self.focal_px, self.principal_px, self.distortion)
+        return _camera_rays(*(tuple(one.tolist()) for one in lens), self.width, self.height)
 
     def project(
         self, points: Float[np.ndarray, "p 3"]
@@ -103,20 +98,6 @@ class Picture:
     view: View
     grey: UInt8[np.ndarray, "h w"]
     valid: Bool[np.ndarray, "h w"]
-
-    @cached_property
-    def rays(self) -> Float[np.ndarray, "h w 3"]:
-        """Directions of all pixels' centres, unit length."""
-        return self.view.rays()
-
-
-def on_all_cores(matched: Callable[[int], T], count: int) -> Iterator[T]:
-    """What a function returns for each view, in their order; the views are in work on all cores at a time.
-
-    The matcher and NumPy leave Python's lock to others while they compute.
-    """
-    with ThreadPoolExecutor(usable_cores()) as pool:
-        yield from pool.map(matched, range(count))
 
 
 def view_of(photos: Photos, i: int, longest_px: int) -> View:
@@ -149,6 +130,37 @@ def shows_wires(view: View, wires: Sequence[Wire], config: StereoConfig) -> Bool
     side = 2 * config.wire_px + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     return cv2.dilate(near, disc) > 0
+
+
+def _centres(width: int, height: int) -> Float[np.ndarray, "h w 2"]:
+    return np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), -1)
+
+
+def _through(
+    pixels: Float[np.ndarray, "*p 2"],
+    focal_px: Float[np.ndarray, "2"],
+    principal_px: Float[np.ndarray, "2"],
+    distortion: Float[np.ndarray, "5"],
+) -> Float[np.ndarray, "*p 3"]:
+    """Unit vectors through pixels, in the camera's axes."""
+    plane = torch.from_numpy((pixels - principal_px) / focal_px)
+    if distortion.any():
+        plane = undistort_plane(plane, torch.from_numpy(distortion).expand(*plane.shape[:-1], 5))
+    rays = np.concatenate([plane.numpy(), np.ones((*pixels.shape[:-1], 1))], -1)
+    unit: Float[np.ndarray, "*p 3"] = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    return unit
+
+
+@lru_cache(maxsize=4)
+def _camera_rays(
+    focal_px: tuple[float, ...],
+    principal_px: tuple[float, ...],
+    distortion: tuple[float, ...],
+    width: int,
+    height: int,
+) -> Float32[np.ndarray, "3 h w"]:
+    rays = _through(_centres(width, height), *map(np.array, (focal_px, principal_px, distortion)))
+    return np.ascontiguousarray(np.moveaxis(rays, -1, 0), np.float32)
 
 
 def _reduced(
