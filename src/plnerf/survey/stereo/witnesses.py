@@ -8,13 +8,17 @@ Letters: n points, k cells of a window.  LineFrame.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from plnerf.line.cloud import GROUND, NO_WIRE, NOISE, NOT_JUDGED, TOWER, Cloud
+from plnerf.ops.cpu_arrays import usable_cores
+from plnerf.ops.kernel_cache import njit
 from plnerf.survey.stereo.config import WitnessConfig
 from plnerf.survey.stereo.depth import DepthMap
 from plnerf.survey.stereo.stereo_views import View
@@ -85,13 +89,20 @@ def witnesses(
 
     An image whose window around the point has few depths, or shows something before it, is neither.
     """
-    seen, past = np.zeros(len(points), np.int64), np.zeros(len(points), np.int64)
-    for sight in sights:
-        for first in range(0, len(points), CHUNK):
-            part = slice(first, first + CHUNK)
+    parts = [slice(first, first + CHUNK) for first in range(0, len(points), CHUNK)]
+
+    def counted(part: slice) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
+        seen, past = (np.zeros(len(points[part]), np.int64) for _ in range(2))
+        for sight in sights:
             index, at, beyond = judged(points[part], sigma_m[part], sight, config)
-            seen[first + index[at]] += 1
-            past[first + index[beyond]] += 1
+            seen[index[at]] += 1
+            past[index[beyond]] += 1
+        return seen, past
+
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        found = list(pool.map(counted, parts))
+    none = np.zeros(0, np.int64)
+    seen, past = (np.concatenate([none, *(one[k] for one in found)]) for k in range(2))
     return seen, past
 
 
@@ -101,22 +112,41 @@ def judged(
     """Which points an image has inside of it; of these, at which it sees a thing, and past which it sees."""
     pixels, inside = sight.view.project(points)
     index = np.flatnonzero(inside)
-    if not len(index):
-        return index, np.zeros(0, np.bool_), np.zeros(0, np.bool_)
-    rows, columns = sight.t.shape
-    column, row = (pixels[index] / EVERY_PX).astype(int).T
-    around = np.arange(-config.window_cells, config.window_cells + 1)
-    row = np.clip(row[:, None, None] + around[:, None], 0, rows - 1)
-    column = np.clip(column[:, None, None] + around, 0, columns - 1)
-    t, sigma = (one[row, column].reshape(len(index), -1) for one in (sight.t, sight.sigma))
-    distance = np.linalg.norm(points[index] - sight.view.centre, axis=1)[:, None]
-    # What a window mixes lies as far before and behind as it reaches sideways.
-    wide = (config.window_cells + 0.5) * EVERY_PX * distance / float(sight.view.focal_px.mean())
-    limit = config.sigmas * np.hypot(sigma, sigma_m[index, None]) + wide
-    known = np.isfinite(t)
-    count = known.sum(1)
-    enough = count >= config.min_known * t.shape[1]
-    with np.errstate(invalid="ignore"):  # NaN is neither
-        at, beyond = np.abs(t - distance) <= limit, t > distance + limit
-    sees = enough & (at.sum(1) >= config.min_share * count)
-    return index, sees, enough & ~sees & (beyond.sum(1) >= (1 - config.min_share) * count)
+    distance = np.linalg.norm(points[index] - sight.view.centre, axis=1)
+    at, beyond = (np.zeros(len(index), np.bool_) for _ in range(2))
+    shares = (config.min_known, config.min_share)
+    scale = config.window_cells, float(sight.view.focal_px.mean()), config.sigmas
+    given = (pixels[index], distance, sigma_m[index])
+    _judge(*given, sight.t, sight.sigma, scale, shares, (at, beyond))
+    return index, at, beyond
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def _judge(pixels, distance, sigma_m, t, sigma, scale, shares, out):
+    """Into out two (n,): whether an image sees a thing at a point, and whether it sees past it.
+
+    pixels (n, 2) and distance (n,) are the points' in the image; t, sigma: its depth map.
+    """
+    cells, focal_px, sigmas = scale
+    rows, columns = t.shape
+    side = 2 * cells + 1
+    for k in range(len(pixels)):
+        column, row = int(pixels[k, 0] / EVERY_PX), int(pixels[k, 1] / EVERY_PX)
+        # What a window mixes lies as far before and behind as it reaches sideways.
+        wide = (cells + 0.5) * EVERY_PX * distance[k] / focal_px
+        known, near, past = 0, 0, 0
+        for i in range(-cells, cells + 1):
+            y = min(max(row + i, 0), rows - 1)
+            for j in range(-cells, cells + 1):
+                x = min(max(column + j, 0), columns - 1)
+                if np.isnan(t[y, x]):
+                    continue
+                known += 1
+                limit = sigmas * np.hypot(sigma[y, x], sigma_m[k]) + wide
+                off = t[y, x] - distance[k]
+                near += abs(off) <= limit
+                past += off > limit
+        enough = known >= shares[0] * side * side
+        out[0][k] = enough and near >= shares[1] * known
+        out[1][k] = enough and not out[0][k] and past >= (1 - shares[1]) * known
