@@ -7,6 +7,7 @@ the second derivative of the brightness is large across it and small along it.
 Letters: images of h x w pixels, H x W blocks.
 """
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -14,11 +15,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from plnerf.detect.config_lines import EvidenceConfig
+from plnerf.detect.line_samples import average_along, bend_across, padded, strongest_across
 from plnerf.detect.reduction import reduction, strongest_of_blocks, tiles, valid_blocks
-from plnerf.detect.ridges import gradient, hessian
+from plnerf.detect.ridges import gradient, grey_of, hessian
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
 
@@ -44,11 +46,13 @@ class Vanishing:
         """
         (ax, ay, az), (fx, fy), (cx, cy) = self.along, self.focal, self.principal
         rows, columns = (at + k * (np.arange(n) + 0.5) for at, n in zip(corner, shape, strict=True))
-        u, v = np.meshgrid((columns - cx) / fx, (rows - cy) / fy)
         # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
-        dx, dy = fx * (ax - u * az), fy * (ay - v * az)
-        length = np.maximum(np.hypot(dx, dy), 1e-9)
-        return np.stack([dx / length, dy / length], -1).astype(np.float32)
+        dx = fx * ax - (columns - cx) * az
+        dy = (fy * ay - (rows - cy) * az)[:, None]
+        length = np.maximum(np.sqrt(dx**2 + dy**2), 1e-9)
+        out = np.empty((*length.shape, 2), np.float32)
+        out[..., 0], out[..., 1] = dx / length, dy / length
+        return out
 
 
 def vanishing(cameras: Cameras, i: int, direction: Float[np.ndarray, "3"]) -> Vanishing:
@@ -78,31 +82,39 @@ def line_response(
         rows, columns = (slice(part.start // k, -(-part.stop // k)) for part in tile.inner)
         best[rows, columns] = strongest_of_blocks(bend, k)
     towards = lines.towards(best.shape, k=k)
-    c, s = towards[..., 0], towards[..., 1]
-    best = _average_along(best, c, s, config)
-    strength = np.abs(best)
-    response = np.clip(strength / (config.full_response * _around(best, config)), 0, 1)
-    return np.where(_is_ridge(best, c, s, config), response, 0).astype(np.float32)
+    best = _average_along(best, towards, config)
+    response = np.minimum(np.abs(best) / (config.full_response * _around(best, config)), 1)
+    ridge = np.empty(best.shape, bool)
+    picture = padded(best, config.echo_px)
+    strongest_across(picture, towards, np.float32(0), config.beside_px, config.echo_px, ridge)
+    return np.where(ridge, response, np.float32(0))
 
 
 def _bend(
     image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, corner: tuple[int, int], config: EvidenceConfig
 ) -> Float32[np.ndarray, "h w"]:
     """The second derivative across the line beyond what edges and texture have, with its sign, limited."""
-    grey = image.astype(np.float32).mean(-1) / 255
+    grey = grey_of(image)
     towards = lines.towards(grey.shape, corner)
-    c, s = towards[..., 0], towards[..., 1]
     best = np.zeros_like(grey)
     for sigma in config.scales_px:
-        xx, xy, yy = hessian(grey, sigma)
-        across = s * s * xx - 2 * c * s * xy + c * c * yy
-        along = c * c * xx + 2 * c * s * xy + s * s * yy
-        x, y = gradient(grey, sigma)
-        size = np.abs(across) - np.abs(along) - config.edge_weight * np.abs(c * y - s * x)
-        bend = np.maximum(size, 0) * np.sign(across) * np.float32(sigma ** (config.gamma - 2))
-        np.copyto(best, bend, where=np.abs(bend) > np.abs(best))
+        weight = np.float32(sigma ** (config.gamma - 2))
+        derivatives = hessian(grey, sigma), gradient(grey, sigma)
+        bend_across(*derivatives, towards, np.float32(config.edge_weight), weight, best)
     limit = config.max_bend * _around(best, config)
     return np.clip(best, -limit, limit)
+
+
+def _average_along(
+    bend: Float32[np.ndarray, "h w"], towards: Float32[np.ndarray, "h w 2"], config: EvidenceConfig
+) -> Float32[np.ndarray, "h w"]:
+    """The bend averaged along the best of the directions that sag allows."""
+    best = np.empty_like(bend)
+    angle = np.deg2rad(config.sag_deg).astype(np.float32)
+    turns = np.stack([np.cos(angle), np.sin(angle)], 1)
+    steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
+    average_along(padded(bend, math.ceil(config.along_px)), towards, turns, steps, best)
+    return best
 
 
 def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
@@ -140,34 +152,3 @@ def line_evidence(
             if progress is not None:
                 progress(done)
     return maps
-
-
-def _shifted(picture: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
-    h, w = picture.shape
-    x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-    return cv2.remap(picture, x + dx, y + dy, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-
-
-def _average_along(bend: np.ndarray, c: np.ndarray, s: np.ndarray, config: EvidenceConfig) -> np.ndarray:
-    """The bend averaged along the best of the directions that sag allows."""
-    best = np.zeros_like(bend)
-    steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
-    for angle in np.deg2rad(config.sag_deg).astype(np.float32):
-        ca, sa = np.cos(angle), np.sin(angle)
-        dx, dy = ca * c - sa * s, sa * c + ca * s
-        mean = np.mean([_shifted(bend, k * dx, k * dy) for k in steps], axis=0, dtype=np.float32)
-        np.copyto(best, mean, where=np.abs(mean) > np.abs(best))
-    return best
-
-
-def _is_ridge(
-    bend: np.ndarray, c: np.ndarray, s: np.ndarray, config: EvidenceConfig
-) -> Bool[np.ndarray, "h w"]:
-    """Whether a pixel is the strongest of those to both sides across the direction."""
-    strength, sign = np.abs(bend), np.sign(bend)
-    ridge = np.ones(bend.shape, dtype=bool)
-    for k in range(1, config.echo_px + 1):
-        for side in (-k, k):
-            beside = _shifted(bend, -side * s, side * c)
-            ridge &= strength >= (np.abs(beside) if k <= config.beside_px else -sign * beside)
-    return ridge

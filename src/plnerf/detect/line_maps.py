@@ -11,12 +11,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 
-import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Int
 
 from plnerf.detect.config_lines import LineMapConfig
+from plnerf.detect.line_samples import padded, strongest_across
 from plnerf.detect.reduction import mean_of_blocks, reduction, valid_blocks
 from plnerf.detect.ridges import Ridges, find_ridges
 from plnerf.rays.rays import pixel_rays
@@ -98,20 +98,11 @@ def middles(ridges: Ridges, config: LineMapConfig) -> Bool[np.ndarray, "h w"]:
 
     A second derivative echoes beside a line with the other sign; twin conductors have the same sign.
     """
-    strength = ridges.strength
-    signed = np.where(ridges.bright, strength, -strength)
-    sign = np.sign(signed)
-    across_x, across_y = -np.sin(ridges.tangent_rad), np.cos(ridges.tangent_rad)
-    h, w = strength.shape
-    x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-    middle = strength >= config.min_response
-    for k in range(1, config.echo_px + 1):
-        for side in (-k, k):
-            beside = cv2.remap(
-                signed, x + side * across_x, y + side * across_y, cv2.INTER_LINEAR,
-                borderMode=cv2.BORDER_REPLICATE,
-            )  # fmt: skip
-            middle &= strength >= (np.abs(beside) if k <= config.beside_px else -sign * beside)
+    signed = np.where(ridges.bright, ridges.strength, -ridges.strength)
+    towards = np.stack([np.cos(ridges.tangent_rad), np.sin(ridges.tangent_rad)], -1)
+    middle = np.empty(signed.shape, bool)
+    picture, least = padded(signed, config.echo_px), np.float32(config.min_response)
+    strongest_across(picture, towards, least, config.beside_px, config.echo_px, middle)
     return middle
 
 

@@ -38,7 +38,7 @@ class Ridges:
 
 def find_ridges(image: UInt8[np.ndarray, "h w 3"], config: RidgeConfig = DEFAULT.ridges) -> Ridges:
     """Strength, direction and polarity of the line through each pixel."""
-    parts = _derivatives(image.astype(np.float32).mean(-1) / 255, config)
+    parts = _derivatives(grey_of(image), config)
     # Directions within 45 degrees of the x axis run along x, the others along y; together they go to
     # themselves when the picture is turned by 90 degrees.
     quarter = config.directions // 2
@@ -59,6 +59,13 @@ def ridge_map(
 ) -> Float32[np.ndarray, "h w"]:
     """Strength of the line through each pixel, 0 to 1."""
     return find_ridges(image, config).strength
+
+
+def grey_of(image: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w"]:
+    """The mean of the colours, 0 to 1."""
+    red, green, blue = cv2.split(image)
+    total: np.ndarray = cv2.add(cv2.add(red, green, dtype=cv2.CV_32F), blue, dtype=cv2.CV_32F)
+    return total / np.float32(3) / np.float32(255)
 
 
 def gaussian_derivatives(sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
