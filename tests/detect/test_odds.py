@@ -7,7 +7,7 @@ from tests.support.drawn import two_passes
 
 from plnerf.detect.config import OddsConfig
 from plnerf.detect.odds import BLOCK, STEPS, Odds, distances, odds_of, pixels_of, place_odds, unclaimed
-from plnerf.detect.views import Views, project_point, views_of
+from plnerf.detect.views import Views, lenses_of, project_point, views_of
 from plnerf.scene.cameras import Cameras
 
 CONFIG = OddsConfig()
@@ -24,7 +24,7 @@ def one_view(w: int, h: int) -> Views:
 
 def at_place(views: Views, odds: Odds, point: tuple[float, float, float], reach: float) -> tuple[float, int]:
     n = len(views.R)
-    return place_odds(views, odds, point, reach, np.zeros(n, np.int64), np.zeros(n))
+    return place_odds(views, odds, lenses_of(views), point, reach, np.zeros(n, np.int32), np.zeros(n))
 
 
 def at_pixels(views: Views, odds: Odds, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from plnerf.detect.config import OddsConfig
-from plnerf.detect.views import Views, project_point
+from plnerf.detect.views import Views, project_into_all
 from plnerf.ops.kernel_cache import njit
 
 BLOCK = 8
@@ -134,19 +134,16 @@ def distance_to(ridges: Bool[np.ndarray, " p"], shape: tuple[int, int]) -> UInt8
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def place_odds(views, odds, point, reach, pixels, scales):
+def place_odds(views, odds, lenses, point, reach, pixels, scales):
     """Log odds of a wire within reach of a point (x, y, z), and the number of views that count there.
 
-    Of those that see the point, the ones count that resolve it nearly as well as the best.  pixels, scales
-    (n,): room to work in.
+    Of those that see the point, the ones count that resolve it nearly as well as the best.  lenses: as
+    `lenses_of` gives them; pixels, scales (n,): room to work in.
     """
+    project_into_all(lenses, point[0], point[1], point[2], pixels, scales)
     enough, finest = odds.enough_px / max(reach, 1e-9), 0.0
     for n in range(len(pixels)):
-        u, v, depth = project_point(views, n, point[0], point[1], point[2])
-        pixels[n] = -1
-        if depth > 0:
-            pixels[n] = int(v) * views.sizes[n, 0] + int(u)
-            scales[n] = views.focal[n, 0] / depth
+        if pixels[n] >= 0:
             finest = max(finest, min(scales[n], enough))
     total, seen = 0.0, 0.0
     for n in range(len(pixels)):

@@ -11,6 +11,7 @@ from typing import no_type_check
 import numpy as np
 
 from plnerf.detect.odds import place_odds
+from plnerf.detect.views import lenses_of
 from plnerf.ops.kernel_cache import njit
 from plnerf.ops.threads import share
 
@@ -32,10 +33,11 @@ curve_point = njit(cache=True)(curve_points)
 def odds_along(views, odds, curve, x, reach):
     """Log odds of one curve in each plane, and the number of views that see it there: (i, 2)."""
     out = np.zeros((len(x), 2))
-    pixels, scales = np.empty(len(views.R), np.int64), np.empty(len(views.R))
+    lenses = lenses_of(views)
+    pixels, scales = np.empty(len(views.R), np.int32), np.empty(len(views.R))
     for i in range(len(x)):
         y, z = curve_point(curve, i / (len(x) - 1))
-        out[i, 0], out[i, 1] = place_odds(views, odds, (x[i], y, z), reach, pixels, scales)
+        out[i, 0], out[i, 1] = place_odds(views, odds, lenses, (x[i], y, z), reach, pixels, scales)
     return out
 
 

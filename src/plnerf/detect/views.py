@@ -46,36 +46,84 @@ def views_of(cameras: Cameras, most_px: int | None = None) -> Views:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 @no_type_check
-def distort(lens, u, v):
-    """The lens distortion of u, v in the plane at depth 1; NaN beyond what the lens can see."""
+def distort(lens, n, u, v):
+    """The lens distortion of view n at u, v in the plane at depth 1; NaN beyond what the lens can see."""
     r2 = u * u + v * v
     if r2 > 16:
         return np.nan, np.nan  # 76 degrees off the axis: no lens of this model sees it
-    radial = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))
+    radial = 1 + r2 * (lens[n, 0] + r2 * (lens[n, 1] + r2 * lens[n, 4]))
     return (
-        u * radial + 2 * lens[2] * u * v + lens[3] * (r2 + 2 * u * u),
-        v * radial + 2 * lens[3] * u * v + lens[2] * (r2 + 2 * v * v),
+        u * radial + 2 * lens[n, 2] * u * v + lens[n, 3] * (r2 + 2 * u * u),
+        v * radial + 2 * lens[n, 3] * u * v + lens[n, 2] * (r2 + 2 * v * v),
     )
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+@no_type_check
+def project_point(views, n, x, y, z):
+    """Pixel (u, v) of a point in view n, and its depth; depth -1 where it is not in the image.
+
+    Numbers are read one by one: a row of an array as an array of its own would cost more than the projection.
+    """
+    R, c, size = views.R, views.centre, views.sizes
+    dx, dy, dz = x - c[n, 0], y - c[n, 1], z - c[n, 2]
+    depth = R[n, 2, 0] * dx + R[n, 2, 1] * dy + R[n, 2, 2] * dz
+    if depth <= NEAREST:
+        return 0.0, 0.0, -1.0
+    u = (R[n, 0, 0] * dx + R[n, 0, 1] * dy + R[n, 0, 2] * dz) / depth
+    v = (R[n, 1, 0] * dx + R[n, 1, 1] * dy + R[n, 1, 2] * dz) / depth
+    u, v = distort(views.distortion, n, u, v)
+    x_px, y_px = u * views.focal[n, 0] + views.principal[n, 0], v * views.focal[n, 1] + views.principal[n, 1]
+    if not (0 <= x_px < size[n, 0] and 0 <= y_px < size[n, 1]):
+        return 0.0, 0.0, -1.0
+    return x_px, y_px, depth
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def project_point(views, n, x, y, z):
-    """Pixel (u, v) of a point in view n, and its depth; depth -1 where it is not in the image."""
-    R, c = views.R[n], views.centre[n]
-    dx, dy, dz = x - c[0], y - c[1], z - c[2]
-    depth = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
-    if depth <= NEAREST:
-        return 0.0, 0.0, -1.0
-    u = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / depth
-    v = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / depth
-    u, v = distort(views.distortion[n], u, v)
-    x_px, y_px = u * views.focal[n, 0] + views.principal[n, 0], v * views.focal[n, 1] + views.principal[n, 1]
-    if not (0 <= x_px < views.sizes[n, 0] and 0 <= y_px < views.sizes[n, 1]):
-        return 0.0, 0.0, -1.0
-    return x_px, y_px, depth
+def lenses_of(views):
+    """The views for `project_into_all`: a row for each of a camera's numbers (23, n)."""
+    out = np.empty((23, len(views.R)))
+    for n in range(len(views.R)):
+        for i in range(3):
+            out[9 + i, n] = 0.0
+            for j in range(3):
+                out[3 * i + j, n] = views.R[n, i, j]
+                out[9 + i, n] -= views.R[n, i, j] * views.centre[n, j]
+        for i in range(2):
+            out[12 + i, n], out[14 + i, n] = views.focal[n, i], views.principal[n, i]
+            out[21 + i, n] = views.sizes[n, i]
+        for i in range(5):
+            out[16 + i, n] = views.distortion[n, i]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def project_into_all(lenses, x, y, z, pixels, scales):
+    """Into pixels (n,): the pixel of a point in each view, row by row, -1 where it is not in the image.
+
+    As `project_point` has it, but for several views at a time: without branches, and with the numbers of
+    neighbouring views beside each other.  scales (n,): pixels of a unit of length there.
+    """
+    r00, r01, r02, r10, r11, r12 = lenses[0], lenses[1], lenses[2], lenses[3], lenses[4], lenses[5]
+    r20, r21, r22, t0, t1, t2 = lenses[6], lenses[7], lenses[8], lenses[9], lenses[10], lenses[11]
+    fx, fy, cx, cy, k1, k2 = lenses[12], lenses[13], lenses[14], lenses[15], lenses[16], lenses[17]
+    p1, p2, k3, w, h = lenses[18], lenses[19], lenses[20], lenses[21], lenses[22]
+    for n in range(len(pixels)):
+        depth = r20[n] * x + r21[n] * y + r22[n] * z + t2[n]
+        near = 1 / depth
+        u = (r00[n] * x + r01[n] * y + r02[n] * z + t0[n]) * near
+        v = (r10[n] * x + r11[n] * y + r12[n] * z + t1[n]) * near
+        r2 = u * u + v * v
+        radial, uv = 1 + r2 * (k1[n] + r2 * (k2[n] + r2 * k3[n])), 2 * u * v
+        column = np.floor((u * radial + p1[n] * uv + p2[n] * (r2 + 2 * u * u)) * fx[n] + cx[n])
+        row = np.floor((v * radial + p2[n] * uv + p1[n] * (r2 + 2 * v * v)) * fy[n] + cy[n])
+        inside = (depth > NEAREST) & (r2 <= 16) & (column >= 0) & (row >= 0) & (column < w[n]) & (row < h[n])
+        pixels[n] = np.int32(row * w[n] + column if inside else -1.0)
+        scales[n] = fx[n] * near
 
 
 @njit(cache=True, error_model="numpy")
