@@ -17,11 +17,13 @@ from jaxtyping import Float, Int
 from plnerf.detect.chains import Chains
 from plnerf.detect.config_lines import ChainConfig
 from plnerf.detect.views import NEAREST, Views, project_point
-from plnerf.ops.kernel_cache import njit
+from plnerf.ops.kernel_cache import inlined, njit
 from plnerf.ops.threads import share
 
 SAMPLES = 9
 """Places along a chain at which its surface is cut by the other's."""
+LEAST = 3
+"""Of them, so many must be cut for a curve."""
 PLACES = (24, 16, 12)
 """Places along, across and upwards that views may have in common: a long lens shows few metres at a time."""
 STEPS = 3
@@ -105,60 +107,72 @@ def seen_places(views, places):
 def meets(chains, views, pairs, ends, box, limits, shape, out, start, stop):  # noqa: PLR0913 (a kernel's arrays, one by one)
     """The curve of each pair of chains (m, 2), between two places x, into out (m, 6); NaN stays for none."""
     least_angle, spare, least_length = limits
+    centre, rays, owner = views.centre, np.empty((SAMPLES, 3)), -1
+    points, last = np.empty((SAMPLES, 3)), -1
     for m in range(start, stop):
-        a, b = pairs[m]
-        n = chains.owner[a]
-        begin, end = chains.ends[a]
-        points, count = np.empty((SAMPLES, 3)), 0
+        a, b = pairs[m, 0], pairs[m, 1]
+        if a != last:
+            owner, last = chains.owner[a], a
+            lines_of_sight(chains, views, a, rays)
+        n, count = chains.owner[b], 0
+        origin = turned(
+            views.R, n, centre[owner, 0] - centre[n, 0], centre[owner, 1] - centre[n, 1],
+            centre[owner, 2] - centre[n, 2],
+        )  # fmt: skip
         for k in range(SAMPLES):
-            ray = line_of_sight(chains, views, a, begin + (end - begin) * k / (SAMPLES - 1))
-            depth = depth_of(chains, views, b, views.centre[n], ray, least_angle, spare)
+            if count + SAMPLES - k < LEAST:
+                break
+            ray = turned(views.R, n, rays[k, 0], rays[k, 1], rays[k, 2])
+            depth = depth_of(chains, b, origin, ray, least_angle, spare)
             if depth <= 0:
                 continue
-            for axis in range(3):
-                points[count, axis] = views.centre[n, axis] + depth * ray[axis]
-            x, y, z = points[count]
+            x, y = centre[owner, 0] + depth * rays[k, 0], centre[owner, 1] + depth * rays[k, 1]
+            z = centre[owner, 2] + depth * rays[k, 2]
+            points[count, 0], points[count, 1], points[count, 2] = x, y, z
             count += ends[0] <= x <= ends[1] and box[0] <= y <= box[1] and box[2] <= z <= box[3]
-        if count >= 3 and abs(points[count - 1, 0] - points[0, 0]) >= least_length:
+        if count >= LEAST and abs(points[count - 1, 0] - points[0, 0]) >= least_length:
             curve_through(points[:count], ends, shape, out[m])
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def line_of_sight(chains, views, a, t):
-    """The ray through place t of a chain, of depth 1."""
-    R, (u, v), p = views.R[chains.owner[a]], chains.along[a], chains.bend[a]
-    across = p[0] + t * (p[1] + t * p[2])
-    x, y = t * u - across * v, t * v + across * u
+def lines_of_sight(chains, views, a, rays):
+    """Into rays (SAMPLES, 3): those through places along a chain, of depth 1."""
+    n, R, along, bend, ends = chains.owner[a], views.R, chains.along, chains.bend, chains.ends
+    u, v = along[a, 0], along[a, 1]
+    for k in range(SAMPLES):
+        t = ends[a, 0] + (ends[a, 1] - ends[a, 0]) * k / (SAMPLES - 1)
+        across = bend[a, 0] + t * (bend[a, 1] + t * bend[a, 2])
+        x, y = t * u - across * v, t * v + across * u
+        for axis in range(3):
+            rays[k, axis] = R[n, 0, axis] * x + R[n, 1, axis] * y + R[n, 2, axis]
+
+
+@inlined(error_model="numpy")
+@no_type_check
+def turned(R, n, x, y, z):
+    """A vector in the axes of camera n."""
     return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0],
-        R[0, 1] * x + R[1, 1] * y + R[2, 1],
-        R[0, 2] * x + R[1, 2] * y + R[2, 2],
+        R[n, 0, 0] * x + R[n, 0, 1] * y + R[n, 0, 2] * z,
+        R[n, 1, 0] * x + R[n, 1, 1] * y + R[n, 1, 2] * z,
+        R[n, 2, 0] * x + R[n, 2, 1] * y + R[n, 2, 2] * z,
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inlined(error_model="numpy")
 @no_type_check
-def depth_of(chains, views, b, centre, ray, least_angle, spare):
-    """The depth at which a ray from another camera meets the surface of a chain; -1 where it does not."""
-    n = chains.owner[b]
-    R, (u, v), p = views.R[n], chains.along[b], chains.bend[b]
-    begin, end = chains.ends[b]
+def depth_of(chains, b, origin, ray, least_angle, spare):
+    """The depth at which a ray meets the surface of a chain, in its camera's axes; -1 where it does not."""
+    u, v = chains.along[b, 0], chains.along[b, 1]
+    p0, p1, p2 = chains.bend[b, 0], chains.bend[b, 1], chains.bend[b, 2]
+    begin, end = chains.ends[b, 0], chains.ends[b, 1]
     beyond = spare * (end - begin)
-    dx, dy, dz = (
-        centre[0] - views.centre[n, 0], centre[1] - views.centre[n, 1], centre[2] - views.centre[n, 2]
-    )  # fmt: skip
-    o0 = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
-    o1 = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
-    o2 = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
-    r0 = R[0, 0] * ray[0] + R[0, 1] * ray[1] + R[0, 2] * ray[2]
-    r1 = R[1, 0] * ray[0] + R[1, 1] * ray[1] + R[1, 2] * ray[2]
-    r2 = R[2, 0] * ray[0] + R[2, 1] * ray[1] + R[2, 2] * ray[2]
+    (o0, o1, o2), (r0, r1, r2) = origin, ray
     t, depth = 0.5 * (begin + end), -1.0
     for _ in range(STEPS):
         # The plane through the camera and the chain's tangent at t.
-        slope = p[1] + 2 * p[2] * t
-        n0, n1, n2 = -v - slope * u, u - slope * v, -(p[0] - p[2] * t * t)
+        slope = p1 + 2 * p2 * t
+        n0, n1, n2 = -v - slope * u, u - slope * v, -(p0 - p2 * t * t)
         across = n0 * r0 + n1 * r1 + n2 * r2
         size = (n0 * n0 + n1 * n1 + n2 * n2) * (r0 * r0 + r1 * r1 + r2 * r2)
         if across * across < least_angle * least_angle * size:
