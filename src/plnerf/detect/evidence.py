@@ -109,7 +109,7 @@ def _average_along(
     bend: Float32[np.ndarray, "h w"], towards: Float32[np.ndarray, "h w 2"], config: EvidenceConfig
 ) -> Float32[np.ndarray, "h w"]:
     """The bend averaged along the best of the directions that sag allows."""
-    best = np.empty_like(bend)
+    best = np.zeros_like(bend)
     angle = np.deg2rad(config.sag_deg).astype(np.float32)
     turns = np.stack([np.cos(angle), np.sin(angle)], 1)
     steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
