@@ -6,7 +6,17 @@ import torch
 from tests.support.drawn import two_passes
 
 from plnerf.detect.config import OddsConfig
-from plnerf.detect.odds import BLOCK, STEPS, Odds, distances, odds_of, pixels_of, place_odds, unclaimed
+from plnerf.detect.odds import (
+    BLOCK,
+    STEPS,
+    Odds,
+    box_around,
+    distances,
+    odds_of,
+    pixels_of,
+    place_odds,
+    unclaimed,
+)
 from plnerf.detect.views import Views, lenses_of, project_point, views_of
 from plnerf.scene.cameras import Cameras
 
@@ -82,18 +92,22 @@ def test_beside_others_ridges_nothing_is_known() -> None:
     assert after[3] == before[3] > 1 and after[4] == MISSED
 
 
-def test_odds_of_views_that_did_not_change_are_those_of_before() -> None:
+@pytest.mark.parametrize("ridges", [0.03, 0.0003])
+def test_odds_of_what_did_not_change_are_those_of_before(ridges: float) -> None:
     views, rng = views_of(two_passes(4)), np.random.default_rng(5)
-    responses = (rng.random(int(views.sizes.prod(1).sum())) < 0.03).astype(np.float32)
+    responses = (rng.random(int(views.sizes.prod(1).sum())) < ridges).astype(np.float32)
     first, others = odds_of(responses, views, CONFIG), np.zeros(len(responses), bool)
     before = None
     for views_changed in ([0, 2], [2, 5, 7]):
+        boxes = {}
         for n in views_changed:
-            part, _ = pixels_of(views, n)
-            others[part] = rng.random(part.stop - part.start) < 0.05
+            part, shape = pixels_of(views, n)
+            box = others[part].reshape(shape)[10:50, 20 + 5 * n : 70]
+            box[:] = rng.random(box.shape) < 0.5
+            boxes[n] = box_around(others[part].reshape(shape))
         left = np.where(others, np.float32(0), responses)
         whole = unclaimed(first, left, others, views, CONFIG)
-        before = unclaimed(first, left, others, views, CONFIG, before or first, views_changed)
+        before = unclaimed(first, left, others, views, CONFIG, before or first, boxes)
         assert (before.ridge == whole.ridge).all() and (before.free == whole.free).all()
         assert (whole.free != first.free).any() and (whole.ridge != first.ridge).any()
 

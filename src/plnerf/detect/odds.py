@@ -10,7 +10,7 @@ Letters: p pixels of all views, l radii within which a ridge counts as near, c b
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, no_type_check
 
@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from plnerf.detect.config import OddsConfig
+from plnerf.detect.reduction import Tile
 from plnerf.detect.views import Views, project_into_all
 from plnerf.ops.kernel_cache import njit
 
@@ -26,6 +27,10 @@ BLOCK = 8
 """Width of the blocks for which densities are tabulated, in pixels."""
 STEPS = 4
 """Distances are kept in quarters of a pixel, up to 64 px: a byte for each pixel."""
+FARTHEST_PX = 64
+"""Of those distances."""
+Box = tuple[slice, slice]
+"""Rows and columns of a view."""
 
 
 class Odds(NamedTuple):
@@ -83,22 +88,28 @@ def unclaimed(
     views: Views,
     config: OddsConfig,
     before: Odds | None = None,
-    changed: Iterable[int] | None = None,
+    changed: Mapping[int, Box] | None = None,
 ) -> Odds:
     """The odds (as `odds_of` gave them) where the ridges of some pixels belong to other lines.
 
-    left: responses without those.  before: what this gave when only the pixels of some views were others',
-    `changed`; None: of all views.
+    left: responses without those.  before: what this gave when only pixels in boxes of some views, `changed`,
+    were others' or were not; None: anywhere.
     """
-    known, side = before or odds, 2 * config.muffled_px + 1
+    known, side, reach = before or odds, 2 * config.muffled_px + 1, max(FARTHEST_PX, config.muffled_px)
     ridge, free = known.ridge.copy(), known.free.copy()
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
 
     def one(n: int) -> None:
         part, shape = pixels_of(views, n)
-        muffled = cv2.dilate(others[part].reshape(shape).view(np.uint8), disc).ravel() > 0
-        ridge[part] = np.where(muffled, np.uint8(0), odds.ridge[part])
-        free[part] = distance_to(left[part] >= config.min_response, shape)
+        box = (slice(0, shape[0]), slice(0, shape[1])) if changed is None else changed[n]
+        # What lies farther from the box is as it was, and what lies farther from that changes nothing in it.
+        tile = Tile(grown(box, reach, shape), grown(box, 2 * reach, shape))
+        here, hidden, remaining = (
+            flat[part].reshape(shape)[tile.outer] for flat in (odds.ridge, others, left)
+        )
+        muffled = cv2.dilate(hidden.astype(np.uint8), disc) > 0
+        ridge[part].reshape(shape)[tile.inner] = np.where(muffled, np.uint8(0), here)[tile.within]
+        free[part].reshape(shape)[tile.inner] = distance_to(remaining >= config.min_response)[tile.within]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, range(len(views.sizes)) if changed is None else changed))
@@ -111,7 +122,7 @@ def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray,
 
     def one(n: int) -> None:
         part, shape = pixels_of(views, n)
-        out[part] = distance_to(ridges[part], shape)
+        out[part] = distance_to(ridges[part].reshape(shape)).ravel()
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, range(len(views.sizes))))
@@ -125,11 +136,25 @@ def pixels_of(views: Views, n: int) -> tuple[slice, tuple[int, int]]:
     return slice(start, start + w * h), (h, w)
 
 
-def distance_to(ridges: Bool[np.ndarray, " p"], shape: tuple[int, int]) -> UInt8[np.ndarray, " p"]:
+def box_around(pixels: Bool[np.ndarray, "h w"]) -> Box:
+    """The least box that holds all of some pixels, of which there are any."""
+    rows, columns = np.flatnonzero(pixels.any(1)), np.flatnonzero(pixels.any(0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def grown(box: Box, by_px: int, shape: tuple[int, int]) -> Box:
+    """A box with a margin, as far as the view goes."""
+    rows, columns = (
+        slice(max(0, side.start - by_px), min(size, side.stop + by_px))
+        for side, size in zip(box, shape, strict=True)
+    )
+    return rows, columns
+
+
+def distance_to(ridges: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
     """From each pixel of one view to its nearest ridge, in quarters of a pixel; 255 at most."""
-    away = (~ridges).reshape(shape).view(np.uint8)
-    distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_5)
-    return (STEPS * np.minimum(distance, 255 / STEPS)).astype(np.uint8).ravel()
+    distance = cv2.distanceTransform((~ridges).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+    return (STEPS * np.minimum(distance, 255 / STEPS)).astype(np.uint8)
 
 
 @njit(cache=True, error_model="numpy")

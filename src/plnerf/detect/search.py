@@ -12,7 +12,7 @@ from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.meets import curves_where_chains_meet
-from plnerf.detect.odds import odds_of, pixels_of, unclaimed
+from plnerf.detect.odds import Box, box_around, odds_of, pixels_of, unclaimed
 from plnerf.detect.parabola import curve_odds, curve_points, odds_along
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
@@ -308,11 +308,13 @@ class Search:
     def update_odds(self) -> None:
         """Lets the odds know which ridges are left."""
         others = self.masks > 0
-        parts = [pixels_of(self.views, n)[0] for n in range(len(self.views.sizes))]
-        changed = [n for n, part in enumerate(parts) if (others[part] != self._others[part]).any()]
-        left = self.left.copy()
-        for part in (parts[n] for n in changed):
-            left[part] = np.where(others[part], np.float32(0), self.responses[part])
+        left, changed = self.left.copy(), dict[int, Box]()
+        for n in range(len(self.views.sizes)):
+            part, shape = pixels_of(self.views, n)
+            differs = others[part] != self._others[part]
+            if differs.any():
+                changed[n] = box_around(differs.reshape(shape))
+                left[part] = np.where(others[part], np.float32(0), self.responses[part])
         config = self.config.odds
         self.odds = unclaimed(self.all_odds, left, others, self.views, config, self.odds, changed)
         self.left, self._others = left, others
