@@ -156,8 +156,9 @@ def test_the_same_pictures_give_the_same_wires_and_progress_counts_up_to_its_tot
     again = detect_wires(scene, DEFAULT, lambda *step: steps.append(step))
     assert same(again, found)
     done, totals = zip(*steps, strict=True)
-    assert list(done) == sorted(set(done)) and set(totals) == {done[-1]} and done[0] == 1
-    assert len(done) > len(scene.train)
+    assert list(done) == sorted(set(done)) and set(totals) == {done[-1]}
+    # Most of the time goes into few steps, none of which may seem to be the whole.
+    assert len(done) > len(scene.train) and max(np.diff([0, *done])) < 0.3 * done[-1]
 
 
 @pytest.mark.parametrize("seed", [1, 2])

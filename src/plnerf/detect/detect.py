@@ -7,6 +7,7 @@ Nobody needs to know where a line runs, how many there are, and where they bend.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
@@ -37,6 +38,9 @@ from plnerf.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
 """Called with the steps done and their total."""
+STEPS, MAPS, EVIDENCE, LATER = 1000, 0.2, 0.15, 0.2
+"""Of progress: its steps; how much of the work it is to find the thin lines of all images; how much of
+a window the evidence is; and how much is left after each direction, of which the first has most wires."""
 FindWires = Callable[[Scene, DetectConfig, Progress | None], tuple[Wire, ...]]
 """`detect_wires`, or what stands in its place."""
 
@@ -48,19 +52,23 @@ def detect_wires(
 
     Photos are read at their full size, whatever the resolution that the scene is trained at.  The wires
     are in `LineFrame.of_scene(scene.frames)`.  Each is one conductor over a stretch in which it is one
-    catenary, its base along its own direction; both ends are open.  The steps of `progress` are images and
-    directions.  Raises SceneError where an azimuth is given and the scene has no north.
+    catenary, its base along its own direction; both ends are open.  Progress is counted in thousandths of
+    the work, roughly.  Raises SceneError where an azimuth is given and the scene has no north.
     """
-    images, most = len(scene.train), config.directions.most
-    steps = (images + most) * 2
+    images, most, shown = len(scene.train), config.directions.most, 0
 
-    def report(done: int) -> None:
-        if progress is not None:
-            progress(done, steps)
+    def report(share: float) -> None:
+        nonlocal shown
+        done = round(STEPS * share)
+        if progress is not None and done > shown:
+            progress(done, STEPS)
+        shown = max(shown, done)
 
     cameras, most_px = scene.photo_cameras, config.evidence.most_px
     views = views_of(cameras[list(scene.train)], most_px)
-    maps = line_maps(scene.photos, cameras, scene.train, most_px, config.lines, report)
+    maps = line_maps(
+        scene.photos, cameras, scene.train, most_px, config.lines, lambda done: report(MAPS * done / images)
+    )
     segments, piece = segments_of(maps, views, config.segments)
     at = views.starts[maps.view] + maps.pixel
     none = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
@@ -73,16 +81,22 @@ def detect_wires(
             break
         searched.append(direction)
         ridges = LineRidges(scene, direction, config.evidence)
-        pieces = [
-            _in_window(scene, views, window, ridges, surroundings, known, config)
-            for window in windows_along(direction, views, config.windows)
-        ]
+        begin, end = (1 - (1 - MAPS) * LATER ** (len(searched) - k) for k in (1, 0))
+        windows, pieces = list(windows_along(direction, views, config.windows)), list[list[Wire]]()
+        edges = np.linspace(begin, end, len(windows) + 1)
+        for window, *edge in zip(windows, edges, edges[1:], strict=False):
+            part = partial(_within, report, *edge)
+            pieces.append(_in_window(scene, views, window, ridges, surroundings, known, config, part))
         known.wires += joined(pieces, config.join)
         known.others = known.taken.copy()
-        report(images + (images + 2 * most) * len(searched) // most)
-    report(steps)
+    report(1.0)
     wires = ended_where_they_meet(known.wires, config.meet)
     return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
+
+
+def _within(report: Callable[[float], None], begin: float, end: float, share: float) -> None:
+    """Reports a share of a part of the work, from `begin` to `end`."""
+    report(begin + (end - begin) * share)
 
 
 def compile_kernels() -> None:
@@ -169,6 +183,7 @@ def _in_window(
     surroundings: Surroundings,
     known: Known,
     config: DetectConfig,
+    report: Callable[[float], None],
 ) -> list[Wire]:
     """The wires in a window; what it takes, and how well ridges agree with wires, is known then."""
     mine, responses = window.seen_by(views), ridges.of(window.views)
@@ -177,7 +192,8 @@ def _in_window(
     search = Search(mine, responses, middles_of_planes(window.planes), config, known.sharpness)
     frame = LineFrame.of_scene(scene.frames)
     before = ends_of_wires(known.wires, window, frame, config.search.around)
-    found, rest = find_lines(search, window, surroundings, before)
+    report(EVIDENCE)
+    found, rest = find_lines(search, window, surroundings, before, partial(_within, report, EVIDENCE, 1.0))
     _mark([*found, *rest], search, replace(window, views=np.arange(len(views.R))).seen_by(views), known.taken)
     x, length = search.x, search.length
     wires, unit_m = [], window.unit_m(frame)
@@ -188,6 +204,7 @@ def _in_window(
         ends = certain_stretch(line, ends, x, footprint, unit_m, config.certainty)
         wires.append(wire_of(line, ends, window, x, footprint, frame, config.certainty))
     known.sharpness = search.sharpness
+    report(1.0)
     return wires
 
 

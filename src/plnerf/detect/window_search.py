@@ -36,7 +36,11 @@ Judge = Callable[[Candidate], Candidate]
 
 
 def find_lines(
-    search: Search, window: Window, surroundings: Surroundings, ends: Float[np.ndarray, "m 2 3"]
+    search: Search,
+    window: Window,
+    surroundings: Surroundings,
+    ends: Float[np.ndarray, "m 2 3"],
+    report: Callable[[float], None],
 ) -> tuple[list[Candidate], list[Candidate]]:
     """The wires, the best first, and lines that are none: edges of roads, say.
 
@@ -44,7 +48,7 @@ def find_lines(
     fix no line that hangs, there are no others to look for.  Wires are followed beyond the window at last,
     and those are found that go on where they end.
 
-    ends: of wires of other directions (`continuations.py`).
+    ends: of wires of other directions (`continuations.py`).  report: takes the share that is done, roughly.
     """
     config = search.config
     met = search.distinct(search.met(window, config.chains.spare))
@@ -55,6 +59,7 @@ def find_lines(
 
     lines = _found_near(search, met, config.select.min_odds, config.search.max_lines, judged)
     first = leaders(lines, search.length, config.select)
+    report(0.4)
     if first and first[0].fixed:
         lines = without_mixtures(search, refit_all(search, lines))
         met = search.distinct(search.met(window, config.chains.spare_alike))
@@ -63,6 +68,7 @@ def find_lines(
             lines += new
             if not new:
                 break
+        report(0.6)
         lines = refit_all(search, lines)
         # Fitted again, the lines leave more of their ridges to others.
         if more := _like_the_leaders(search, met, lines, judged):
@@ -73,6 +79,7 @@ def find_lines(
             lines += refit_all(search, _like_the_leaders(search, met, lines, judged))
         pixel = typical_footprint(search.views, first[0].theta, search.x, config.certainty)
         lines = without_gaps(lines, len(search.x), pixel, config.search)
+    report(0.8)
     wires = select_wires(lines, search.length, config.select)
     others = [line for line in lines if line not in wires]
     lines = search.lengthen(*window.follow, [*wires, *others])

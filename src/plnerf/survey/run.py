@@ -66,6 +66,9 @@ from plnerf.train.settings import to_json
 Progress = Callable[[int, int], None]
 FLIGHT_M = 120.0
 """Greatest height above the ground at which drones commonly may fly."""
+OF_SCENE, OF_RUN = (5, 30, 47, 9, 9), (20, 20, 42, 9, 9)
+"""Hundredths of the work, roughly: poses, wires, stereo, fit and the rest; of a run, whose wires are known,
+points on wires and the field's surface come first."""
 REST = 4
 """Steps after the fit: classes, witnesses, clearances, crops."""
 LOW_SHARE = 20
@@ -85,7 +88,7 @@ def survey_run(
     a corridor that the survey is about; None: all that is seen.
     """
     config = config or SurveyConfig()
-    parts = _parts(progress, 5)
+    parts = _parts(progress, OF_RUN)
     photos = _with_heights(photos_of(run.scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
     found = (finder or detect_wires)(run.scene, config.detect, None) if run.wires is None else run.wires
@@ -108,7 +111,7 @@ def survey_scene(
     about; None: all that is seen.
     """
     config = config or SurveyConfig()
-    parts = _parts(progress, 5)
+    parts = _parts(progress, OF_SCENE)
     photos = _with_heights(photos_of(scene), config)
     _check_altitude(photos.frame, _low_point(photos), config)
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
@@ -344,14 +347,14 @@ def _images_in(scene: Scene) -> str:
     return f"{scene.root.name}: {len(scene.names)} images"
 
 
-def _parts(progress: Progress | None, count: int) -> list[Progress]:
-    """A callback for each of some stages, which together report one progress."""
+def _parts(progress: Progress | None, shares: Sequence[int]) -> list[Progress]:
+    """A callback for each of some stages, which together report one progress, in hundredths."""
 
-    def part(stage: int) -> Progress:
+    def part(begin: int, share: int) -> Progress:
         def report(done: int, of: int) -> None:
             if progress is not None:
-                progress(stage * of + done, count * of)
+                progress(begin + share * done // of, sum(shares))
 
         return report
 
-    return [part(stage) for stage in range(count)]
+    return [part(sum(shares[:k]), share) for k, share in enumerate(shares)]
