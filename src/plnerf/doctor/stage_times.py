@@ -1,8 +1,8 @@
 """How long the stages of `reconstruct` take, estimated from images and pixels before they begin.
 
-Rough rules of thumb for two cores: only the survey's was compared with a run, of the bundled span (66 s
-estimated, 84 s of processor time on two threads); other machines, and scenes with more wires, take other
-times.
+Rough rules of thumb for two cores: only the survey's was compared with runs, of the bundled span (63 s
+estimated; 49 and 58 s on two cores of an Intel Xeon at 2.8 GHz) and of four times as many images (220 s;
+298); other machines, and scenes with more wires, take other times.
 """
 
 import math
@@ -15,7 +15,7 @@ from plnerf.errors import CaptureError
 from plnerf.scene.listing import Listing
 from plnerf.survey.config import SurveyConfig
 
-SURVEY_S, WIRES_S_PER_IMAGE, STEREO_S_PER_MP = 10.0, 0.4, 10.0
+SURVEY_S, WIRES_S_PER_IMAGE, STEREO_S_PER_MP = 10.0, 0.3, 2.8
 """Seconds of a survey: whatever it surveys; of an image in which wires are found and fitted; of a megapixel
 at the size at which stereo matches it."""
 FIELD_S = 30.0
