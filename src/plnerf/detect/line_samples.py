@@ -71,7 +71,10 @@ def turned(towards, c, s, dx, dy):
 @inlined(fastmath=FAST, error_model="numpy")
 @no_type_check
 def sample_places(dx, dy, step, width, away, fx, fy):
-    """Of samples a step away: how far in memory the pixels above and left are, and the rest of the way."""
+    """Into away (w,): how far in memory the pixel above and left of each sample is from the sample's own.
+
+    Into fx and fy (w,): how far right of that pixel, and below it, the sample lies.
+    """
     for v in range(len(dx)):
         x, y = step * dx[v], step * dy[v]
         left, above = np.floor(x), np.floor(y)

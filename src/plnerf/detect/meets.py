@@ -23,7 +23,7 @@ from plnerf.ops.threads import share
 SAMPLES = 9
 """Places along a chain at which its surface is cut by the other's."""
 LEAST = 3
-"""Of them, so many must be cut for a curve."""
+"""A curve needs so many of these places to be cut."""
 PLACES = (24, 16, 12)
 """Places along, across and upwards that views may have in common: a long lens shows few metres at a time."""
 STEPS = 3

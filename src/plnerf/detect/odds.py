@@ -28,7 +28,7 @@ BLOCK = 8
 STEPS = 4
 """Distances are kept in quarters of a pixel, up to 64 px: a byte for each pixel."""
 FARTHEST_PX = 64
-"""Of those distances."""
+"""The greatest distance that is kept."""
 Box = tuple[slice, slice]
 """Rows and columns of a view."""
 

@@ -28,7 +28,10 @@ class DepthMap:
 
 
 def depth_map(picture: Picture, partners: Sequence[Picture], near: float, config: MatchConfig) -> DepthMap:
-    """Of one image alone.  near: distance of what is near in it, which sets the range of disparities."""
+    """The depth map of one image.
+
+    near: distance of what is near in it, which sets the range of disparities.
+    """
     pairs = [match_pair(picture, other, near, config) for other in partners]
     return agreed([shown for shown, _ in pairs], config)
 

@@ -59,7 +59,7 @@ def distances_by_matching(
             mine.update(dict.fromkeys(others, distance))
 
     def quantiles(k: int, depths: DepthMap) -> Float[np.ndarray, " q"] | None:
-        """Of view k; None where too little of it is matched."""
+        """The quantiles of view k; None where too little of it is matched."""
         depths.t[shows_wires(views[k], wires, config)] = np.nan
         known = np.isfinite(depths.t)
         t = depths.t[known]

@@ -26,7 +26,7 @@ STEPS = 16
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What a pair shows in one of its images."""
+    """Inverse distances along the rays of one of a pair's images."""
 
     w: Float32[np.ndarray, "h w"]
     """1/t; NaN where there is no match."""

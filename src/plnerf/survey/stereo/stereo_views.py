@@ -160,7 +160,9 @@ def _camera_rays(
     height: int,
 ) -> Float32[np.ndarray, "3 h w"]:
     rays = _through(_centres(width, height), *map(np.array, (focal_px, principal_px, distortion)))
-    return np.ascontiguousarray(np.moveaxis(rays, -1, 0), np.float32)
+    shared = np.ascontiguousarray(np.moveaxis(rays, -1, 0), np.float32)
+    shared.flags.writeable = False
+    return shared
 
 
 def _reduced(
