@@ -26,6 +26,7 @@ from plnerf.cli.export import export
 from plnerf.cli.hang import hang
 from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
+from plnerf.cli.options_help import describe_settings
 from plnerf.cli.stop import Terminated, stoppable, unread
 from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.torchrun import BEFORE_OTHERS_S, joined, rank_of_process, require_shared
@@ -142,6 +143,8 @@ def main() -> None:
             require_shared(arguments)
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
+            if {"-h", "--help"} & set(arguments):
+                describe_settings()
             for preset, settings in starts(arguments).items():  # the same options on top of each
                 results[preset] = app_from(settings).cli(prog="plnerf", description=ABOUT, args=arguments)
             if isinstance(next(iter(results.values())), Measuring):

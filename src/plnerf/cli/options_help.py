@@ -1,0 +1,45 @@
+"""What help says of settings, read from the strings below the fields of their classes."""
+
+import ast
+import inspect
+import sys
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from itertools import pairwise
+from types import MappingProxyType, ModuleType
+
+
+def describe_settings() -> None:
+    """Give each field of plnerf's loaded dataclasses its text, as `metadata["help"]`.
+
+    The parser of options would find the texts too.  It reads a class's module anew for every class, which
+    took half of the time of a help with hundreds of options; here every module is read once.
+    """
+    for name, module in list(sys.modules.items()):
+        if not name.startswith("plnerf."):
+            continue
+        classes = {cls.__name__: cls for cls in vars(module).values() if _is_dataclass_of(module, cls)}
+        if not classes:
+            continue
+        for node in ast.parse(inspect.getsource(module)).body:
+            if isinstance(node, ast.ClassDef) and node.name in classes:
+                texts = dict(_texts(node))
+                for field in fields(classes[node.name]):
+                    if field.name in texts:
+                        metadata = {"help": texts[field.name], **field.metadata}
+                        field.metadata = MappingProxyType(metadata)
+
+
+def _is_dataclass_of(module: ModuleType, value: object) -> bool:
+    return isinstance(value, type) and is_dataclass(value) and value.__module__ == module.__name__
+
+
+def _texts(of_class: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    """The names of the class's fields that have a string below them, each with its string as one line."""
+    for field, text in pairwise(of_class.body):
+        match field, text:
+            case (
+                ast.AnnAssign(target=ast.Name(id=name)),
+                ast.Expr(value=ast.Constant(value=str(words))),
+            ):
+                yield name, " ".join(words.split())
