@@ -120,18 +120,49 @@ def test_tie_points_are_where_the_photos_show_them(tmp_path: Path) -> None:
     assert np.median(off_m) < 0.01 and np.quantile(off_m, 0.97) < 0.1
 
 
+def test_a_feature_lies_where_its_spot_is(tmp_path: Path) -> None:
+    """Photos taken in different directions would else be pulled apart, each to its own side."""
+    write_flight(tmp_path / "s", views=2)
+    cameras = load_scene(tmp_path / "s").photo_cameras[[0]]
+    w, h = SIZE
+    rng = np.random.default_rng(0)
+    grid = np.stack(np.meshgrid(np.arange(30.0, w - 20, 40), np.arange(30.0, h - 20, 40)), -1).reshape(-1, 2)
+    spots = grid + rng.uniform(0, 1, grid.shape)
+    y, x = np.mgrid[:h, :w] + 0.5  # pixel centres
+    squares = (x - spots[:, 0, None, None]) ** 2 + (y - spots[:, 1, None, None]) ** 2
+    bright = 60 + 150 * np.exp(-squares / (2 * 2.5**2)).sum(0)
+
+    class Spots:
+        has_masks = False
+
+        def image(self, i: int) -> np.ndarray:
+            return np.repeat(bright.astype(np.uint8)[..., None], 3, 2)
+
+        def valid(self, i: int) -> np.ndarray:
+            return np.ones((h, w), bool)
+
+    (features,) = features_of(Spots(), cameras, [0], FEW.ties).values()
+    pixels = features.plane * cameras.focal_px[0].numpy() + cameras.principal_px[0].numpy()
+    apart = np.linalg.norm(pixels[:, None] - spots, axis=2)
+    assert apart.min(0).max() < 0.05 and (apart.argmin(1)[apart.min(1) < 3]).size >= len(spots)
+
+
 def test_features_in_smaller_photos_are_at_the_same_place(tmp_path: Path) -> None:
     write_flight(tmp_path / "s", views=6)
     scene = load_scene(tmp_path / "s")
-    pairs = neighbour_pairs(scene.cameras, 5)
-    halved = tied(scene, pairs, replace(FEW.ties, max_image_px=SIZE[0] // 2))
-    whole = tied(scene, pairs)
-    assert np.allclose(halved.focal_px, whole.focal_px / 2)
-    near = [np.linalg.norm(whole.plane[whole.image == i][:, None] - halved.plane[halved.image == i], axis=2)
-            for i in range(6)]  # fmt: skip
-    least = np.concatenate([one.min(0) for one in near])
-    # Half of the size has features of its own; one in 500 would be so near by chance.
-    assert (least * whole.focal_px[0] < 0.7).mean() > 0.3
+    cameras, config = scene.photo_cameras, replace(FEW.ties, features=4000)
+    half = replace(config, max_image_px=SIZE[0] // 2)
+    whole, halved = (features_of(scene.photos, cameras, range(6), one) for one in (config, half))
+    focal_px = cameras.focal_px[0].numpy()
+    assert np.allclose(tied(scene, neighbour_pairs(cameras, 5), half).focal_px, focal_px.mean() / 2)
+    nearest = []
+    for i in range(6):
+        apart = (halved[i].plane[:, None] - whole[i].plane) * focal_px
+        nearest.append(apart[np.arange(len(apart)), np.linalg.norm(apart, axis=2).argmin(1)])
+    off_px = np.concatenate(nearest)
+    # Half of the size has some features of its own.
+    same = np.linalg.norm(off_px, axis=1) < 0.3
+    assert same.mean() > 0.6 and np.abs(off_px[same].mean(0)).max() < 0.02
 
 
 def test_pixels_that_masks_ignore_have_no_features(tmp_path: Path) -> None:

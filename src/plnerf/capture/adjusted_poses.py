@@ -68,7 +68,7 @@ def with_adjusted_poses(
     sampled = sampled_pairs(cameras, config.groups, config.group_size)
     features = features_of(scene.photos, cameras, images_of(sampled), config.ties)
     sample = _adjusted(cameras, features, sampled, config)
-    if sample.points >= config.min_points and not _helps(sample, config):
+    if sample.points >= config.groups * config.min_points and not _helps(sample, config):
         report(1, 1)
         return scene, None
     pairs = neighbour_pairs(cameras, config.ties.partners)

@@ -137,7 +137,10 @@ def _features(pictures: Pictures, cameras: Cameras, image: int, config: TieConfi
     if pictures.has_masks:
         mask = pictures.valid(image).astype(np.uint8)
         valid = cv2.resize(mask, (grey.shape[1], grey.shape[0]), interpolation=cv2.INTER_NEAREST)
-    sift = cv2.SIFT.create(config.features, contrastThreshold=config.contrast)
+    # Without precise upscaling every feature lies a quarter of a pixel right of and below where it is.
+    sift = cv2.SIFT.create(
+        config.features, contrastThreshold=config.contrast, enable_precise_upscale=True
+    )
     found, descriptors = sift.detectAndCompute(grey, valid)
     if not found:
         return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
