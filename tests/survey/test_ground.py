@@ -7,7 +7,7 @@ import pytest
 
 from plnerf.errors import ConfigError
 from plnerf.survey.config_ground import GroundConfig
-from plnerf.survey.ground import Ground, find_ground, vegetation
+from plnerf.survey.ground import Ground, find_ground, settled, vegetation
 
 EXTENT = 120.0
 CONFIG = GroundConfig()
@@ -47,6 +47,29 @@ def test_the_ground_is_distinguished_from_what_stands_on_it(cloud: tuple[np.ndar
     xy = np.random.default_rng(1).uniform(2, EXTENT - 2, (3000, 2))
     off = np.abs(ground.below(xy) - terrain(xy))
     assert np.median(off) < 0.15 and np.percentile(off, 99) < 0.8  # cells are as low as their lowest point
+
+
+def test_the_ground_of_a_noisy_cloud_is_where_most_of_its_points_are(
+    cloud: tuple[np.ndarray, np.ndarray],
+) -> None:
+    """The lowest of many points lies three deviations low; cells without points are lifted as their
+    neighbours are."""
+    random = np.random.default_rng(3)
+    xy = random.uniform(0, EXTENT, (400_000, 2))
+    noisy = np.column_stack([xy, terrain(xy) + 0.1 * random.normal(size=len(xy))])
+    clean, of_ground = cloud
+    points = np.concatenate([noisy[np.hypot(*(xy - [80, 40]).T) > 12], clean[~of_ground]])
+    ground = find_ground(points, CONFIG)
+    assert ground is not None
+    near_m = np.full(len(points), 0.3)
+    at = random.uniform(2, EXTENT - 2, (3000, 2))
+    dry = np.hypot(*(at - [80, 40]).T) > 13
+    low, off = (one.below(at) - terrain(at) for one in (ground, settled(ground, points, near_m, 2)))
+    assert np.median(low) < -0.2 and np.abs(np.median(off)) < 0.01
+    assert np.abs(np.median(off[~dry]) - np.median(low[~dry])) > 0.15
+    assert np.percentile(np.abs(off[dry]), 95) < 0.1
+    far = settled(ground, points + np.array([0, 0, 50.0]), near_m, 2)
+    assert np.array_equal(far.z, ground.z)
 
 
 def test_a_plane_is_a_plane_between_cells_and_across_holes() -> None:

@@ -25,13 +25,15 @@ from plnerf.line.cloud import (
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ClassifyConfig
-from plnerf.survey.ground import Ground, find_ground, vegetation
+from plnerf.survey.ground import Ground, find_ground, settled, vegetation
 from plnerf.survey.lidar.config_things import ThingsConfig
 from plnerf.survey.lidar.things import under_roofs
 from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
 
 THINGS = ThingsConfig()
+ROUNDS = 2
+"""How often the ground is lifted to the points near it: after the second it moves by millimetres."""
 
 
 def ground_of(
@@ -45,7 +47,14 @@ def ground_of(
     upright = surface.upright_sigma_m
     firm = (upright <= config.max_sigma_m) & ~of_structure & (nearest == NONE)
     firm[firm] = ~_in_crowns(surface.xyz[firm], upright[firm], config)
-    return find_ground(surface.xyz[firm], config.ground) if firm.any() else None
+    points, upright = surface.xyz[firm], upright[firm]
+    ground = find_ground(points, config.ground) if len(points) else None
+    return None if ground is None else settled(ground, points, _near_ground(upright, config), ROUNDS)
+
+
+def _near_ground(upright_sigma_m: Float[np.ndarray, " n"], config: ClassifyConfig) -> Float[np.ndarray, " n"]:
+    """How far above or below the ground a point may lie that shows it."""
+    return np.maximum(config.ground.near_m, config.near_sigmas * upright_sigma_m)
 
 
 def _in_crowns(
@@ -100,7 +109,7 @@ def classified(
         )
     else:
         above, upright = ground.above(surface.xyz), surface.upright_sigma_m
-        on_it = np.abs(above) <= np.maximum(config.ground.near_m, config.near_sigmas * upright)
+        on_it = np.abs(above) <= _near_ground(upright, config)
         on_it &= upright <= config.max_sigma_m
         label[on_it] = GROUND
         sigma = np.where(on_it, upright, sigma)

@@ -9,7 +9,7 @@ Letters: n points; r x c cells (rows along y, columns along x), z heights at the
 z up, metres.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -63,6 +63,34 @@ def find_ground(points: Float[np.ndarray, "n 3"], config: GroundConfig) -> Groun
     flat = np.where(seen, lowest - trend, np.inf)
     ground = _opened(flat, cell_m, config)
     return Ground(middles, cell_m, _filled(flat, ground) + trend)
+
+
+def settled(
+    ground: Ground, points: Float[np.ndarray, "n 3"], near_m: Float[np.ndarray, " n"], rounds: int
+) -> Ground:
+    """The ground lifted to the median of the points near it, cell by cell.
+
+    near_m: how far from the ground a point may be measured and yet show it.  Of many points with noise the
+    lowest, which the filter goes by, lies some standard deviations below the ground.
+    """
+    rows, columns = ground.z.shape
+    column, row = np.rint((points[:, :2] - ground.corner) / ground.cell_m).astype(np.int64).T
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    cell = row * columns + column
+    for _ in range(rounds):
+        above = ground.above(points)
+        near = np.flatnonzero(inside & (np.abs(above) <= near_m))
+        order = near[np.lexsort((above[near], cell[near]))]
+        some, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+        lift = np.zeros(rows * columns)
+        lift[some] = (above[order[first + (count - 1) // 2]] + above[order[first + count // 2]]) / 2
+        known = np.zeros(rows * columns, np.bool_)
+        known[some] = True
+        if not known.any():
+            break
+        lifted = _filled(lift.reshape(rows, columns), known.reshape(rows, columns))
+        ground = replace(ground, z=ground.z + lifted)
+    return ground
 
 
 def vegetation(above: Float[np.ndarray, " n"], config: GroundConfig) -> UInt8[np.ndarray, " n"]:
