@@ -49,6 +49,7 @@ from plnerf.survey.no_wires import why_none
 from plnerf.survey.part import Part, numbered_part, own_points
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.rules import judge_rules, maps_near
+from plnerf.survey.same_wire import single_wires
 from plnerf.survey.span_refits import refine_spans
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.stereo.witnesses import Sight, with_witnesses
@@ -186,11 +187,12 @@ def _of_images(
         scenery = scenery_of(surface, field, chains, config.supports)
         extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
         refined, residual_px, shown = refine_spans(photos, extents, config.refine, progress)
-        if all(shown):
+        # What photos at their full size do not show as a wire of its own would be its span's neighbour.
+        same_m = config.refine.same_m if photos.frame.unit == "m" else 0.0
+        wires = single_wires(chains, refined, shown, same_m)
+        if len(wires) == len(shown):
             break
-        # What photos at their full size do not show is no wire, and would be its span's neighbour.
-        progress, unshown = _silent, unshown + shown.count(False)
-        wires = [wire for wire, seen in zip(wires_of(chains), shown, strict=True) if seen]
+        progress, unshown = _silent, unshown + len(shown) - len(wires)
     findings = (*findings, *_unshown(unshown))
     parts[2](0, REST)
     supports = find_supports(scenery, refined, config.supports, config.spans)
@@ -329,8 +331,9 @@ def _unshown(count: int) -> list[Finding]:
     return [
         note(
             "wires",
-            f"Of the curves that were detected, {count} stand out in the photos at their full size no more "
-            "often than noise, and nowhere in several photos. They are taken for chance and left out.",
+            f"Of the curves that were detected, {count} are left out: in the photos at their full size they "
+            "stand out no more often than noise and nowhere in several photos, which is chance, or are "
+            "pieces of a wire that another curve follows.",
         )
     ]
 

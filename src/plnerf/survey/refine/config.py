@@ -125,6 +125,8 @@ class RefineConfig:
     """The views do not fix a wire whose standard deviation stays above this share of what it was."""
     most_moved: float = 2.0
     """A wire that moves by more than so many times its detection's reach went to something else."""
+    same_m: float = 0.1
+    """Wires of a span nowhere farther apart than this are one; subconductors hang 0.2 m apart and more."""
     loose_poses_px: float = 0.5
     """Pose residual beyond which the survey warns, and its stereo points are less certain."""
 
