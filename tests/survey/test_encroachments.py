@@ -128,6 +128,29 @@ def test_what_is_not_known_is_said_and_not_guessed() -> None:
     assert find_encroachments(free, [], ClearanceConfig(), RulesConfig(), EncroachmentConfig()) is None
 
 
+def test_scattered_points_of_images_are_no_plants() -> None:
+    """A dozen wrong matches in the air would be a tree as high as the highest of them."""
+    one, random = survey(), np.random.default_rng(4)
+    wrong = np.array([40.0, -3.0, 0.0]) + random.uniform([-1, -1, 1], [1, 1, 12], (12, 3))
+    cloud = one.cloud
+    n = len(cloud.xyz) + len(wrong)
+    known = Cloud(
+        np.concatenate([cloud.xyz, wrong]),
+        np.concatenate([cloud.label, np.full(len(wrong), HIGH_VEGETATION, np.uint8)]), np.zeros(n, np.int64),
+    )  # fmt: skip
+    seen = replace(
+        known, sigma_m=np.full(n, 0.1), seen=np.full(n, 6), past=np.zeros(n, np.int64)
+    )  # fmt: skip
+    of_laser, of_images = (
+        find_encroachments(replace(one, cloud=each), [], CLEARANCE, RulesConfig(), GROWING)
+        for each in (known, seen)
+    )
+    assert of_laser is not None and of_images is not None
+    assert len(of_laser.records) > len(of_images.records) == len(records(one))
+    assert any("scattered" in text for text in of_images.not_examined)
+    assert not any("scattered" in text for text in of_laser.not_examined)
+
+
 def test_a_file_gives_them_back(tmp_path) -> None:
     found = find_encroachments(survey(), [], CLEARANCE, RulesConfig(), GROWING)
     write_survey_json(tmp_path / "survey.json", replace(survey(), encroachments=found))
@@ -167,3 +190,5 @@ def test_settings_that_cannot_be_are_refused() -> None:
         EncroachmentConfig(growth_sigma=float("nan"))
     with pytest.raises(ConfigError, match="cell_m"):
         EncroachmentConfig(cell_m=0.0)
+    with pytest.raises(ConfigError, match="around_m"):
+        EncroachmentConfig(around_m=0.0)

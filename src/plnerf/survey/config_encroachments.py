@@ -25,6 +25,12 @@ class EncroachmentConfig:
     """A crown is one of its own where it rises so far above the way to a higher one, or"""
     prominence_share: float = 0.15
     """by this share of its height where that is more."""
+    min_around: int = 16
+    """Of a plant in a cloud from images half of the points have so many others within `around_m`: what is
+    sparser are wrong matches, scattered in the air."""
+    around_m: float = 1.0
+    """The distance that this means, or `around_spacings` of the ground's points where that is more."""
+    around_spacings: float = 3.0
     stem_sigma_m: float = 0.7
     """Standard deviation of a tree's foot in plan, which is taken to be below the middle of its crown."""
     pictures: int = 12
@@ -45,4 +51,10 @@ class EncroachmentConfig:
                 "Encroachments need cell_m and prominence_m greater than 0, reach_cells of 1 or more and "
                 f"pictures of 0 or more, but got {self.cell_m}, {self.prominence_m}, {self.reach_cells} and "
                 f"{self.pictures}."
+            )
+        around = 0 < self.around_m < math.inf and 0 <= self.around_spacings < math.inf
+        if self.min_around < 0 or not around:
+            raise ConfigError(
+                "Encroachments need min_around and around_spacings of 0 or more and around_m greater than 0, "
+                f"but got {self.min_around}, {self.around_spacings} and {self.around_m}."
             )

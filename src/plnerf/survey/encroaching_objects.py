@@ -18,7 +18,7 @@ from plnerf.survey.config_ground import SamplingConfig
 from plnerf.survey.crossings import variance_towards
 from plnerf.survey.obstacles import beside, onto_wire
 from plnerf.survey.sampling import end_sigma_m
-from plnerf.survey.single_objects import GroundHeights, outline_of, separated
+from plnerf.survey.single_objects import GroundHeights, dense_groups, outline_of, separated
 
 TIP_POINTS, TIP_SHARE, TIP_SIGMA = 5, 0.7, 0.6
 """No beam meets the very tip of a tree.  Of a cone, in which the number of points grows with the square of
@@ -76,6 +76,8 @@ class ThingsNear:
         """classes: indices of the points of each class of objects; ground: those of the ground."""
         self.cloud, heights = cloud, GroundHeights.of(cloud.xyz[ground])
         self.things: list[Thing] = []
+        self.scattered = 0
+        """Groups of points that are left out, since wrong matches are as sparse."""
         some: list[np.ndarray] = [np.zeros(0, np.int64)]
         owner: list[np.ndarray] = [np.zeros(0, np.int64)]
         for kind, index in classes.items():
@@ -85,12 +87,16 @@ class ThingsNear:
                 above = np.where(np.isfinite(z), xyz[:, 2] - z, 0.0)
             number = separated(xyz, above, config)
             order = np.argsort(number, kind="stable")
-            owner.append(number[order] + len(self.things))
-            some.append(index[order])
             ends = np.flatnonzero(np.diff(number[order])) + 1
-            self.things += [
-                _thing(kind, part, cloud, heights) for part in np.split(index[order], ends) if len(part)
-            ]
+            parts = [part for part in np.split(index[order], ends) if len(part)]
+            if kind == "vegetation" and cloud.seen is not None:
+                dense = dense_groups(xyz, number, heights.spacing_m, config)
+                parts = [part for part, one in zip(parts, dense, strict=True) if one]
+                self.scattered += int((~dense).sum())
+            for part in parts:
+                some.append(part)
+                owner.append(np.full(len(part), len(self.things)))
+                self.things.append(_thing(kind, part, cloud, heights))
         self.index, self.owner = np.concatenate(some), np.concatenate(owner)
 
     def radial(self, wire: Wire, reach_m: float, beyond_m: tuple[float, float]) -> Near:

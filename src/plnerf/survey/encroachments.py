@@ -323,6 +323,11 @@ class _Search:
         bare = sum(one.kind == "vegetation" and one.tree is None for one in self.near.things)
         if bare:
             left.append(f"The fall of {bare} plants is not examined: no ground is known below them.")
+        if self.near.scattered:
+            left.append(
+                f"{self.near.scattered} groups of points of plants are taken for wrong matches, since they "
+                "are scattered."
+            )
         unruled = [
             name for kind, name in (("vegetation", "plants"), ("building", "buildings"), ("other", "other "
              "things"), ("line", "wires of crossing lines")) if kind not in objects

@@ -87,6 +87,24 @@ def _merged(
     return np.array([root(int(one)) for one in np.unique(hill)])[np.unique(hill, return_inverse=True)[1]]
 
 
+def dense_groups(
+    xyz: Float[np.ndarray, "m 3"], number: Int[np.ndarray, " m"], spacing_m: float, config: EncroachmentConfig
+) -> Bool[np.ndarray, " o"]:
+    """Of each object, whether half of its points have enough others around them.
+
+    spacing_m: of the ground's points, which tells how dense a surface's points are in this cloud.
+    """
+    if not len(xyz):
+        return np.zeros(0, np.bool_)
+    reach_m = max(config.around_m, config.around_spacings * spacing_m)
+    tree = cKDTree(xyz)
+    others = tree.query_ball_point(xyz, reach_m, return_length=True, workers=-1) - 1
+    order = np.lexsort((others, number))
+    _, first, count = np.unique(number[order], return_index=True, return_counts=True)
+    dense: Bool[np.ndarray, " o"] = others[order][first + count // 2] >= config.min_around
+    return dense
+
+
 def outline_of(xyz: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 2"]:
     """The convex polygon around points in plan, counterclockwise, its first corner not repeated."""
     flat = xyz[:, :2]
@@ -104,6 +122,8 @@ class GroundHeights:
 
     cells: Float[np.ndarray, "c 3"]
     tree: cKDTree | None
+    spacing_m: float = 0.0
+    """Of the ground's points: median of cells."""
 
     @classmethod
     def of(cls, xyz: Float[np.ndarray, "m 3"]) -> "GroundHeights":
@@ -116,7 +136,7 @@ class GroundHeights:
         count = np.bincount(cell.reshape(-1), minlength=len(place))
         sums = [np.bincount(cell.reshape(-1), xyz[:, axis], len(place)) for axis in range(3)]
         cells = np.stack(sums, 1) / count[:, None]
-        return cls(cells, cKDTree(cells[:, :2]))
+        return cls(cells, cKDTree(cells[:, :2]), GROUND_CELL_M / float(np.sqrt(np.median(count))))
 
     def at(self, xy: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
         """Height of the nearest cell, precise enough to separate objects; NaN where none is near."""
