@@ -17,7 +17,7 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
+from plnerf.survey.tension_strings import _end_of_string, with_possible_strings, with_tension_strings
 
 CONFIG = TensionStringConfig()
 THICK_M, STRING_M = 0.03, 0.2
@@ -166,6 +166,15 @@ def test_where_a_line_of_a_cloud_turns_the_interval_holds_a_tension_string() -> 
         assert last == before.ends[1] and len(wire.notes) == 1
     (same,) = with_possible_strings([straight], CONFIG)
     assert [wire.ends for wire in same.wires] == [wire.ends for wire in straight.wires]
+
+
+def test_a_string_ends_where_what_is_beside_the_axis_falls_and_not_where_it_rises() -> None:
+    """Beyond the clamp the background may rise by a clearer step than that of a short string."""
+    at = np.arange(0.0, 4.0, 0.1)
+    q = np.where(at < 0.55, 0.6, np.where(at < 1.75, 0.25, 0.36))
+    q[[2, 3, 5]] = 0.37, 0.31, 0.36  # a string's shells and the gaps between them
+    assert _end_of_string(at, q, 1.8, CONFIG) == pytest.approx(0.6, abs=0.15)
+    assert _end_of_string(at, np.linspace(0.2, 0.4, len(at)), 1.8, CONFIG) is None
 
 
 def test_settings_that_contradict_each_other_are_refused() -> None:

@@ -184,12 +184,13 @@ def shown_strings(
 
 def _end_of_string(
     at: Float[np.ndarray, " k"], q: Float[np.ndarray, " k"], longest_m: float, config: TensionStringConfig
-) -> float:
-    """The place at which a step describes the logarithm of q best."""
+) -> float | None:
+    """The place at which a step downwards describes the logarithm of q best; None where none does."""
     x = np.log(np.maximum(q, 1e-6))
     inner = np.flatnonzero((at >= config.window_m[1]) & (at <= longest_m + config.step_m))
-    best = min(inner, key=lambda k: _misfit(x[1:k]) + _misfit(x[k:]))
-    return float(at[best])
+    falls = [k for k in inner if np.median(x[1:k]) > np.median(x[k:])]
+    best = min(falls, key=lambda k: _misfit(x[1:k]) + _misfit(x[k:]), default=None)
+    return None if best is None else float(at[best])
 
 
 def _misfit(x: Float[np.ndarray, " k"]) -> float:
