@@ -32,8 +32,9 @@ from plnerf.survey.on_wires import NONE, on_wires
 from plnerf.survey.surface import Surface
 
 THINGS = ThingsConfig()
-ROUNDS = 2
-"""How often the ground is lifted to the points near it: after the second it moves by millimetres."""
+ROUNDS = 3
+"""How often the ground is lifted to the points near it.  On simulated ground whose heights have 0.1 m of
+noise the second time leaves it 2 mm too low, on such with 0.2 m the third 1 cm."""
 
 
 def ground_of(

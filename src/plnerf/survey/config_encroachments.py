@@ -29,8 +29,9 @@ class EncroachmentConfig:
     """Of a plant in a cloud from images half of the points have so many others within `around_m`: what is
     sparser are wrong matches, scattered in the air."""
     around_m: float = 1.0
-    """The distance that this means, or `around_spacings` of the ground's points where that is more."""
+    """The distance that this means where the ground's points are dense,"""
     around_spacings: float = 3.0
+    """and in spacings of the ground's points where that is more."""
     stem_sigma_m: float = 0.7
     """Standard deviation of a tree's foot in plan, which is taken to be below the middle of its crown."""
     pictures: int = 12
