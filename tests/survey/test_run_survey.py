@@ -128,7 +128,7 @@ def test_a_curve_that_photos_show_nowhere_is_left_out(tmp_path: Path) -> None:
     survey = survey_scene(scene, config, finder=lambda scene, config, progress: known)
     assert [min(apart(wire, true) for true in wires) < 0.01 for wire in survey.wires] == [True] * 3
     assert [wire.id for wire in survey.detected] == [1, 2, 3]
-    assert any("were detected, 1 stand out" in one.text for one in survey.findings)
+    assert any("were detected: 1. " in one.text for one in survey.findings)
     none = survey_scene(scene, config, finder=lambda scene, config, progress: known[3:])
     assert not none.wires and any("show no line that hangs" in one.text for one in none.findings)
 

@@ -106,12 +106,19 @@ def test_truth_files_that_are_something_else_say_so(tmp_path: Path) -> None:
     Image.new("RGB", (4, 3)).save(tmp_path / "rgb.png")
     Image.new("L", (4, 3)).save(tmp_path / "grey.png")
     (tmp_path / "text.png").write_text("no picture")
+    values = (np.arange(64 * 48).reshape(48, 64) * 7).astype(np.uint16)
+    Image.fromarray(values).save(tmp_path / "short.png")
+    whole = (tmp_path / "short.png").read_bytes()
+    at = whole.index(b"IDAT")
+    fewer = int.from_bytes(whole[at - 4 : at], "big") - 9  # Pillow raises SyntaxError of the next chunk
+    (tmp_path / "short.png").write_bytes(whole[: at - 4] + fewer.to_bytes(4, "big") + whole[at:])
     with pytest.raises(SceneError, match="8-bit grey"):
         read_wire_mask(tmp_path / "rgb.png")
     with pytest.raises(SceneError, match="16-bit grey"):
         read_depth_mm(tmp_path / "grey.png")
     for read in (read_wire_mask, read_depth_mm):
-        with pytest.raises(SceneError, match="cannot be read"):
-            read(tmp_path / "text.png")
+        for damaged in ("text.png", "short.png"):
+            with pytest.raises(SceneError, match="cannot be read"):
+                read(tmp_path / damaged)
         with pytest.raises(SceneError, match="cannot be read"):
             read(tmp_path / "absent.png")

@@ -188,7 +188,7 @@ def _of_images(
         extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
         refined, residual_px, shown = refine_spans(photos, extents, config.refine, progress)
         # What photos at their full size do not show as a wire of its own would be its span's neighbour.
-        same_m = config.refine.same_m if photos.frame.unit == "m" else 0.0
+        same_m = config.refine.same_diameters * config.refine.diameter_m if photos.frame.unit == "m" else 0.0
         wires = single_wires(chains, refined, shown, same_m)
         if len(wires) == len(shown):
             break
@@ -331,9 +331,9 @@ def _unshown(count: int) -> list[Finding]:
     return [
         note(
             "wires",
-            f"Of the curves that were detected, {count} are left out: in the photos at their full size they "
-            "stand out no more often than noise and nowhere in several photos, which is chance, or are "
-            "pieces of a wire that another curve follows.",
+            f"Left out of the curves that were detected: {count}. In the photos at their full size such a "
+            "curve stands out no more often than noise and nowhere in several photos, which is chance, or "
+            "is a piece of a wire that another curve follows.",
         )
     ]
 

@@ -110,7 +110,7 @@ def _read(path: Path, what: str, key: str) -> Shaped[np.ndarray, "..."]:
     try:
         with Image.open(path) as image:
             return np.asarray(image)
-    except OSError as error:
+    except Exception as error:  # a decoder that meets damaged bytes can raise anything
         raise SceneError(
             f"The {what} {path} cannot be read ({error}). Put it back, or take {key} out of transforms.json."
         ) from error

@@ -125,8 +125,9 @@ class RefineConfig:
     """The views do not fix a wire whose standard deviation stays above this share of what it was."""
     most_moved: float = 2.0
     """A wire that moves by more than so many times its detection's reach went to something else."""
-    same_m: float = 0.1
-    """Wires of a span nowhere farther apart than this are one; subconductors hang 0.2 m apart and more."""
+    same_diameters: float = 3.0
+    """Wires of a span nowhere farther apart than so many diameters are one; subconductors hang at seven and
+    more."""
     loose_poses_px: float = 0.5
     """Pose residual beyond which the survey warns, and its stereo points are less certain."""
 
