@@ -1,4 +1,4 @@
-"""What help says of settings, read from the strings below the fields of their classes."""
+"""The texts that --help shows for settings, read from the strings below the fields of their classes."""
 
 import ast
 import inspect

@@ -54,7 +54,7 @@ def ground_of(
 
 
 def _near_ground(upright_sigma_m: Float[np.ndarray, " n"], config: ClassifyConfig) -> Float[np.ndarray, " n"]:
-    """How far above or below the ground a point may lie that shows it."""
+    """The greatest height above or below the ground at which a point still counts as ground."""
     return np.maximum(config.ground.near_m, config.near_sigmas * upright_sigma_m)
 
 

@@ -33,7 +33,7 @@ def single_wires(
 
 
 def _joined(pieces: Sequence[tuple[Wire, Wire]], same_m: float) -> list[Wire]:
-    """Of a span, the longest piece of each wire over all their extents.  pieces: each with its refit."""
+    """Of each wire of a span its longest piece, extended over all of them.  pieces: each with its refit."""
     owner = dict[int, int]()
     for k in sorted(range(len(pieces)), key=lambda k: -pieces[k][0].base.length_m):
         wire, fitted = pieces[k]
@@ -51,7 +51,7 @@ def _joined(pieces: Sequence[tuple[Wire, Wire]], same_m: float) -> list[Wire]:
 
 
 def _extent(wire: Wire, along: Wire) -> tuple[float, float]:
-    """Where a wire's ends lie along another one's base."""
+    """Start and end of a wire, counted along the base of another one."""
     first, last = sorted(float((end - along.base.a) @ along.base.u) for end in (wire.base.a, wire.base.b))
     return first, last
 

@@ -92,7 +92,7 @@ def dense_groups(
 ) -> Bool[np.ndarray, " o"]:
     """Of each object, whether half of its points have enough others around them.
 
-    spacing_m: of the ground's points, which tells how dense a surface's points are in this cloud.
+    spacing_m: distance between the ground's points, which tells how dense this cloud is.
     """
     if not len(xyz):
         return np.zeros(0, np.bool_)
@@ -123,7 +123,7 @@ class GroundHeights:
     cells: Float[np.ndarray, "c 3"]
     tree: cKDTree | None
     spacing_m: float = 0.0
-    """Of the ground's points: median of cells."""
+    """Median distance between the ground's points."""
 
     @classmethod
     def of(cls, xyz: Float[np.ndarray, "m 3"]) -> "GroundHeights":
