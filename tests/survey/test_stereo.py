@@ -25,8 +25,9 @@ from plnerf.survey.stereo.config import (
     StereoConfig,
     StereoPairConfig,
 )
-from plnerf.survey.stereo.depth import DepthMap, depth_map
+from plnerf.survey.stereo.depth import DepthMap, agreed
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points, tried_distances
+from plnerf.survey.stereo.pair import match_pair
 from plnerf.survey.stereo.partners import partners
 from plnerf.survey.stereo.stereo_surface import inflate_sigma, stereo_surface
 from plnerf.survey.stereo.stereo_views import Picture, View, picture, shows_wires, view_of
@@ -39,6 +40,11 @@ RANDOM = np.random.default_rng(0)
 WAVES, PHASES = RANDOM.normal(size=(60, 3)) * 45, RANDOM.uniform(0, 2 * np.pi, 60)
 DISTANCE = 1.5
 CONFIG = StereoConfig()
+
+
+def depth_map(one: Picture, others: Sequence[Picture], near: float, config: MatchConfig) -> DepthMap:
+    """Of the first picture, by its pairs with the others."""
+    return agreed([match_pair(one, other, near, config)[0] for other in others], config)
 
 
 def cast(view: View) -> tuple[np.ndarray, np.ndarray]:

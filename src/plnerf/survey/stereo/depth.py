@@ -15,8 +15,7 @@ from jaxtyping import Float
 
 from plnerf.ops.kernel_cache import njit
 from plnerf.survey.stereo.config import MatchConfig
-from plnerf.survey.stereo.pair import Shown, match_pair
-from plnerf.survey.stereo.stereo_views import Picture
+from plnerf.survey.stereo.pair import Shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,15 +24,6 @@ class DepthMap:
 
     t: Float[np.ndarray, "h w"]
     sigma: Float[np.ndarray, "h w"]
-
-
-def depth_map(picture: Picture, partners: Sequence[Picture], near: float, config: MatchConfig) -> DepthMap:
-    """The depth map of one image.
-
-    near: distance of what is near in it, which sets the range of disparities.
-    """
-    pairs = [match_pair(picture, other, near, config) for other in partners]
-    return agreed([shown for shown, _ in pairs], config)
 
 
 def agreed(shown: Sequence[Shown], config: MatchConfig) -> DepthMap:
