@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -15,9 +14,7 @@ from torch import Tensor
 from plnerf.ops import cuda_hash, reference
 from plnerf.ops.grid import GridShape
 
-INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"
 NAMES = ("out", "g_x", "g_table", "second x", "second cotangent", "second table")
-POINTS = 150  # two blocks, the second not full
 CASES = pytest.mark.parametrize(
     ("features", "interpolation", "dtype"),
     [
@@ -30,20 +27,9 @@ CASES = pytest.mark.parametrize(
 )
 
 
-@pytest.fixture(params=["interpreted", pytest.param("cuda", marks=pytest.mark.gpu)])
-def device(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Where the kernels run.  Triton interprets all kernels of a process or none."""
-    if request.param == "interpreted":
-        if not INTERPRETED:
-            pytest.skip("beside a GPU, kernels are interpreted only with TRITON_INTERPRET=1")
-        yield "cpu"
-    else:
-        if INTERPRETED or not torch.cuda.is_available():
-            pytest.skip("no CUDA device, or TRITON_INTERPRET=1")
-        yield "cuda"
-
-
-def inputs_on(device: str, grid: GridShape, dtype: torch.dtype, points: int = POINTS) -> list[Tensor]:
+def inputs_on(device: str, grid: GridShape, dtype: torch.dtype, points: int | None = None) -> list[Tensor]:
+    """Points that fill a block and a part of another."""
+    points = cuda_hash.BLOCK * 5 // 4 if points is None else points
     return [value.to(device) for value in make_inputs(grid, points, dtype)]
 
 
@@ -65,6 +51,24 @@ def test_kernel_agrees_with_the_reference(
     for name, a, b in zip(NAMES, found, truth, strict=True):
         assert a.dtype == dtype
         assert_near(a, b, 1e-5 if dtype == torch.float32 else 1e-12, name)
+
+
+def test_neighbours_in_a_cell_are_summed_before_they_are_added(device: str) -> None:
+    """Points along three rays: runs in one cell, longer than a block on the coarsest level, and single
+    points, and the same cell met again after others."""
+    grid = make_grid(2, "cubic")
+    _, table, _ = inputs_on(device, grid, torch.float64, points=0)
+    per_ray = cuda_hash.BLOCK
+    along = torch.linspace(0, 1, per_ray, dtype=torch.float64)[:, None]
+    ends = torch.rand(3, 2, 3, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    ends[1, 1] = ends[1, 0] + 1e-3  # within a cell
+    x = torch.cat([a + along * (b - a) for a, b in (*ends, ends[0])])[: 4 * per_ray - 3].to(device)
+    cotangent = torch.randn(len(x), grid.width, generator=torch.Generator().manual_seed(6)).to(x)
+    gradients = []
+    for kernel in (cuda_hash, reference):
+        leaf = table.clone().requires_grad_()
+        gradients += torch.autograd.grad(kernel.hash_encode(x, leaf, grid), leaf, cotangent)
+    assert_near(*gradients, 1e-12)
 
 
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16], ids=str)

@@ -15,6 +15,12 @@ from plnerf.ops.dispatch import hash_encode, resolve_backend
 from plnerf.ops.grid import GridShape
 
 
+@pytest.fixture(autouse=True)
+def sound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels pass their self-test, for which most machines have no device."""
+    monkeypatch.setattr(dispatch, "fault_of", lambda kernels, on: None)
+
+
 def test_auto_is_numba_on_a_cpu_and_triton_on_cuda() -> None:
     assert resolve_backend("auto", torch.device("cpu")) == "numba"
     assert resolve_backend("auto", torch.device("cuda")) == "triton"
@@ -27,6 +33,16 @@ def test_cuda_without_triton_is_plain_torch_and_says_so(monkeypatch: pytest.Monk
         assert resolve_backend("auto", torch.device("cuda")) == "torch"
     with pytest.raises(ConfigError, match=r"'triton' was asked for.*pip install triton"):
         resolve_backend("triton", torch.device("cuda"))
+
+
+def test_kernels_that_fail_their_self_test_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loudly where the choice is the program's; an error where it is the user's."""
+    monkeypatch.setattr(dispatch, "fault_of", lambda kernels, on: "their table is off by 0.3")
+    with pytest.warns(UserWarning, match=r"self-test on cuda.*plain torch.*off by 0\.3.*C compiler"):
+        assert resolve_backend("auto", torch.device("cuda")) == "torch"
+    with pytest.raises(ConfigError, match=r"self-test on cuda: their table.*0\.3\. .*--backend torch"):
+        resolve_backend("triton", torch.device("cuda"))
+    assert resolve_backend("auto", torch.device("cpu")) == "numba"
 
 
 def test_triton_on_a_cpu_needs_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:

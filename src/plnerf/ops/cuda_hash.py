@@ -26,6 +26,7 @@ from plnerf.ops.grid import GridShape
 from plnerf.ops.layout import grid_layout
 
 BLOCK = 128  # points of a program
+WARPS = 4  # that share them
 _SUMS = (torch.float32, torch.float64)  # what gradients are summed up in
 
 
@@ -43,7 +44,7 @@ def _launch(kernel: Any, grid: GridShape, inputs: tuple[Tensor, ...], outputs: t
     kernel[triton.cdiv(points, BLOCK), grid.levels](
         _layout(grid, device), *(value.detach().contiguous() for value in inputs), *outputs, points,
         L=grid.levels, F=grid.features, F_UP=triton.next_power_of_2(grid.features),
-        CUBIC=grid.interpolation == "cubic", BLOCK=BLOCK,
+        CUBIC=grid.interpolation == "cubic", BLOCK=BLOCK, num_warps=WARPS,
     )  # fmt: skip
 
 

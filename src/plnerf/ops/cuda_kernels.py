@@ -104,11 +104,39 @@ def encode(  # noqa: PLR0913 (a kernel's arrays, one by one)
 
 @triton.jit
 @no_type_check
+def _runs(x, p, points, n, i, j, k, BLOCK: tl.constexpr):
+    """Where a run of points of one cell starts, and where it ends, within the block of this program."""
+    at = tl.arange(0, BLOCK)
+    before, after = at > 0, (at < BLOCK - 1) & (p + 1 < points)
+    i0, _ = _locate(x + p * 3 - 3, before, n)
+    j0, _ = _locate(x + p * 3 - 2, before, n)
+    k0, _ = _locate(x + p * 3 - 1, before, n)
+    i1, _ = _locate(x + p * 3 + 3, after, n)
+    j1, _ = _locate(x + p * 3 + 4, after, n)
+    k1, _ = _locate(x + p * 3 + 5, after, n)
+    starts = (i0 != i) | (j0 != j) | (k0 != k) | (at == 0)
+    ends = (i1 != i) | (j1 != j) | (k1 != k) | (after == 0)
+    return starts, ends
+
+
+@triton.jit
+@no_type_check
+def _joined(left, left_starts, right, right_starts):
+    """Sums of two neighbouring stretches: a run that starts in the right one takes nothing from the left."""
+    return tl.where(right_starts != 0, right, left + right), left_starts | right_starts
+
+
+@triton.jit
+@no_type_check
 def table_gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
     layout, x, g_out, g_table, points,
     L: tl.constexpr, F: tl.constexpr, F_UP: tl.constexpr, CUBIC: tl.constexpr, BLOCK: tl.constexpr,
 ):  # fmt: skip
-    """g_table[row, f] += share times g_out[p, l F + f], for every corner."""
+    """g_table[row, f] += share times g_out[p, l F + f], for every corner.
+
+    Points come ray by ray, so that neighbours often lie in one cell: each run of them is summed up first,
+    and added to the table once.  Atomic additions are what this kernel takes its time for.
+    """
     p, there = _points(points, BLOCK)
     f = tl.arange(0, F_UP)
     each = there[:, None] & (f < F)[None, :]
@@ -116,6 +144,8 @@ def table_gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
     i, u = _locate(x + p * 3, there, n)
     j, v = _locate(x + p * 3 + 1, there, n)
     k, w = _locate(x + p * 3 + 2, there, n)
+    starts, ends = _runs(x, p, points, n, i, j, k, BLOCK)
+    starts = tl.broadcast_to(starts.to(tl.int32)[:, None], [BLOCK, F_UP])
     j, k = j * step_y, k * step_z
     u, v, w = _weight(u, CUBIC), _weight(v, CUBIC), _weight(w, CUBIC)
     g = tl.load(g_out + p[:, None] * (L * F) + tl.program_id(1) * F + f[None, :], mask=each, other=0.0)
@@ -126,8 +156,10 @@ def table_gradient(  # noqa: PLR0913 (a kernel's arrays, one by one)
             i + 1 if corner & 1 else i, j + step_y if corner & 2 else j, k + step_z if corner & 4 else k,
             start, dense, mask,
         )  # fmt: skip
-        part = (share[:, None] * g).to(g_table.dtype.element_ty)
-        tl.atomic_add(g_table + row[:, None] * F + f[None, :], part, mask=each, sem="relaxed")
+        total, _ = tl.associative_scan((share[:, None] * g, starts), 0, _joined)
+        total = total.to(g_table.dtype.element_ty)
+        at = g_table + row[:, None] * F + f[None, :]
+        tl.atomic_add(at, total, mask=each & ends[:, None], sem="relaxed")
 
 
 @triton.jit

@@ -19,6 +19,7 @@ from plnerf.ops import reference
 from plnerf.ops.backends import Backend, BackendChoice
 from plnerf.ops.grid import GridShape
 from plnerf.ops.rendered import Rendered
+from plnerf.ops.self_test import fault_of
 
 
 class RayKernels(NamedTuple):
@@ -56,7 +57,7 @@ def kernels(backend: Backend) -> Kernels:
     if backend == "numba":
         return _numba_kernels()
     if backend == "triton":
-        from plnerf.ops import cuda_hash
+        from plnerf.ops import cuda_adam, cuda_hash
 
         def hash_mlp(
             x: Tensor, table: Tensor, grid: GridShape, weights: tuple[Tensor, Tensor, Tensor, Tensor]
@@ -68,7 +69,7 @@ def kernels(backend: Backend) -> Kernels:
             cuda_hash.hash_position_gradient,
             hash_mlp,
             reference.ray_mlp,  # on a GPU plain torch is what is fast
-            reference.adam_rows,
+            cuda_adam.adam_rows,
             supports_graphs=True,
         )
     return Kernels(
@@ -118,8 +119,9 @@ def resolve_backend(choice: BackendChoice, on: device) -> Backend:
     """The backend for a device: Numba on a CPU, Triton on a CUDA device, plain torch elsewhere, unless one is
     asked for.
 
-    Warns where a CUDA device is left with plain torch, since Triton is not installed.  Raises ConfigError
-    where the asked-for backend cannot run on the device.
+    Warns where a CUDA device is left with plain torch, since Triton is not installed or its kernels do not
+    compute there what the reference does.  Raises ConfigError where the asked-for backend cannot run on the
+    device.
     """
     if choice == "auto":
         return _default_backend(on)
@@ -138,14 +140,21 @@ def _default_backend(on: device) -> Backend:
         return "numba"
     if on.type != "cuda":
         return "torch"
-    if find_spec("triton"):
-        return "triton"
-    warnings.warn(
-        "Triton is not installed, so the ops run in plain torch, which is much slower. "
-        "It comes with PyTorch's Linux builds for CUDA: pip install triton.",
-        stacklevel=2,
-    )
-    return "torch"
+    if not find_spec("triton"):
+        warnings.warn(
+            "Triton is not installed, so the ops run in plain torch, which is much slower. "
+            "It comes with PyTorch's Linux builds for CUDA: pip install triton.",
+            stacklevel=2,
+        )
+        return "torch"
+    if fault := fault_of(kernels("triton"), on):
+        warnings.warn(
+            f"The Triton kernels fail their self-test on {on}, so the ops run in plain torch, which is much "
+            f"slower: {fault}. Triton needs a C compiler (gcc) and a driver that fits PyTorch's CUDA.",
+            stacklevel=2,
+        )
+        return "torch"
+    return "triton"
 
 
 def _check_triton(on: device) -> None:
@@ -159,6 +168,11 @@ def _check_triton(on: device) -> None:
         raise ConfigError(
             f"The backend 'triton' runs on a CUDA device, but the device is {on}. Choose --backend auto; to "
             "try its kernels on a CPU, slowly, set TRITON_INTERPRET=1 in the environment."
+        )
+    if on.type == "cuda" and (fault := fault_of(kernels("triton"), on)):
+        raise ConfigError(
+            f"The backend 'triton' was asked for, but its kernels fail their self-test on {on}: {fault}. "
+            "Choose --backend torch. Triton needs a C compiler (gcc) and a driver that fits PyTorch's CUDA."
         )
 
 
