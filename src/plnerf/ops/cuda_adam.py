@@ -64,7 +64,10 @@ def adam_rows(
     rows, features = param.shape
     together = triton.next_power_of_2(features)
     block = max(1, BLOCK // together)
-    numbers = (torch.as_tensor(value, dtype=torch.float64, device=param.device) for value in (rate, step))
+    numbers = [
+        value if isinstance(value, Tensor) else param.new_full((), value, dtype=torch.float64)
+        for value in (rate, step)
+    ]
     step_rows[(triton.cdiv(rows, block),)](
         *(value.detach() for value in tensors), *numbers, rows,
         F=features, F_UP=together, BETA1=betas[0], BETA2=betas[1],

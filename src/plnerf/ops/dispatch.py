@@ -25,7 +25,6 @@ from plnerf.ops.self_test import fault_of
 class RayKernels(NamedTuple):
     """Fused kernels on rays.  The reference of each is where its equation is: `rays/`, `render/volume.py`."""
 
-    cast_rays: Callable[..., tuple[Tensor, Tensor, Tensor]]
     s_to_t: Callable[[Tensor, float, float, float], Tensor]
     frustum_features: Callable[..., tuple[Tensor, Tensor]]
     weights_from_density: Callable[[Tensor, Tensor], Tensor]
@@ -33,8 +32,10 @@ class RayKernels(NamedTuple):
     render_rays: Callable[[Tensor, Tensor, Tensor], Rendered]
     interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
     distortion_loss: Callable[[Tensor, Tensor], Tensor]
-    blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor]
-    dilate: Callable[[Tensor, Tensor, float], Tensor]
+    # None where the reference runs.
+    cast_rays: Callable[..., tuple[Tensor, Tensor, Tensor]] | None = None
+    blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor] | None = None
+    dilate: Callable[[Tensor, Tensor, float], Tensor] | None = None
 
 
 class Kernels(NamedTuple):
@@ -49,6 +50,8 @@ class Kernels(NamedTuple):
     """None where the references in plain torch run."""
     supports_graphs: bool = False
     """Whether a CUDA graph can hold a training step."""
+    fuses_pruning: bool = False
+    """Whether pruned rendering has kernels of its own, without which it does not pay."""
 
 
 @cache
@@ -57,7 +60,7 @@ def kernels(backend: Backend) -> Kernels:
     if backend == "numba":
         return _numba_kernels()
     if backend == "triton":
-        from plnerf.ops import cuda_adam, cuda_hash
+        from plnerf.ops import cuda_adam, cuda_hash, cuda_rays, cuda_stepfun, cuda_volume
 
         def hash_mlp(
             x: Tensor, table: Tensor, grid: GridShape, weights: tuple[Tensor, Tensor, Tensor, Tensor]
@@ -70,6 +73,15 @@ def kernels(backend: Backend) -> Kernels:
             hash_mlp,
             reference.ray_mlp,  # on a GPU plain torch is what is fast
             cuda_adam.adam_rows,
+            RayKernels(
+                cuda_rays.s_to_t,
+                cuda_rays.frustum_features,
+                cuda_volume.weights_from_density,
+                cuda_stepfun.resample_edges,
+                cuda_volume.render_rays,
+                cuda_stepfun.interlevel_loss,
+                cuda_stepfun.distortion_loss,
+            ),
             supports_graphs=True,
         )
     return Kernels(
@@ -101,7 +113,6 @@ def _numba_kernels() -> Kernels:
         cpu_mlp.ray_mlp,
         cpu_adam.adam_rows,
         RayKernels(
-            cpu_lens.cast_rays,
             cpu_rays.s_to_t,
             cpu_rays.frustum_features,
             cpu_volume.weights_from_density,
@@ -109,9 +120,11 @@ def _numba_kernels() -> Kernels:
             cpu_volume.render_rays,
             cpu_stepfun.interlevel_loss,
             cpu_stepfun.distortion_loss,
+            cpu_lens.cast_rays,
             cpu_histograms.blurred_interlevel_loss,
             cpu_histograms.dilate,
         ),
+        fuses_pruning=True,
     )
 
 

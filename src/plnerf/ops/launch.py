@@ -37,5 +37,5 @@ def refuse_gradients(op: str, **tensors: Tensor) -> None:
     """Silence would be a wrong gradient: NotImplementedError where a constant of an op asks for one."""
     if torch.is_grad_enabled() and (asking := [k for k, tensor in tensors.items() if tensor.requires_grad]):
         raise NotImplementedError(
-            f"{op} on the CPU has no gradient by {', '.join(asking)}: detach it, or use the backend torch."
+            f"The kernel of {op} has no gradient by {', '.join(asking)}: detach it, or use the backend torch."
         )

@@ -44,7 +44,8 @@ def pixel_rays(
     cameras: Cameras, camera: Int[Tensor, " r"], pixel_px: Float[Tensor, "r 2"], backend: Backend = "torch"
 ) -> Rays:
     """Rays through pixel positions of cameras, lens distortion taken out (no image is resampled)."""
-    if (fused := kernels(backend).on_rays) is not None:
+    fused = kernels(backend).on_rays
+    if fused is not None and fused.cast_rays is not None:
         cast = fused.cast_rays(
             cameras.R_scene_camera, cameras.centre, cameras.focal_px, cameras.principal_px,
             cameras.distortion, camera, pixel_px,

@@ -123,7 +123,7 @@ def can_prune(model: RadianceSystem) -> TypeGuard[PLNeRF]:
 
 def pruning_pays(model: RadianceSystem) -> bool:
     """Whether pruned rendering is measured to be faster: with fused kernels."""
-    return can_prune(model) and kernels(model.backend).on_rays is not None
+    return can_prune(model) and kernels(model.backend).fuses_pruning
 
 
 def is_fused(model: RadianceSystem) -> bool:
@@ -132,7 +132,7 @@ def is_fused(model: RadianceSystem) -> bool:
 
 
 def _sampling(model: PLNeRF) -> _Sampling:
-    if kernels(model.backend).on_rays is None:
+    if not kernels(model.backend).fuses_pruning:
         return _Sampling(field_samples.densities, field_samples.sample_field)
     from plnerf.render import field_samples_cpu  # Numba takes time to import
 

@@ -1,8 +1,9 @@
-"""What a backend does to rays, as one value: the references in torch, or fused kernels for a CPU.
+"""What a backend does to rays, as one value: the references in torch, or fused kernels.
 
-Plain torch makes a pass over memory for every operation in an equation; for the few thousand samples of a
-step these passes, not the arithmetic, are what takes the time.  The equations stay where they are
-(`rays/`, `field/encodings.py`, `render/volume.py`); here they are put together to what the model asks for.
+Plain torch makes a pass over memory for every operation in an equation, and on a GPU launches a kernel; for
+the few thousand samples of a step this, not the arithmetic, is what takes the time.  The equations stay
+where they are (`rays/`, `field/encodings.py`, `render/volume.py`); here they are put together to what the
+model asks for.
 """
 
 from collections.abc import Callable
@@ -85,7 +86,7 @@ TORCH = RayOps(
 
 @cache
 def ray_ops(backend: Backend) -> RayOps:
-    """The functions of a backend: fused for a CPU; plain torch elsewhere, where CUDA graphs replay it."""
+    """The functions of a backend: fused where it has kernels, else plain torch."""
     fused = kernels(backend).on_rays
     if fused is None:
         return TORCH
@@ -105,6 +106,6 @@ def ray_ops(backend: Backend) -> RayOps:
         fused.render_rays,
         fused.interlevel_loss,
         fused.distortion_loss,
-        fused.blurred_interlevel_loss,
-        fused.dilate,
+        fused.blurred_interlevel_loss or TORCH.blurred_interlevel_loss,
+        fused.dilate or TORCH.dilate,
     )
