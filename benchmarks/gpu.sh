@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What is to be measured on a GPU, and how.  NOT RUN ON ONE YET: there are no figures from it anywhere.
+# What is to be measured on a GPU, and how.  docs/gpu.md says which of it was run, and where.
 #
 #     bash benchmarks/gpu.sh FOX OUT [PEER_BIN]
 #
@@ -20,6 +20,9 @@ pytest -m gpu -ra | tee "$out/pytest.txt"
 
 # Each op: time, share of the measured ceilings of memory and arithmetic (roofline), speed-up over plain torch.
 plnerf bench --suite ops --device cuda -o "$out/ops"
+
+# Steps a second by size, on the bundled span.
+python "$(dirname "$0")/gpu_steps.py" "$out/steps" | tee "$out/steps.txt"
 
 # Steps a second, seconds to 25 dB, and seconds for a megapixel (fox is 1080x1920: 2.07 megapixels a view).
 plnerf bench --suite train render --scene "$fox" --device cuda --seconds 120 --targets 20 25 28 -o "$out/train" \

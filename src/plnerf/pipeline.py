@@ -26,9 +26,9 @@ from plnerf.export.exports import FILES, write_exports
 from plnerf.line.files import SURVEY_FILE, write_survey_json
 from plnerf.line.survey import Survey
 from plnerf.ops.backends import BackendChoice
-from plnerf.ops.dispatch import resolve_backend
 from plnerf.presets._find import find_preset
 from plnerf.render.config import SystemConfig
+from plnerf.render.self_test import resolve_backend
 from plnerf.report.page import write_report
 from plnerf.scene.build_store import Progress
 from plnerf.scene.formats import has_poses

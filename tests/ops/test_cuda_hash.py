@@ -1,9 +1,5 @@
 """The Triton kernels are the reference: interpreted on a CPU, or run on a GPU where there is one."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Literal
 
 import pytest
@@ -192,34 +188,3 @@ def test_the_gradient_of_a_table_s_gradient_is_refused(device: str) -> None:
     )
     with pytest.raises(NotImplementedError, match="use the reference"):
         g_table.square().sum().backward()
-
-
-COMPILE = """
-import re
-from triton.backends.compiler import GPUTarget
-from triton.compiler import ASTSource, compile
-from plnerf.ops import cuda_kernels
-for name in ("encode", "table_gradient", "position_gradient", "position_gradient_backward"):
-    kernel = getattr(cuda_kernels, name)
-    sizes = {"L": 8, "F": 4, "F_UP": 4, "CUBIC": True, "BLOCK": 128}
-    types = {"layout": "*i64", "table": "*fp16", "points": "i32", **dict.fromkeys(sizes, "constexpr")}
-    signature = {name: types.get(name, "*fp32") for name in kernel.arg_names}
-    aligned = {(i,): [["tt.divisibility", 16]] for i, n in enumerate(signature) if signature[n][0] == "*"}
-    source = ASTSource(kernel, signature, sizes, aligned)
-    ptx = compile(source, target=GPUTarget("cuda", 80, 32)).asm["ptx"]
-    print(name, *sorted(set(re.findall(r"ld\\.global[.\\w]*|atom\\.global[.\\w]*", ptx))))
-"""
-
-
-def test_kernels_compile_for_a_gpu(tmp_path: Path) -> None:
-    """Without one at hand: the compiler and its assembler come with Triton.  A vertex is read at once."""
-    environment = {name: value for name, value in os.environ.items() if name != "TRITON_INTERPRET"}
-    environment["TRITON_CACHE_DIR"] = str(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-c", COMPILE], env=environment, text=True, capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    lines = {line.split()[0]: line for line in done.stdout.splitlines()}
-    assert len(lines) == 4
-    assert "atom.global.gpu.relaxed.add.f32" in lines["table_gradient"]
-    assert "ld.global.v2.b32" in lines["encode"]  # four features of 16 bits

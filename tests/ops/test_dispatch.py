@@ -10,15 +10,17 @@ import torch
 import plnerf
 from plnerf.errors import ConfigError
 from plnerf.ops import dispatch
-from plnerf.ops.backends import Backend
-from plnerf.ops.dispatch import hash_encode, resolve_backend
+from plnerf.ops.backends import Backend, BackendChoice
+from plnerf.ops.dispatch import hash_encode
 from plnerf.ops.grid import GridShape
 
 
-@pytest.fixture(autouse=True)
-def sound(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Kernels pass their self-test, for which most machines have no device."""
-    monkeypatch.setattr(dispatch, "fault_of", lambda kernels, on: None)
+def sound(backend: Backend, on: torch.device) -> str | None:
+    """A self-test that kernels pass, for which most machines have no device."""
+
+
+def resolve_backend(choice: BackendChoice, on: torch.device) -> Backend:
+    return dispatch.resolve_backend(choice, on, sound)
 
 
 def test_auto_is_numba_on_a_cpu_and_triton_on_cuda() -> None:
@@ -35,14 +37,17 @@ def test_cuda_without_triton_is_plain_torch_and_says_so(monkeypatch: pytest.Monk
         resolve_backend("triton", torch.device("cuda"))
 
 
-def test_kernels_that_fail_their_self_test_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_that_fail_their_self_test_are_left_alone() -> None:
     """Loudly where the choice is the program's; an error where it is the user's."""
-    monkeypatch.setattr(dispatch, "fault_of", lambda kernels, on: "their table is off by 0.3")
-    with pytest.warns(UserWarning, match=r"self-test on cuda.*plain torch.*off by 0\.3.*C compiler"):
-        assert resolve_backend("auto", torch.device("cuda")) == "torch"
-    with pytest.raises(ConfigError, match=r"self-test on cuda: their table.*0\.3\. .*--backend torch"):
-        resolve_backend("triton", torch.device("cuda"))
-    assert resolve_backend("auto", torch.device("cpu")) == "numba"
+
+    def fault_of(backend: Backend, on: torch.device) -> str | None:
+        return f"the table of {backend} is off by 0.3"
+
+    with pytest.warns(UserWarning, match=r"self-test on cuda.*plain torch.*triton is off.*C compiler"):
+        assert dispatch.resolve_backend("auto", torch.device("cuda"), fault_of) == "torch"
+    with pytest.raises(ConfigError, match=r"self-test on cuda: the table.*0\.3\. .*--backend torch"):
+        dispatch.resolve_backend("triton", torch.device("cuda"), fault_of)
+    assert dispatch.resolve_backend("auto", torch.device("cpu"), fault_of) == "numba"
 
 
 def test_triton_on_a_cpu_needs_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ An op is added as one more `OpCase` in the list of its room: `hash_cases.py`, `r
 from plnerf.bench.case import OpCase
 from plnerf.bench.hash_cases import hash_cases
 from plnerf.bench.ray_cases import network_case, ray_cases
+from plnerf.ops import reference
 from plnerf.ops.backends import Backend
 from plnerf.ops.dispatch import kernels
 
@@ -17,6 +18,8 @@ def op_cases(backend: Backend, *, small: bool = False) -> list[OpCase]:
     """All cases of a backend that has kernels of its own.  small: shapes for tests."""
     rays = 16 if small else RAYS
     cases = hash_cases(backend, rays, PROPOSALS[0], FINAL, small=small)
+    if kernels(backend).ray_mlp is not reference.ray_mlp:
+        cases.append(network_case(backend, rays, FINAL))
     if kernels(backend).on_rays is not None:
-        cases += [network_case(backend, rays, FINAL), *ray_cases(backend, rays, PROPOSALS[0], FINAL)]
+        cases += ray_cases(backend, rays, PROPOSALS[0], FINAL)
     return cases

@@ -38,10 +38,11 @@ from plnerf.bench.train_suite import measure_training, train_json, train_tables
 from plnerf.console import bar
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.ops import reference
-from plnerf.ops.dispatch import kernels, resolve_backend
+from plnerf.ops.dispatch import kernels
 from plnerf.pipeline import choose_device
 from plnerf.presets._find import find_preset
 from plnerf.render.picture_files import write_text
+from plnerf.render.self_test import resolve_backend
 from plnerf.terminal import Terminal
 from plnerf.train.protocol import plain
 

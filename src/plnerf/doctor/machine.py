@@ -11,8 +11,8 @@ import psutil
 import torch
 
 from plnerf.ops.cpu_arrays import usable_cores
-from plnerf.ops.dispatch import resolve_backend
 from plnerf.ops.kernel_cache import PACKAGE, PREFIX, kept_kernels, kernel_files, kernel_hash
+from plnerf.render.self_test import resolve_backend
 from plnerf.scene.files import write_text
 from plnerf.scene.memory import available_bytes
 from plnerf.train.protocol import hardware

@@ -19,7 +19,9 @@ from plnerf.ops import reference
 from plnerf.ops.backends import Backend, BackendChoice
 from plnerf.ops.grid import GridShape
 from plnerf.ops.rendered import Rendered
-from plnerf.ops.self_test import fault_of
+
+FaultOf = Callable[[Backend, device], str | None]
+"""What is wrong with a backend's kernels on a device, in words; None where they are sound."""
 
 
 class RayKernels(NamedTuple):
@@ -128,27 +130,27 @@ def _numba_kernels() -> Kernels:
     )
 
 
-def resolve_backend(choice: BackendChoice, on: device) -> Backend:
+def resolve_backend(choice: BackendChoice, on: device, fault_of: FaultOf) -> Backend:
     """The backend for a device: Numba on a CPU, Triton on a CUDA device, plain torch elsewhere, unless one is
-    asked for.
+    asked for.  Triton's kernels are tested by `fault_of` before.
 
     Warns where a CUDA device is left with plain torch, since Triton is not installed or its kernels do not
     compute there what the reference does.  Raises ConfigError where the asked-for backend cannot run on the
     device.
     """
     if choice == "auto":
-        return _default_backend(on)
+        return _default_backend(on, fault_of)
     if choice == "numba" and on.type != "cpu":
         raise ConfigError(
             f"The backend 'numba' runs on a CPU, but the device is {on}. "
             f"Choose --backend torch or --device cpu."
         )
     if choice == "triton":
-        _check_triton(on)
+        _check_triton(on, fault_of)
     return choice
 
 
-def _default_backend(on: device) -> Backend:
+def _default_backend(on: device, fault_of: FaultOf) -> Backend:
     if on.type == "cpu":
         return "numba"
     if on.type != "cuda":
@@ -160,7 +162,7 @@ def _default_backend(on: device) -> Backend:
             stacklevel=2,
         )
         return "torch"
-    if fault := fault_of(kernels("triton"), on):
+    if fault := fault_of("triton", on):
         warnings.warn(
             f"The Triton kernels fail their self-test on {on}, so the ops run in plain torch, which is much "
             f"slower: {fault}. Triton needs a C compiler (gcc) and a driver that fits PyTorch's CUDA.",
@@ -170,7 +172,7 @@ def _default_backend(on: device) -> Backend:
     return "triton"
 
 
-def _check_triton(on: device) -> None:
+def _check_triton(on: device, fault_of: FaultOf) -> None:
     if not find_spec("triton"):
         raise ConfigError(
             "The backend 'triton' was asked for, but Triton is not installed. On Linux, pip install triton, "
@@ -182,7 +184,7 @@ def _check_triton(on: device) -> None:
             f"The backend 'triton' runs on a CUDA device, but the device is {on}. Choose --backend auto; to "
             "try its kernels on a CPU, slowly, set TRITON_INTERPRET=1 in the environment."
         )
-    if on.type == "cuda" and (fault := fault_of(kernels("triton"), on)):
+    if on.type == "cuda" and (fault := fault_of("triton", on)):
         raise ConfigError(
             f"The backend 'triton' was asked for, but its kernels fail their self-test on {on}: {fault}. "
             "Choose --backend torch. Triton needs a C compiler (gcc) and a driver that fits PyTorch's CUDA."

@@ -14,9 +14,9 @@ import torch
 from plnerf.errors import CheckpointError, ConfigError, SceneError
 from plnerf.field.guides import Guides
 from plnerf.line.wire import Wire
-from plnerf.ops.dispatch import resolve_backend
 from plnerf.render.footprint import parameter_bytes
 from plnerf.render.picture_files import write_text
+from plnerf.render.self_test import resolve_backend
 from plnerf.render.system import RadianceSystem
 from plnerf.render.systems import build_system
 from plnerf.scene.build_store import Progress
