@@ -20,7 +20,7 @@ def device(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> I
     if request.param == "interpreted":
         if not INTERPRETED:
             pytest.skip("beside a GPU, kernels are interpreted only with TRITON_INTERPRET=1")
-        monkeypatch.setattr(cuda_hash, "BLOCK", 16)
+        monkeypatch.setattr(cuda_hash, "BLOCK", 8)
         yield "cpu"
     else:
         if INTERPRETED or not torch.cuda.is_available():

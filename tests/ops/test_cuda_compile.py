@@ -5,10 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 COMPILE = """
-import re, sys
+import re
 from triton.backends.compiler import GPUTarget
 from triton.compiler import ASTSource, compile
 from plnerf.ops import cuda_adam, cuda_kernels, cuda_rays, cuda_stepfun, cuda_volume
@@ -34,23 +32,20 @@ for module, names, sizes in KERNELS:
         signature = {k: "constexpr" if k in here else TYPES.get(k, "*fp32") for k in kernel.arg_names}
         aligned = {(i,): [["tt.divisibility", 16]] for i, k in enumerate(signature) if signature[k][0] == "*"}
         source = ASTSource(kernel, signature, here, aligned)
-        ptx = compile(source, target=GPUTarget("cuda", int(sys.argv[1]), 32)).asm["ptx"]
+        ptx = compile(source, target=GPUTarget("cuda", 90, 32)).asm["ptx"]
         print(name, *sorted(set(re.findall(r"ld\\.global[.\\w]*|atom\\.global[.\\w]*", ptx))))
 """
 
 
-@pytest.mark.parametrize("capability", [80, 90])
-def test_kernels_compile_for_a_gpu(capability: int, tmp_path: Path) -> None:
-    """A vertex of a table is read at once, and added to at once where the GPU can."""
+def test_kernels_compile_for_a_gpu(tmp_path: Path) -> None:
+    """One of capability 9.0.  A vertex of a table is read at once, and added to at once."""
     environment = {name: value for name, value in os.environ.items() if name != "TRITON_INTERPRET"}
     environment["TRITON_CACHE_DIR"] = str(tmp_path)
     done = subprocess.run(
-        [sys.executable, "-c", COMPILE, str(capability)],
-        env=environment, text=True, capture_output=True, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", COMPILE], env=environment, text=True, capture_output=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     lines = {line.split()[0]: line for line in done.stdout.splitlines()}
     assert len(lines) == 14
-    add = "atom.global.gpu.relaxed.add.v4.f32" if capability == 90 else "atom.global.gpu.relaxed.add.f32"
-    assert add in lines["table_gradient"]
+    assert "atom.global.gpu.relaxed.add.v4.f32" in lines["table_gradient"]
     assert "ld.global.v2.b32" in lines["encode"]  # four features of 16 bits

@@ -6,41 +6,36 @@ defect of plnerf (one paragraph that names a crash report), 130 on Ctrl-C, 141 w
 any more, 143 on SIGTERM.
 """
 
+import gc
 import os
 import re
 import sys
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from importlib import import_module
 from textwrap import shorten
 from typing import Any
 
 import tyro
 
-from plnerf.bench.config import SPAN_PRESETS, for_the_span
-from plnerf.cli.capture import capture, reconstruct, synth
-from plnerf.cli.change import change
-from plnerf.cli.corridor import corridor
-from plnerf.cli.export import export
-from plnerf.cli.hang import hang
-from plnerf.cli.measure import Measuring, bench, compare, measure
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.options_help import describe_settings
 from plnerf.cli.stop import Terminated, stoppable, unread
-from plnerf.cli.survey import doctor, score, survey
 from plnerf.cli.torchrun import BEFORE_OTHERS_S, joined, rank_of_process, require_shared
-from plnerf.cli.train import demo, eval, render, train
-from plnerf.cli.view import view
 from plnerf.errors import PlnerfError, advice_on
 from plnerf.presets._find import presets_by_year
 from plnerf.terminal import Terminal, one_line
 from plnerf.train.config import Settings
 
-COMMANDS: tuple[Callable[..., Any], ...] = (
-    demo, capture, reconstruct, corridor, train, eval, render, synth, hang, survey, export,
-    change, view, score, doctor, bench, compare,
-)  # fmt: skip
+COMMANDS = {
+    "demo": "train", "capture": "capture", "reconstruct": "capture", "corridor": "corridor",
+    "train": "train", "eval": "train", "render": "train", "synth": "capture", "hang": "hang",
+    "survey": "survey", "export": "export", "change": "change", "view": "view", "score": "survey",
+    "doctor": "survey", "bench": "measure", "compare": "measure",
+}  # fmt: skip
+"""Each subcommand's file of `cli/`, imported where the subcommand is parsed."""
 ABOUT = "From photos of a power line to a radiance field and its measures."
 DEFECT = 70
 """Exit status: EX_SOFTWARE of sysexits.h."""
@@ -56,7 +51,7 @@ GOES_ON = {"train": "The run goes on with --resume."} | dict.fromkeys(
     ("capture", "reconstruct", "corridor", "compare"), "The same command goes on from what is done."
 )
 """What a user can do about a command that was interrupted."""
-OF_A_PRESET = (train, bench, compare)
+OF_A_PRESET = ("train", "bench", "compare")
 """Commands whose options are the settings of a preset."""
 
 
@@ -66,6 +61,8 @@ def starts(arguments: Sequence[str]) -> dict[str, Settings]:
         case ["compare", *_]:
             names = words_of("--presets", arguments) or presets_by_year()
         case ["bench", *_]:
+            from plnerf.bench.config import SPAN_PRESETS, for_the_span
+
             names = words_of("--preset", arguments)[:1] or ("pl-nerf",)
             if "span" in words_of("--suite", arguments):
                 names += SPAN_PRESETS
@@ -78,12 +75,12 @@ def starts(arguments: Sequence[str]) -> dict[str, Settings]:
     return {name: settings_of(name) for name in names}
 
 
-def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
-    """The subcommands; options of a preset's commands start from these settings."""
+def app_from(settings: Settings, names: Iterable[str] = COMMANDS) -> tyro.extras.SubcommandApp:
+    """Subcommands of these names; options of a preset's commands start from these settings."""
     app = tyro.extras.SubcommandApp()
-    for command in COMMANDS:
-        function = partial(command, settings=settings) if command in OF_A_PRESET else command
-        app.command(name=command.__name__)(function)
+    for name in names:
+        function: Callable[..., Any] = getattr(import_module(f"plnerf.cli.{COMMANDS[name]}"), name)
+        app.command(name=name)(partial(function, settings=settings) if name in OF_A_PRESET else function)
     return app
 
 
@@ -143,10 +140,17 @@ def main() -> None:
             require_shared(arguments)
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
-            if {"-h", "--help"} & set(arguments):
-                describe_settings()
+            names, helps = tuple(COMMANDS), bool({"-h", "--help"} & set(arguments))
+            if helps:
+                gc.disable()  # a help is some hundred thousand small objects, then the process ends
+                names = (arguments[0],) if arguments[0] in COMMANDS else names
             for preset, settings in starts(arguments).items():  # the same options on top of each
-                results[preset] = app_from(settings).cli(prog="plnerf", description=ABOUT, args=arguments)
+                app = app_from(settings, names)
+                if helps:
+                    describe_settings()
+                results[preset] = app.cli(prog="plnerf", description=ABOUT, args=arguments)
+            from plnerf.cli.measure import Measuring, measure
+
             if isinstance(next(iter(results.values())), Measuring):
                 measure(results)
     except PlnerfError as error:
@@ -168,6 +172,8 @@ def main() -> None:
             sys.exit(1)
         fail("Defect", about_defect(error, sys.argv[1:]))
         sys.exit(DEFECT)
+    finally:
+        gc.enable()
 
 
 if __name__ == "__main__":
