@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import pytest
 
-from plnerf.cli.main import synth
+from plnerf.cli.capture import synth
 from plnerf.errors import ConfigError
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.scene_options import SceneOptions, find_scene
