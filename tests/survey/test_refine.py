@@ -18,6 +18,7 @@ from plnerf.scene.scene import Scene
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.adjust import Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
+from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import Projection, crossings, project_wire
 from plnerf.survey.refine.refine import refine_wires
@@ -140,8 +141,8 @@ def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
     state = State(
         known + moved, *(random.normal(size=shape) for shape in ((4, 3), (3, config.views), (3, 2), 2)), 0.1
     )
-    nothing = ProfileMeasurements(*(np.zeros((0, *rest)) for rest in ((), (2,), (3,), (), (), (), ())))
-    prior = Prior(known, np.array([4 * PIXEL] * 3), CONFIG.diameter_m, 0.1)
+    nothing = ProfileMeasurements.none()
+    prior = Prior(known, np.array([4 * PIXEL] * 3), 0.1)
     for _ in range(3):  # a curve does not depend linearly on its swing
         step = adjust(BASE, state, prior, [[nothing] * 3] * 4, config)
         state = step.state
@@ -189,27 +190,77 @@ def test_a_cut_wire_is_as_certain_as_the_whole() -> None:
 
 
 def test_a_moved_wire_is_measured_by_the_profile() -> None:
-    """-B / A is where the wire is, wherever it is measured within a pixel."""
-    cameras = two_passes(8)[[3]]
-    camera = Cameras(
-        *(value.double() if value.is_floating_point() else value for value in vars(cameras).values())
-    )
+    """-B / A is where the wire is, wherever it is measured within a pixel: the mean of all views."""
+    cameras = two_passes(8)
     s = np.linspace(0, BASE.length_m, 200)
     lines = [polyline(wire) for wire in WIRES]
-    grey = cv2.cvtColor(draw_lit(cameras, lines, CONFIG.diameter_m, np.zeros(3))[0], cv2.COLOR_RGB2GRAY)
-    grey = grey.astype(np.float32)
-
-    def seen(theta: np.ndarray) -> Projection:
-        return project_wire(camera, BASE, theta, s, np.zeros(3), END_ON)
-
-    others = [seen(wire.theta) for wire in WIRES[1:]]
+    pictures = draw_lit(cameras, lines, CONFIG.diameter_m, np.zeros(3))
     for away in (-0.8, 0.0, 0.8):
-        moved = seen(WIRES[0].theta + np.array([away, away, 0, 0, 0, 0]) * PIXEL)
-        one = measure_profiles(grey, None, moved, others, 0.6, CONFIG.diameter_m, ProfileConfig())
-        clear = np.abs(one.A) > 5 * np.sqrt(one.variance_A)
-        assert clear.sum() > 30
-        expected = -away * PIXEL * one.by_yz[clear, 0]
-        np.testing.assert_allclose(np.median((-one.B / one.A)[clear] - expected), 0, atol=0.1)
+        off_px = []
+        for n in range(len(cameras)):
+            camera = doubled(cameras[[n]])
+            grey = cv2.cvtColor(pictures[n], cv2.COLOR_RGB2GRAY).astype(np.float32)
+            others = [project_wire(camera, BASE, wire.theta, s, np.zeros(3), END_ON) for wire in WIRES[1:]]
+            theta = WIRES[0].theta + np.array([away, away, 0, 0, 0, 0]) * PIXEL
+            moved = project_wire(camera, BASE, theta, s, np.zeros(3), END_ON)
+            one = measure_profiles(grey, None, moved, others, 0.6, CONFIG.diameter_m, ProfileConfig())
+            clear = np.abs(one.A) > 5 * np.sqrt(one.variance_A)
+            if clear.sum() > 30:
+                expected = -away * PIXEL * one.by_yz[clear, 0]
+                off_px.append(np.median((-one.B / one.A)[clear] - expected))
+        assert len(off_px) >= 8 and np.mean(off_px) == pytest.approx(0, abs=0.05)
+
+
+def doubled(cameras: Cameras) -> Cameras:
+    """In float64."""
+    values = vars(cameras).values()
+    return Cameras(*(value.double() if value.is_floating_point() else value for value in values))
+
+
+@pytest.mark.parametrize("width_px", [4.0, 8.0])
+def test_a_wide_wire_comes_to_where_it_is_drawn(tmp_path: Path, width_px: float) -> None:
+    """Lit from above, and thicker or thinner than is thought: the edges tell its place and its width."""
+    cameras = two_passes(8)
+    light = np.array([0.0, 0.9, 1.2])
+    diameter = width_px * PIXEL
+    drawn = draw_lit(cameras, [polyline(WIRES[0])], diameter, light)
+    photos = photos_of(scene_of(tmp_path, cameras, drawn))
+    for share in (0.6, 1.6):
+        config = replace(CONFIG, diameter_m=share * diameter)
+        (one,) = refine_wires(photos, MOVED[:1], config).wires
+        assert not refused(one)
+        s = np.linspace(0.05, 0.95, 60) * BASE.length_m
+        apart = off(one, WIRES[0])
+        assert np.sqrt((apart**2).mean()) < 0.25
+        assert (np.abs(apart) < 4 * one.sigma_at(s) / PIXEL).all()
+
+
+def test_diameters_are_learnt_where_wires_are_wider_than_their_blur() -> None:
+    """One wire of eight pixels, one of four: the same camera shows both."""
+    s = np.linspace(0, BASE.length_m, 200)
+    camera = doubled(two_passes(8)[[3]])
+    true = np.array([8.0, 4.0]) * PIXEL
+    seen, grey = [], []
+    for wire, diameter in zip(WIRES[:2], true.tolist(), strict=True):
+        picture = draw_lit(two_passes(8)[[3]], [polyline(wire)], diameter, np.zeros(3))[0]
+        seen.append(project_wire(camera, BASE, wire.theta, s, np.zeros(3), END_ON))
+        grey.append(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32))
+    config = replace(CONFIG, diameter_m=5.5 * PIXEL)
+    learnt, blur_px = (config.diameter_m, config.diameter_m), config.blur_px
+    for _ in range(8):
+        rows = [
+            measure_profiles(picture, None, one, [], blur_px, diameter, config.profile)
+            for picture, one, diameter in zip(grey, seen, learnt, strict=True)
+        ]
+        learnt, blur_px = likelier_widths(learnt, blur_px, [rows], config)
+    assert np.log(learnt / true) == pytest.approx(0, abs=0.1)
+    assert 0.4 <= blur_px < 0.8
+    nothing = likelier_widths((PIXEL, PIXEL), 0.9, [[ProfileMeasurements.none()] * 2], config)
+    assert nothing[0] != (PIXEL, PIXEL)  # drawn towards what is usual
+    for _ in range(5):
+        nothing = likelier_widths(*nothing, [[ProfileMeasurements.none()] * 2], config)
+    assert nothing[0] == pytest.approx((config.diameter_m,) * 2)
+    assert nothing[1] == pytest.approx(config.blur_px)
 
 
 def test_crossings_are_where_the_lines_meet() -> None:

@@ -27,6 +27,8 @@ LEAST = np.array([*[-np.inf] * 4, LEAST_BEND_M, -np.inf])
 """No wire arches."""
 NOISE_PX = 0.3
 """Standard deviation of one made-up measurement."""
+SHIFT_PX = 0.15
+"""What is seen from one direction over one stretch lies aside by so much, as one edge is the brighter."""
 
 
 def turned(azimuth_deg: float) -> np.ndarray:
@@ -127,14 +129,19 @@ class Trial:
         good, L, A = seen.good, self.base.length_m, 40.0
         by_yz, by_pose, config = seen.by_yz[good], seen.by_pose[good], AdjustConfig()
         off = curve_at(self.theta[w], L, s[good]) - curve_at(state.theta[w], L, s[good])
-        direction = (np.arctan2(by_yz[:, 1], by_yz[:, 0]) % np.pi / np.pi * config.directions).astype(int)
+        turns = np.arctan2(by_yz[:, 1], by_yz[:, 0]) / (2 * np.pi) % 1.0
+        direction = (turns * config.directions).astype(int)
         stretch = np.minimum((s[good] / L * config.stretches).astype(int), config.stretches - 1)
         e = (by_yz * off).sum(1) + by_pose @ (self.pose[k] - state.pose[k]) + self.noise[k, w, good]
         e += self.bias[w, np.minimum(direction, config.directions - 1), stretch]
         even = np.ones(good.sum())
+        towards = by_yz / np.linalg.norm(by_yz, axis=1, keepdims=True)
+        by_light = -A * SHIFT_PX / config.uneven_grey * towards
         return ProfileMeasurements(
-            s[good], by_yz, by_pose, A * even, -A * e, 4.0 * even, (A * NOISE_PX) ** 2 * even
-        )
+            s[good], by_yz, by_pose, by_light=by_light, width_px=even, A=A * even, B=-A * e, wider=0 * even,
+            wider_by_blur=0 * even, variance_A=4.0 * even, variance_B=(A * NOISE_PX) ** 2 * even,
+            variance_wider=even,
+        )  # fmt: skip
 
 
 def _trial(random: np.random.Generator, wind_deg: float, sags: tuple[float, ...]) -> Trial:
@@ -156,7 +163,7 @@ def _trial(random: np.random.Generator, wind_deg: float, sags: tuple[float, ...]
         theta,
         Cameras(*(one.double() if one.is_floating_point() else one for one in views)),
         0.2 * random.normal(size=(N, 3)),
-        config.bias_px * random.normal(size=(W, config.directions, config.stretches)),
+        SHIFT_PX * random.normal(size=(W, config.directions, config.stretches)),
         NOISE_PX * random.normal(size=(N, W, 40)),
     )
 
@@ -168,7 +175,7 @@ def _refitted(made: Trial) -> list[tuple[float, float, np.ndarray]]:
     started[:, SWING] = 0.0
     reach = 0.1 + np.abs(made.theta[:, 4] * np.sin(made.theta[:, SWING]))
     state = State(started, np.zeros((N, 3)), np.zeros((W, config.views)), np.zeros((W, 2)), np.zeros(2))
-    prior = Prior(started, reach, 0.03, 0.2)
+    prior = Prior(started, reach, 0.2)
     for _ in range(4):
         found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
         step = adjust(made.base, state, prior, found, config)

@@ -1,23 +1,24 @@
 """All wires, all images' pose residuals, the lighting and the wind, in one least-squares step.
 
-    minimise  sum rho((B + A (g . dy + m . t_n + c_wv) + |g| g . l_w) / sigma)
-              + sum |y_w - y_w0|^2 / trust_w^2 + sum |t_n|^2 / sd^2 + sum c_wv^2 / bias^2
+    minimise  sum rho((B + A (g . dy + m . t_n) - k (n . l_w + c_wv)) / sigma)
+              + sum |y_w - y_w0|^2 / trust_w^2 + sum |t_n|^2 / sd^2 + sum c_wv^2 / uneven^2
               + sum (phi_w - phi)^2 / own^2 + phi^2 / wind^2 + that of l
 
 over the curve theta of every wire w, through its places y across; the pose residual t_n of every image n; the
-shading l_w of every wire; and what else shifts a wire, c_wv, alike for all measurements of one stretch from
-one direction v, so that no number of them outweighs it.
+light l_w on every wire; and what else makes one of its edges brighter, c_wv, alike for all measurements of
+one stretch from one direction v, so that no number of them outweighs it.
 
-Of a lit cylinder, the first moment of its profile grows with the radius squared and with the component of the
-light along the profile (Lambert's law, integrated over the side that is seen): so with |g| g . l, two numbers
-for all views, before whatever background.  Wires of one scene stand in the same light and are of like
-material: l_w = l + what is its own.  They hang in the same wind, too: the swing phi_w of each is a common
-phi and what is its own, for thin wires swing further than heavy ones.  Of a wire that sags by h, the swing is
-what it bows aside, h sin phi, where all else in y is linear along the wire; where the views do not show that,
-as of a taut wire, it stays near 0, and as uncertain as wind is.
+What a brighter edge does to a measurement is k (`profiles.py`), next to nothing where a wire is so wide that
+its edges are seen: there they tell how bright they are, and with that k what thinner pictures of the wire,
+from the same side, are shifted by.  Wires of one scene stand in the same light and are of like material:
+l_w = l + what is its own.  They hang in the same wind, too: the swing phi_w of each is a common phi and what
+is its own, for thin wires swing further than heavy ones.  Of a wire that sags by h, the swing is what it bows
+aside, h sin phi, where all else in y is linear along the wire; where the views do not show that, as of a taut
+wire, it stays near 0, and as uncertain as wind is.
 
-Letters: w wires, n images, k measurements, v directions times stretches, g and m a measurement's derivatives
-by the wire's place and by the pose residual.  The unknowns come in the order theta, t, c, l_w, l, phi.
+Letters: w wires, n images (in k the normal, too), v directions times stretches, g and m a measurement's
+derivatives by the wire's place and by the pose residual.  The unknowns come in the order theta, t, c, l_w, l,
+phi.
 """
 
 from collections.abc import Sequence
@@ -45,7 +46,9 @@ class State:
     pose: Float[np.ndarray, "n 3"]
     """Pose residuals (du, dv, roll)."""
     bias: Float[np.ndarray, "w v"]
+    """By how many grey levels more a wire's edge is brighter, seen from each direction over each stretch."""
     shading: Float[np.ndarray, "w 2"]
+    """By how many grey levels a wire's edge towards y, and towards z, is brighter than its middle."""
     common_shading: Float[np.ndarray, "2"]
     common_swing: float = 0.0
 
@@ -57,7 +60,6 @@ class Prior:
     theta: Float[np.ndarray, "w 6"]
     trust_m: Float[np.ndarray, " w"]
     """Standard deviation of a wire's place."""
-    diameter_m: float
     pose_sd_px: float
     """Standard deviation of an image's pose residual."""
 
@@ -130,21 +132,20 @@ def adjust(
     W, N = len(state.theta), len(state.pose)
     at = Layout(W, N, config.views)
     H, b = np.zeros((at.size, at.size)), np.zeros(at.size)
-    scores, strength, size, visible_of = np.zeros((N, at.size)), [], [], []
+    scores, size, visible_of = np.zeros((N, at.size)), [], []
     for w in range(W):
         one, image = _visible([row[w] for row in found], config.visible)
-        magnification = np.linalg.norm(one.by_yz, axis=1)
-        shade = magnification[:, None] * one.by_yz
         seen_from = _by_view(base, one, config)
-        off = -one.B - shade @ state.shading[w] - one.A * (seen_from @ state.bias[w])
+        towards = one.by_yz / np.linalg.norm(one.by_yz, axis=1, keepdims=True)
+        uneven = (one.by_light * towards).sum(1)[:, None] * seen_from
+        off = uneven @ state.bias[w] + one.by_light @ state.shading[w] - one.B
         visible_of.append((off / one.A, one.s, image))
         if not len(one):
             continue
-        strength.append(float(np.median(np.abs(one.A))))
-        size.append(float(np.median(magnification)))
+        size.append(float(np.median(np.linalg.norm(one.by_yz, axis=1))))
         by_theta = np.einsum("ki,kij->kj", one.by_yz, curve_by_theta(state.theta[w], base.length_m, one.s))
-        moving = one.A[:, None] * np.concatenate([by_theta, one.by_pose, seen_from], 1)
-        columns = np.concatenate([moving, shade], 1)
+        moving = one.A[:, None] * np.concatenate([by_theta, one.by_pose], 1)
+        columns = np.concatenate([moving, -uneven, -one.by_light], 1)
         apart = off / np.sqrt(one.variance_B)
         scale = max(1.4826 * float(np.median(np.abs(apart))), 0.3)
         weight = 1 / (1 + (apart / (config.robust * scale)) ** 2) / (one.variance_B * scale**2)
@@ -155,11 +156,7 @@ def adjust(
             score = weighted.T @ off[mine]
             b[own] += score
             scores[n, own] += score
-    # A shift by a share of the diameter: A |g| D share = |g|^2 l.
-    magnified = float(np.median(size)) if size else 1.0
-    usual = float(np.median(strength)) if strength else 0.0
-    shading_sd = config.shading_sd * prior.diameter_m * usual / magnified if strength else 1.0
-    P, pull = _prior(base, state, prior, shading_sd, config)
+    P, pull = _prior(base, state, prior, config)
     covariance = np.linalg.inv(H + P)
     change = covariance @ (b + pull)
     # Images as independent draws, in place of measurements as such ("sandwich" by clusters).
@@ -173,7 +170,7 @@ def adjust(
         state.common_swing + float(change[at.common_swing]),
     )
     off_px, s, images = zip(*visible_of, strict=True)
-    return Step(after, covariance, spread, off_px, s, images, magnified)
+    return Step(after, covariance, spread, off_px, s, images, float(np.median(size)) if size else 1.0)
 
 
 def _visible(
@@ -188,7 +185,7 @@ def _visible(
 
 
 def _prior(
-    base: Base, state: State, prior: Prior, shading_sd: float, config: AdjustConfig
+    base: Base, state: State, prior: Prior, config: AdjustConfig
 ) -> tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]:
     """Its normal matrix, and where it pulls."""
     W, N = len(state.theta), len(state.pose)
@@ -203,17 +200,17 @@ def _prior(
         P[own, own] = J.T @ J
         pull[own] = J.T @ (curve_at(prior.theta[w], L, s) - curve_at(state.theta[w], L, s)).ravel() / held
     bias = np.arange(at.bias, at.shading)
-    P[bias, bias] = 1 / config.bias_px**2
-    pull[bias] = -state.bias.ravel() / config.bias_px**2
+    P[bias, bias] = 1 / config.uneven_grey**2
+    pull[bias] = -state.bias.ravel() / config.uneven_grey**2
     pose = np.arange(at.pose, at.bias)
     P[pose, pose] = 1 / prior.pose_sd_px**2
     pull[pose] = -state.pose.ravel() / prior.pose_sd_px**2
-    tie = 1 / (config.own_shading * shading_sd) ** 2
+    tie = 1 / (config.own_shading * config.shading_grey) ** 2
     for k in range(2):
         own_shading = at.shading + 2 * np.arange(W) + k
         P[own_shading, own_shading] = tie
         P[own_shading, at.common + k] = P[at.common + k, own_shading] = -tie
-        P[at.common + k, at.common + k] = 1 / shading_sd**2 + W * tie
+        P[at.common + k, at.common + k] = 1 / config.shading_grey**2 + W * tie
     lighting = np.append(state.shading, state.common_shading)
     lit = slice(at.shading, at.common_swing)
     pull[lit] = -P[lit, lit] @ lighting
@@ -228,9 +225,9 @@ def _prior(
 
 
 def _by_view(base: Base, one: ProfileMeasurements, config: AdjustConfig) -> Float[np.ndarray, "k v"]:
-    """1 in the column of a measurement's direction and stretch."""
-    angle = np.arctan2(one.by_yz[:, 1], one.by_yz[:, 0]) % np.pi
-    direction = np.minimum((angle / np.pi * config.directions).astype(int), config.directions - 1)
+    """1 in the column of a measurement's direction of view and stretch."""
+    turns = np.arctan2(one.by_yz[:, 1], one.by_yz[:, 0]) / (2 * np.pi) % 1.0
+    direction = np.minimum((turns * config.directions).astype(int), config.directions - 1)
     stretch = np.minimum((one.s / base.length_m * config.stretches).astype(int), config.stretches - 1)
     by = np.zeros((len(one), config.views))
     by[np.arange(len(one)), direction * config.stretches + stretch] = 1

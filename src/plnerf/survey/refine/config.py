@@ -12,7 +12,15 @@ class ProfileConfig:
     step_px: float = 0.5
     """Spacing of the samples across the wire."""
     window_px: float = 6.0
-    """Half width of a profile, to either side of the wire."""
+    """Half width of a profile, to either side of the wire, at least."""
+    beside_px: float = 4.0
+    """Background beside a wire that a profile holds, at least."""
+    least_width_px: float = 0.05
+    """A thinner bar is as good as this one."""
+    uneven_grey: float = 30.0
+    """How far a wire's edges may differ from its middle in brightness by more than the light explains that is
+    the same for all views, standard deviation in grey levels: what it mirrors, the shadow's edge, strands.
+    Chosen on random scenes 4, 10 and 14: with 15 or 60 in its place, heights are half as much again off."""
     least_samples: int = 5
     """Places along the wire that an image must show for it to be used."""
     most_others: int = 3
@@ -32,19 +40,19 @@ class ProfileConfig:
 class AdjustConfig:
     """The weights and priors of the least-squares step."""
 
-    visible: float = 3.0
+    visible: float = 4.25
     """A measurement counts where the wire stands out by so many standard deviations."""
     robust: float = 2.5
     """Standard deviations beyond which a measurement loses its weight (Cauchy): another thing is seen."""
-    shading_sd: float = 0.1
-    """Prior standard deviation of the lighting-induced shift, as a fraction of the wire's diameter."""
+    shading_grey: float = 30.0
+    """Prior standard deviation of the lighting: how much brighter a lit edge of a wire is than its middle."""
     own_shading: float = 0.3
     """The part of it that may differ between wires, as a fraction: wires of one scene stand in one light."""
-    bias_px: float = 0.15
-    """Prior standard deviation of what else shifts a wire, alike for all measurements of one stretch from one
-    direction: the light beyond first order, the background."""
-    directions: int = 9
-    """Directions of view around a wire, over 180 degrees."""
+    uneven_grey: float = 20.0
+    """Prior standard deviation of what else makes one edge of a wire brighter than its middle, alike for all
+    measurements of one stretch from one direction: what it mirrors, its own shadow."""
+    directions: int = 12
+    """Directions of view around a wire."""
     stretches: int = 4
     """Stretches along a wire; each has a bias for each direction."""
     swing_deg: float = 10.0
@@ -84,14 +92,22 @@ class RefineConfig:
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     adjust: AdjustConfig = field(default_factory=AdjustConfig)
     diameter_m: float = 0.03
-    """Of conductors, 1 to 5 cm.  From a third of the true one to half as much again, the result moves by 0.2
-    px at most."""
+    """Of conductors, 1 to 5 cm; where wires are wider than their blur, their width is learnt."""
+    diameter_log_sd: float = 0.4
+    """Standard deviation of the logarithm of the wires' diameter, before the images are looked at."""
+    own_log_sd: float = 0.25
+    """The same of one wire's against the others': phases are alike, shields thinner."""
+    unlike_bar: float = 0.2
+    """By what share of its width a wire may look wider or thinner than a bar, standard deviation of one
+    measurement."""
     samples: int = 240
     """Places along a wire at which its images are measured."""
     first_blur_px: float = 1.2
     """Width of the kernel in the first round, for wires a pixel or two off."""
     blur_px: float = 0.6
-    """Width of the kernel in all other rounds: what blurs a wire in an image, standard deviation."""
+    """The same in the second: what blurs a wire in an image, standard deviation; learnt afterwards."""
+    blur_sd_px2: float = 0.3
+    """Standard deviation of its square, before the images are looked at."""
     least_rounds: int = 4
     """Rounds that are always done."""
     most_rounds: int = 16

@@ -1,22 +1,26 @@
 """What the grey values across a wire's projected curve say of where the wire is.
 
-    grey(d) = background + A K(d) + B K'(d) + the same of other wires that cross here
+    grey(d) = background + A K(d) + B K'(d) + C S(d) + the same of other wires that cross here
 
-Letters: d distance from the curve along its normal (px), K a Gaussian as wide as the blurred wire, k samples
-along the wire.  A, the wire's strength, is what it adds to the background, so negative before the sky.  A
-wire that lies at e shows as A K(d - e), and one with light on one side adds M K'(d) with M by the light, so
+Letters: d distance from the curve along its normal (px), K a bar as wide as the wire and blurred, S the same
+times a slope that is 1 at the bar's edge, k samples along the wire.  A, the wire's strength, is what it adds
+to the background, so negative before the sky.  A wire that lies at e shows as A K(d - e), to first order
+B = -A e; one that is brighter at one edge than in its middle adds C S(d).  Nothing is divided: where a wire
+does not stand out, A and what B says of e are near 0.
 
-    B = -(A e + M)
-
-to first order.  No ridge is looked for and nothing is divided: where a wire does not stand out, A and what B
-says of e are near 0.
+A sunlit wire is brighter above and often as dark as the ground below: what it adds has its middle up to a
+radius above the wire's own.  Where a wire is wider than its blur, its edges tell such a C from a shift; of
+one as thin as that, K' and S have one shape, and the light decides, which is the same in all views
+(`adjust.py`).  So C is expected to be what the light makes it, as loosely as wires differ from that, and is
+eliminated: B = -A e + k . light.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
+from scipy.special import ndtr
 
 from plnerf.survey.refine.config import ProfileConfig
 from plnerf.survey.refine.projection import Projection, crossings
@@ -30,14 +34,32 @@ class ProfileMeasurements:
     by_yz: Float[np.ndarray, "k 2"]
     by_pose: Float[np.ndarray, "k 3"]
     """As `Projection` has them."""
+    by_light: Float[np.ndarray, "k 2"]
+    """What light from y, and from z, adds to B for each grey level by which the wire's edge towards it is
+    brighter than its middle."""
+    width_px: Float[np.ndarray, " k"]
+    """The width that was assumed."""
     A: Float[np.ndarray, " k"]
     B: Float[np.ndarray, " k"]
+    wider: Float[np.ndarray, " k"]
+    """A times by how much the wire is wider than that (px)."""
+    wider_by_blur: Float[np.ndarray, " k"]
+    """By how much it looks wider for each px^2 by which its blur has more variance than was assumed."""
     variance_A: Float[np.ndarray, " k"]
     variance_B: Float[np.ndarray, " k"]
+    variance_wider: Float[np.ndarray, " k"]
     """From how well the model describes each profile."""
 
     def __len__(self) -> int:
         return len(self.s)
+
+    @classmethod
+    def none(cls) -> "ProfileMeasurements":
+        """Of a wire that an image does not show."""
+        pairs = {"by_yz": 2, "by_pose": 3, "by_light": 2}
+        return cls(**{
+            one.name: np.zeros((0, pairs[one.name]) if one.name in pairs else 0) for one in fields(cls)
+        })
 
 
 def measure_profiles(
@@ -54,35 +76,58 @@ def measure_profiles(
     valid: false where a mask says "ignore".  others: further wires in the same image.  blur_px: standard
     deviation of what blurs a wire in the image.
     """
+    width = np.maximum(diameter_m * np.linalg.norm(seen.by_yz, axis=1), config.least_width_px)
     # A bar of width w has the variance w^2 / 12.
-    width = diameter_m * np.linalg.norm(seen.by_yz, axis=1)
     tau = np.sqrt(blur_px**2 + width**2 / 12)
-    within = config.window_px + 3 * blur_px
+    reach = np.maximum(config.window_px, width / 2 + config.beside_px)
+    within = float(reach[seen.good].max(initial=config.window_px)) + 3 * blur_px
     near = crossings(seen, others, within, config.most_others, config.least_crossing)
     good = seen.good & ~(np.nan_to_num(np.abs(near[:, 0]), nan=np.inf) < config.apart * tau)
     if valid is not None:
         column, row = np.clip(seen.pixel, 0, np.array(grey.shape[::-1]) - 1).astype(int).T
         good &= valid[row, column]
     if good.sum() < config.least_samples:
-        none = np.zeros(0)
-        return ProfileMeasurements(none, np.zeros((0, 2)), np.zeros((0, 3)), none, none, none, none)
-    d = np.arange(-config.window_px, config.window_px + config.step_px / 2, config.step_px)
-    x, y = (seen.pixel[good, None] + d[:, None] * seen.normal[good, None] - 0.5).astype(np.float32).T
-    profile = cv2.remap(grey, x.T, y.T, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    columns = _columns(d, tau[good], near[good])
-    fit, variance = _least_squares(profile.astype(np.float64), columns, config.step_px, config.quantum)
+        return ProfileMeasurements.none()
+    d = reach[good, None] * np.linspace(-1, 1, 1 + round(2 * config.window_px / config.step_px))
+    at = seen.pixel[good, None] + d[:, :, None] * seen.normal[good, None] - 0.5
+    x, y = np.moveaxis(at.astype(np.float32), 2, 0)
+    profile = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    width, by_yz = width[good], seen.by_yz[good]
+    *shapes, wider, blurred = _bar(d, width, blur_px)
+    columns = _columns(d, shapes, tau[good], near[good])
+    step_px = d[:, 1] - d[:, 0]
+    fit = _least_squares(profile.astype(np.float64), columns, wider, blurred, step_px, config.quantum)
+    # What B is, given C: C is the slope in grey levels times the width, for K and S are of integral 1.
+    kappa = fit.variance[:, 1, 2] / (fit.variance[:, 2, 2] + (config.uneven_grey * width) ** 2)
+    towards = by_yz / np.linalg.norm(by_yz, axis=1, keepdims=True)
     return ProfileMeasurements(
-        seen.s[good], seen.by_yz[good], seen.by_pose[good],
-        fit[:, 0], fit[:, 1], variance[:, 0], variance[:, 1],
+        seen.s[good], by_yz, seen.by_pose[good], -(kappa * width)[:, None] * towards, width,
+        fit.of[:, 0], fit.of[:, 1] - kappa * fit.of[:, 2], fit.wider, fit.wider_by_blur,
+        fit.variance[:, 0, 0], fit.variance[:, 1, 1] - kappa * fit.variance[:, 1, 2], fit.variance_wider,
     )  # fmt: skip
 
 
+def _bar(
+    d: Float[np.ndarray, "k n"], width: Float[np.ndarray, " k"], blur_px: float
+) -> list[Float[np.ndarray, "k n"]]:
+    """K, K' and S of a blurred bar of integral 1; K's derivatives by its width and its blur's variance."""
+    w = width[:, None]
+    low, high = (d + w / 2) / blur_px, (d - w / 2) / blur_px
+    at_low, at_high = (np.exp(-(x**2) / 2) / (np.sqrt(2 * np.pi) * blur_px) for x in (low, high))
+    K = (ndtr(low) - ndtr(high)) / w
+    S = (d * K + blur_px**2 * (at_low - at_high) / w) * 2 / w
+    wider = ((at_low + at_high) / 2 - K) / w
+    return [K, (at_low - at_high) / w, S, wider, (high * at_high - low * at_low) / (2 * blur_px * w)]
+
+
 def _columns(
-    d: Float[np.ndarray, " n"], tau: Float[np.ndarray, " k"], near: Float[np.ndarray, "k m"]
+    d: Float[np.ndarray, "k n"],
+    shapes: list[Float[np.ndarray, "k n"]],
+    tau: Float[np.ndarray, " k"],
+    near: Float[np.ndarray, "k m"],
 ) -> Float[np.ndarray, "k n c"]:
-    """K and K' of the wire, a background that is a straight line, K and K' of the others."""
-    flat = np.ones((len(tau), len(d)))
-    columns = [*_kernel(d - np.zeros((len(tau), 1)), tau), flat, flat * d / d[-1]]
+    """Those of the wire, a background that is a straight line, K and K' of the others."""
+    columns = [*shapes, np.ones_like(d), d / d[:, -1:]]
     for off in near.T[np.isfinite(near).any(0)]:
         # What is not there is put where it gives nothing.
         columns += _kernel(d - np.nan_to_num(off, nan=1e3)[:, None], tau)
@@ -96,19 +141,40 @@ def _kernel(x: Float[np.ndarray, "k n"], tau: Float[np.ndarray, " k"]) -> list[F
     return [K, -share / tau[:, None] * K]
 
 
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Of k profiles."""
+
+    of: Float[np.ndarray, "k 3"]
+    """A, B and C."""
+    variance: Float[np.ndarray, "k 3 3"]
+    wider: Float[np.ndarray, " k"]
+    wider_by_blur: Float[np.ndarray, " k"]
+    variance_wider: Float[np.ndarray, " k"]
+
+
 def _least_squares(
     profile: Float[np.ndarray, "k n"],
     columns: Float[np.ndarray, "k n c"],
-    step_px: float,
+    wider: Float[np.ndarray, "k n"],
+    blurred: Float[np.ndarray, "k n"],
+    step_px: Float[np.ndarray, " k"],
     quantum: float,
-) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2"]]:
-    """The first two coefficients of each profile, and their variances."""
+) -> _Fit:
+    """The first three coefficients of each profile; that of `wider` beside all columns, and in `blurred`."""
     normal = np.einsum("knc,kne->kce", columns, columns, optimize=True)
     normal += 1e-6 * np.eye(normal.shape[1])  # columns of nothing get nothing
     inverse = np.linalg.inv(normal)
-    fit = np.einsum("kce,kne,kn->kc", inverse, columns, profile, optimize=True)
+    by = np.einsum("kce,kne->kcn", inverse, columns, optimize=True)
+    fit = np.einsum("kcn,kn->kc", by, profile)
     left = profile - np.einsum("knc,kc->kn", columns, fit)
     # Neighbours half a pixel apart share their noise: a pixel's counts once.
-    freedom = profile.shape[1] * step_px - 4
-    noise = ((left**2).sum(1) / freedom + quantum) / step_px
-    return fit[:, :2], noise[:, None] * np.stack([inverse[:, 0, 0], inverse[:, 1, 1]], 1)
+    freedom = profile.shape[1] * step_px - 5
+    noise = ((left**2).sum(1) / freedom * step_px + quantum) / step_px
+    # What the other columns leave of the last one (Frisch, Waugh and Lovell).
+    alone = wider - np.einsum("knc,kcn->kn", columns, np.einsum("kcm,km->kc", by, wider)[:, :, None])
+    strength = (alone**2).sum(1) + 1e-6
+    return _Fit(
+        fit[:, :3], noise[:, None, None] * inverse[:, :3, :3],
+        (alone * left).sum(1) / strength, (alone * blurred).sum(1) / strength, noise / strength,
+    )  # fmt: skip

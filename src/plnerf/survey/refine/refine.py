@@ -20,6 +20,7 @@ from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.adjust import SWING, Prior, State, Step, adjust
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
+from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import Projection, project_wire
 
@@ -59,20 +60,25 @@ def refine_wires(
     v = config.adjust.views
     state = State(before, np.zeros((N, 3)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
-    prior = Prior(before, trust, config.diameter_m, config.pose_sd_px)
+    prior = Prior(before, trust, config.pose_sd_px)
+    diameters, blur_px = (config.diameter_m,) * W, config.blur_px
     found: list[list[ProfileMeasurements]] = []
     report = progress or (lambda done, of: None)
     for k in range(config.most_rounds):
-        blur = config.blur_px if k else config.first_blur_px
+        blur = blur_px if k else config.first_blur_px
 
-        def measure(n: int, state: State = state, blur: float = blur) -> list[ProfileMeasurements]:
+        def measure(
+            n: int, state: State = state, blur: float = blur, across: tuple[float, ...] = diameters
+        ) -> list[ProfileMeasurements]:
             end_on = config.profile.end_on
             seen = [project_wire(cameras[n], base, one, s, state.pose[n], end_on) for one in state.theta]
-            return _of_image(photos, views[n], seen, blur, config)
+            return _of_image(photos, views[n], seen, blur, across, config)
 
         with ThreadPoolExecutor() as pool:
             found = list(pool.map(measure, range(N)))
         step = adjust(base, state, prior, found, config.adjust)
+        if k:
+            diameters, blur_px = likelier_widths(diameters, blur_px, found, config)
         last, state = state, _hanging(step.state, config.adjust)
         prior = replace(prior, pose_sd_px=max(step.pose_residual_px(), config.least_pose_sd_px))
         report(k + 1, config.most_rounds)
@@ -115,16 +121,15 @@ def _between(
 
 
 def _of_image(
-    photos: Photos, i: int, seen: list[Projection], blur_px: float, config: RefineConfig
-) -> list[ProfileMeasurements]:
+    photos: Photos, i: int, seen: list[Projection], blur_px: float, across: Sequence[float],
+    config: RefineConfig,
+) -> list[ProfileMeasurements]:  # fmt: skip
     """The measurements of each wire in one image."""
     # Of bytes, interpolation gives bytes.
     grey = cv2.cvtColor(photos.images.image(i), cv2.COLOR_RGB2GRAY).astype(np.float32)
     valid = photos.images.valid(i) if photos.images.has_masks else None
     return [
-        measure_profiles(
-            grey, valid, mine, seen[:w] + seen[w + 1 :], blur_px, config.diameter_m, config.profile
-        )
+        measure_profiles(grey, valid, mine, seen[:w] + seen[w + 1 :], blur_px, across[w], config.profile)
         for w, mine in enumerate(seen)
     ]
 
