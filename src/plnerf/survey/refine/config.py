@@ -20,7 +20,7 @@ class ProfileConfig:
     uneven_grey: float = 30.0
     """How far a wire's edges may differ from its middle in brightness by more than the light explains that is
     the same for all views, standard deviation in grey levels: what it mirrors, the shadow's edge, strands.
-    Chosen on random scenes 4, 10 and 14: with 15 or 60 in its place, heights are half as much again off."""
+    Chosen on random scenes 4, 10 and 14."""
     least_samples: int = 5
     """Places along the wire that an image must show for it to be used."""
     most_others: int = 3
@@ -141,9 +141,9 @@ class RefineConfig:
     """The views do not fix a wire whose standard deviation stays above this share of what it was."""
     most_moved: float = 2.0
     """A wire that moves by more than so many times its detection's reach went to something else."""
-    same_diameters: float = 3.0
-    """Wires of a span nowhere farther apart than so many diameters are one; subconductors hang at seven and
-    more."""
+    same_diameters: float = 3.5
+    """Wires of a span nowhere farther apart than so many diameters are one: half of the seven and more at
+    which subconductors hang."""
     loose_poses_px: float = 0.5
     """Pose residual beyond which the survey warns, and its stereo points are less certain."""
 
