@@ -135,10 +135,9 @@ class Trial:
         e = (by_yz * off).sum(1) + by_pose @ (self.pose[k] - state.pose[k]) + self.noise[k, w, good]
         e += self.bias[w, np.minimum(direction, config.directions - 1), stretch]
         even = np.ones(good.sum())
-        towards = by_yz / np.linalg.norm(by_yz, axis=1, keepdims=True)
-        by_light = -A * SHIFT_PX / config.uneven_grey * towards
+        by_slope = -A * SHIFT_PX / config.uneven_grey * even
         return ProfileMeasurements(
-            s[good], by_yz, by_pose, by_light=by_light, width_px=even, A=A * even, B=-A * e, wider=0 * even,
+            s[good], by_yz, by_pose, by_slope=by_slope, width_px=even, A=A * even, B=-A * e, wider=0 * even,
             wider_by_blur=0 * even, variance_A=4.0 * even, variance_B=(A * NOISE_PX) ** 2 * even,
             variance_wider=even,
         )  # fmt: skip

@@ -16,9 +16,9 @@ is its own, for thin wires swing further than heavy ones.  Of a wire that sags b
 aside, h sin phi, where all else in y is linear along the wire; where the views do not show that, as of a taut
 wire, it stays near 0, and as uncertain as wind is.
 
-Letters: w wires, n images (in k the normal, too), v directions times stretches, g and m a measurement's
-derivatives by the wire's place and by the pose residual.  The unknowns come in the order theta, t, c, l_w, l,
-phi.
+Letters: w wires, n images and, beside l_w, a profile's normal, v directions times stretches, g and m a
+measurement's derivatives by the wire's place and by the pose residual.  The unknowns come in the order theta,
+t, c, l_w, l, phi.
 """
 
 from collections.abc import Sequence
@@ -46,9 +46,10 @@ class State:
     pose: Float[np.ndarray, "n 3"]
     """Pose residuals (du, dv, roll)."""
     bias: Float[np.ndarray, "w v"]
-    """By how many grey levels more a wire's edge is brighter, seen from each direction over each stretch."""
+    """Brightness of a wire's edge beyond what the light explains, from each direction over each stretch; grey
+    levels."""
     shading: Float[np.ndarray, "w 2"]
-    """By how many grey levels a wire's edge towards y, and towards z, is brighter than its middle."""
+    """Brightness of a wire's edge towards y, and towards z, above that of its middle; grey levels."""
     common_shading: Float[np.ndarray, "2"]
     common_swing: float = 0.0
 
@@ -137,15 +138,15 @@ def adjust(
         one, image = _visible([row[w] for row in found], config.visible)
         seen_from = _by_view(base, one, config)
         towards = one.by_yz / np.linalg.norm(one.by_yz, axis=1, keepdims=True)
-        uneven = (one.by_light * towards).sum(1)[:, None] * seen_from
-        off = uneven @ state.bias[w] + one.by_light @ state.shading[w] - one.B
+        by_slope = one.by_slope[:, None] * np.concatenate([seen_from, towards], 1)
+        off = by_slope @ np.concatenate([state.bias[w], state.shading[w]]) - one.B
         visible_of.append((off / one.A, one.s, image))
         if not len(one):
             continue
         size.append(float(np.median(np.linalg.norm(one.by_yz, axis=1))))
         by_theta = np.einsum("ki,kij->kj", one.by_yz, curve_by_theta(state.theta[w], base.length_m, one.s))
         moving = one.A[:, None] * np.concatenate([by_theta, one.by_pose], 1)
-        columns = np.concatenate([moving, -uneven, -one.by_light], 1)
+        columns = np.concatenate([moving, -by_slope], 1)
         apart = off / np.sqrt(one.variance_B)
         scale = max(1.4826 * float(np.median(np.abs(apart))), 0.3)
         weight = 1 / (1 + (apart / (config.robust * scale)) ** 2) / (one.variance_B * scale**2)

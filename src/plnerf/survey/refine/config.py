@@ -92,9 +92,9 @@ class RefineConfig:
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     adjust: AdjustConfig = field(default_factory=AdjustConfig)
     diameter_m: float = 0.03
-    """Of conductors, 1 to 5 cm; where wires are wider than their blur, their width is learnt."""
+    """Diameter assumed at first, learnt where wires are wider than their blur; conductors have 1 to 5 cm."""
     diameter_log_sd: float = 0.4
-    """Standard deviation of the logarithm of the wires' diameter, before the images are looked at."""
+    """Prior standard deviation of the logarithm of the wires' diameter."""
     own_log_sd: float = 0.25
     """The same of one wire's against the others': phases are alike, shields thinner."""
     unlike_bar: float = 0.2
@@ -107,7 +107,7 @@ class RefineConfig:
     blur_px: float = 0.6
     """The same in the second: what blurs a wire in an image, standard deviation; learnt afterwards."""
     blur_sd_px2: float = 0.3
-    """Standard deviation of its square, before the images are looked at."""
+    """Prior standard deviation of the blur's variance."""
     least_rounds: int = 4
     """Rounds that are always done."""
     most_rounds: int = 16

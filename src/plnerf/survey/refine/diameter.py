@@ -12,9 +12,9 @@ from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
 
 MOST_STEP = 0.3
-"""By which the logarithm of a diameter changes at most in a round."""
+"""Greatest change of a diameter's logarithm in a round."""
 LEAST_BLUR_PX = 0.4
-"""No image is sharper: a pixel alone blurs by 0.29 px."""
+"""Least blur that is believed: a pixel alone blurs by 0.29 px."""
 
 
 def likelier_widths(
@@ -27,7 +27,7 @@ def likelier_widths(
 
     found: for each image, the measurements of each wire.  A measured width holds both, the more of the blur
     the thinner the wire is: wires far away tell the blur, near ones their width.  Where neither is seen, both
-    stay what they are before.
+    come to the configured values.
     """
     W = len(diameters)
     logs, variance = np.log(np.array(diameters) / config.diameter_m), blur_px**2

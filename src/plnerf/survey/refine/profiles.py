@@ -12,7 +12,7 @@ A sunlit wire is brighter above and often as dark as the ground below: what it a
 radius above the wire's own.  Where a wire is wider than its blur, its edges tell such a C from a shift; of
 one as thin as that, K' and S have one shape, and the light decides, which is the same in all views
 (`adjust.py`).  So C is expected to be what the light makes it, as loosely as wires differ from that, and is
-eliminated: B = -A e + k . light.
+eliminated: B = -A e + k C, per grey level of slope.
 """
 
 from dataclasses import dataclass, fields
@@ -34,17 +34,17 @@ class ProfileMeasurements:
     by_yz: Float[np.ndarray, "k 2"]
     by_pose: Float[np.ndarray, "k 3"]
     """As `Projection` has them."""
-    by_light: Float[np.ndarray, "k 2"]
-    """What light from y, and from z, adds to B for each grey level by which the wire's edge towards it is
-    brighter than its middle."""
+    by_slope: Float[np.ndarray, " k"]
+    """What B gains for each grey level by which the wire's edge towards the normal is brighter than its
+    middle."""
     width_px: Float[np.ndarray, " k"]
     """The width that was assumed."""
     A: Float[np.ndarray, " k"]
     B: Float[np.ndarray, " k"]
     wider: Float[np.ndarray, " k"]
-    """A times by how much the wire is wider than that (px)."""
+    """A times the width that the wire has beyond that (px)."""
     wider_by_blur: Float[np.ndarray, " k"]
-    """By how much it looks wider for each px^2 by which its blur has more variance than was assumed."""
+    """Apparent widening (px) for each px^2 of variance that the blur has beyond what was assumed."""
     variance_A: Float[np.ndarray, " k"]
     variance_B: Float[np.ndarray, " k"]
     variance_wider: Float[np.ndarray, " k"]
@@ -55,8 +55,8 @@ class ProfileMeasurements:
 
     @classmethod
     def none(cls) -> "ProfileMeasurements":
-        """Of a wire that an image does not show."""
-        pairs = {"by_yz": 2, "by_pose": 3, "by_light": 2}
+        """No measurements: the image does not show the wire."""
+        pairs = {"by_yz": 2, "by_pose": 3}
         return cls(**{
             one.name: np.zeros((0, pairs[one.name]) if one.name in pairs else 0) for one in fields(cls)
         })
@@ -92,16 +92,15 @@ def measure_profiles(
     at = seen.pixel[good, None] + d[:, :, None] * seen.normal[good, None] - 0.5
     x, y = np.moveaxis(at.astype(np.float32), 2, 0)
     profile = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    width, by_yz = width[good], seen.by_yz[good]
+    width = width[good]
     *shapes, wider, blurred = _bar(d, width, blur_px)
     columns = _columns(d, shapes, tau[good], near[good])
     step_px = d[:, 1] - d[:, 0]
     fit = _least_squares(profile.astype(np.float64), columns, wider, blurred, step_px, config.quantum)
     # What B is, given C: C is the slope in grey levels times the width, for K and S are of integral 1.
     kappa = fit.variance[:, 1, 2] / (fit.variance[:, 2, 2] + (config.uneven_grey * width) ** 2)
-    towards = by_yz / np.linalg.norm(by_yz, axis=1, keepdims=True)
     return ProfileMeasurements(
-        seen.s[good], by_yz, seen.by_pose[good], -(kappa * width)[:, None] * towards, width,
+        seen.s[good], seen.by_yz[good], seen.by_pose[good], -kappa * width, width,
         fit.of[:, 0], fit.of[:, 1] - kappa * fit.of[:, 2], fit.wider, fit.wider_by_blur,
         fit.variance[:, 0, 0], fit.variance[:, 1, 1] - kappa * fit.variance[:, 1, 2], fit.variance_wider,
     )  # fmt: skip
@@ -143,7 +142,7 @@ def _kernel(x: Float[np.ndarray, "k n"], tau: Float[np.ndarray, " k"]) -> list[F
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Of k profiles."""
+    """Least-squares fit of k profiles."""
 
     of: Float[np.ndarray, "k 3"]
     """A, B and C."""
@@ -171,7 +170,7 @@ def _least_squares(
     # Neighbours half a pixel apart share their noise: a pixel's counts once.
     freedom = profile.shape[1] * step_px - 5
     noise = ((left**2).sum(1) / freedom * step_px + quantum) / step_px
-    # What the other columns leave of the last one (Frisch, Waugh and Lovell).
+    # What all columns leave of `wider` (Frisch, Waugh and Lovell).
     alone = wider - np.einsum("knc,kcn->kn", columns, np.einsum("kcm,km->kc", by, wider)[:, :, None])
     strength = (alone**2).sum(1) + 1e-6
     return _Fit(
