@@ -19,4 +19,4 @@ for name in cc gcc g++ c++ clang cl nvcc ld as cmake ninja make; do
     fi
 done
 env -u CC -u CXX PATH="$scratch/bin" NUMBA_CACHE_DIR="$scratch/numba" OMP_WAIT_POLICY=PASSIVE \
-    "$python" -m plnerf.cli train "$scene" -o "$scratch/run" --downscale 4 --steps 20 --device cpu --backend numba
+    "$python" -m plnerf train "$scene" -o "$scratch/run" --downscale 4 --steps 20 --device cpu --backend numba

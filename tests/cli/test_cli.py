@@ -508,6 +508,7 @@ def test_demo_goes_from_photos_to_pictures(
     assert done.status == 0
     for said in (f"report: {out}/survey/report.html", f"pictures: {out}/renders/path", "No wire was found."):
         assert said in done.out
+    assert done.out.index(f"report: {out}/survey") < done.out.index(f"measures and panels: {out}/eval")
     score = json.loads((out / "survey" / "survey.score.json").read_text())
     assert score["conductors"]["found"] == 0 and score["conductors"]["missing"]
     assert open_run(out).seconds >= 0.5

@@ -158,7 +158,7 @@ def render_shown(console: Console, run: Path, **options: Any) -> None:
 
 
 def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = False) -> None:
-    """Train on the bundled span, evaluate it and render a fly-along; no data and no options needed.
+    """Train on the bundled span, survey it, evaluate and render it; no data and no options needed.
 
     Args:
         out: Folder for everything that is made.
@@ -177,9 +177,9 @@ def demo(out: Out = Path("runs/demo"), seconds: float = 240.0, quick: bool = Fal
     budget, downscale, frames = (45.0, 2, 8) if quick else (seconds, 1, 40)
     console, span = Terminal(), bundled_span()
     train_shown(console, span, out, preset="pl-nerf-wire", seconds=budget, downscale=downscale)
-    eval_shown(console, out)
-    survey_shown(console, out)
+    survey_shown(console, out)  # the report comes first: what follows takes a minute more
     score_shown(console, out, truth=span)
+    eval_shown(console, out)
     render_shown(console, out, frames=frames, fps=12.0, scale=0.5)
     say(console, f"Look at {out}: survey/report.html, eval/panels, renders.")
     say(console, f"Curves of the training: tensorboard --logdir {out}")
