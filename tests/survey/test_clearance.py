@@ -453,7 +453,7 @@ def test_rules_hold_the_settings() -> None:
         (ObstacleConfig, {"reach_m": -1.0}, "reach_m > 0"),
         (ObstacleConfig, {"max_sigma_m": 0.0}, "max_sigma_m > 0"),
         (GroundSectionConfig, {"cell_m": 0.0}, "0 < cell_m <= side_m"),
-        (GroundSectionConfig, {"min_scatter_cells": 3}, "min_scatter_cells of 4 or more"),
+        (GroundSectionConfig, {"scatter_cells": 3}, "scatter_cells of 4 or more"),
         (GroundSectionConfig, {"max_gap_m": -1.0}, "max_gap_m of 0 or more"),
     ],
 )

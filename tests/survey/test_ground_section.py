@@ -22,3 +22,18 @@ def test_heights_scatter_as_stated() -> None:
         stated.append(sigma)
     ratio = np.sqrt(np.mean(np.square(off)) / np.mean(np.square(stated)))
     assert 0.9 < ratio < 1.1, "not as of one cell, nor of the edge between two, but within three"
+
+
+def test_a_plant_alone_in_unseen_ground_is_not_stated_as_sure() -> None:
+    """Flat ground with a hole of 4 m radius below the wire, in which nothing but the top of a bush of 0.8 m
+    was measured, exactly: all that is near agrees, and is wrong."""
+    wire, random = hang((0.0, 0.0, 20.0), (40.0, 0.0, 20.0), 1.0), np.random.default_rng(1)
+    xy = random.uniform((-10.0, -10.0), (50.0, 10.0), (12_000, 2))
+    away = np.linalg.norm(xy - [20.0, 0.0], axis=1)
+    kept, bush = (away > 4.0) | (away < 0.4), away < 0.4
+    points = np.column_stack([xy, np.where(bush, 0.8, 0.0)])[kept]
+    at = np.array([10.0, 20.0])
+    z, sigma = ground_under(wire, at, points, np.arange(len(points)), None, GroundSectionConfig())
+    assert np.abs(z - [0.0, 0.8]).max() < 0.01
+    assert sigma[0] < 0.01
+    assert sigma[1] > 0.8 / 3

@@ -79,8 +79,9 @@ class GroundSectionConfig:
     scatter_radius_m: float = 1.5
     """Radius about a station within which the scatter of the ground about a plane adds to its uncertainty:
     stems and bushes that were taken for ground show in it."""
-    min_scatter_cells: int = 6
-    """Where fewer cells lie within `scatter_radius_m`, the scatter is not known and counts as 0."""
+    scatter_cells: int = 12
+    """Where fewer cells lie within `scatter_radius_m`, the scatter is that of the nearest so many, and counts
+    in full: what is seen alone there may be one plant, whose cells are all wrong together."""
     unseen_slope: float = 0.1
     """Where the ground is not seen, its standard deviation grows by this share of the distance to where it
     is."""
@@ -93,10 +94,10 @@ class GroundSectionConfig:
                 "The ground's section needs 0 < cell_m <= side_m, but got "
                 f"cell_m={self.cell_m}, side_m={self.side_m}."
             )
-        if self.min_scatter_cells <= PLANE:
+        if self.scatter_cells <= PLANE:
             raise ConfigError(
-                f"The ground's section needs min_scatter_cells of {PLANE + 1} or more, since fewer have no "
-                f"scatter about a plane, but got {self.min_scatter_cells}."
+                f"The ground's section needs scatter_cells of {PLANE + 1} or more, since fewer have no "
+                f"scatter about a plane, but got {self.scatter_cells}."
             )
         if min(self.scatter_radius_m, self.unseen_slope, self.max_gap_m) < 0:
             raise ConfigError(

@@ -34,8 +34,8 @@ def ground_under(
 
     NaN where no ground lies on both sides, or none within `max_gap_m`.  The variance is the sum of that of
     the nearest cell's points (their mean square, since neighbours share their error; 0 where none is stated),
-    what the scatter of the cells around leaves between three of them, and what the distance to that cell
-    leaves open.
+    what the scatter of the cells around leaves between three of them, or all of it where they are few, and
+    what the distance to that cell leaves open.
     """
     cells, variance = _cells(wire, xyz, index, sigma_m, config)
     z, sigma = np.full(len(at), np.nan), np.zeros(len(at))
@@ -45,24 +45,27 @@ def ground_under(
     distance, nearest = cKDTree(cells[:, :2]).query(np.stack([at, np.zeros(len(at))], 1))
     z = np.interp(at, s, height, left=np.nan, right=np.nan)
     unseen = config.unseen_slope * np.maximum(distance - config.cell_m, 0.0)
-    scattered = WITHIN_THREE * _scatter(cells, at, config) ** 2
-    sigma = np.sqrt(variance[nearest] + scattered + unseen**2)
+    sigma = np.sqrt(variance[nearest] + _scattered(cells, at, config) + unseen**2)
     return np.where(distance <= config.max_gap_m, z, np.nan), sigma
 
 
-def _scatter(
+def _scattered(
     cells: Float[np.ndarray, "c 3"], at: Float[np.ndarray, " k"], config: GroundSectionConfig
 ) -> Float[np.ndarray, " k"]:
-    """Standard deviation of the cells' heights about the best plane through those around each station; 0
-    where they are few."""
-    scatter, stations = np.zeros(len(at)), np.stack([at, np.zeros(len(at))], 1)
-    near = cKDTree(cells[:, :2]).query_ball_point(stations, config.scatter_radius_m)
-    for k, some in enumerate(near):
-        if len(some) >= config.min_scatter_cells:
-            plane = np.column_stack([cells[some, :2] - stations[k], np.ones(len(some))])
-            off = cells[some, 2] - plane @ np.linalg.lstsq(plane, cells[some, 2], rcond=None)[0]
-            scatter[k] = np.sqrt((off**2).sum() / (len(some) - PLANE))
-    return scatter
+    """Variance of the height at each station by the scatter of the cells about the best plane through those
+    around it; 0 where there are too few anywhere for one."""
+    variance, stations = np.zeros(len(at)), np.stack([at, np.zeros(len(at))], 1)
+    if len(cells) <= PLANE:
+        return variance
+    tree, enough = cKDTree(cells[:, :2]), min(config.scatter_cells, len(cells))
+    within = tree.query_ball_point(stations, config.scatter_radius_m)
+    for k, near in enumerate(within):
+        few = len(near) < enough
+        some = tree.query(stations[k], enough)[1] if few else near
+        plane = np.column_stack([cells[some, :2] - stations[k], np.ones(len(some))])
+        off = cells[some, 2] - plane @ np.linalg.lstsq(plane, cells[some, 2], rcond=None)[0]
+        variance[k] = (1.0 if few else WITHIN_THREE) * (off**2).sum() / (len(some) - PLANE)
+    return variance
 
 
 def _section(cells: Float[np.ndarray, "c 3"]) -> tuple[Float[np.ndarray, " e"], Float[np.ndarray, " e"]]:
