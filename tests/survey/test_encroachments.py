@@ -21,7 +21,7 @@ from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.encroachments import find_encroachments
-from plnerf.survey.single_objects import outline_of, separated
+from plnerf.survey.single_objects import dense_groups, outline_of, separated
 
 FRAME = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", "EPSG:25832")
 SPREAD = np.diag([0.05, 0.05, 0.04, 0.04, 0.02, 0.0]) ** 2
@@ -149,6 +149,16 @@ def test_scattered_points_of_images_are_no_plants() -> None:
     assert len(of_laser.records) > len(of_images.records) == len(records(one))
     assert any("scattered" in text for text in of_images.not_examined)
     assert not any("scattered" in text for text in of_laser.not_examined)
+
+
+def test_a_few_points_beside_a_crown_are_no_plant() -> None:
+    """Those of the crown are none of theirs."""
+    tree, random = crown(0.0, 0.0, 12.0, 1.5), np.random.default_rng(1)
+    few = random.uniform([2.0, -0.3, 2.0], [2.6, 0.3, 13.0], (14, 3))
+    number = np.repeat([1, 0], [len(few), len(tree)])
+    xyz = np.concatenate([few, tree])
+    assert dense_groups(xyz, number, 1.2, EncroachmentConfig()).tolist() == [True, False]
+    assert dense_groups(few, 0 * number[:14], 1.2, replace(GROWING, min_around=3)).tolist() == [True]
 
 
 def test_a_file_gives_them_back(tmp_path) -> None:

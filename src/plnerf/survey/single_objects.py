@@ -90,15 +90,16 @@ def _merged(
 def dense_groups(
     xyz: Float[np.ndarray, "m 3"], number: Int[np.ndarray, " m"], spacing_m: float, config: EncroachmentConfig
 ) -> Bool[np.ndarray, " o"]:
-    """Of each object, whether half of its points have enough others around them.
+    """Of each object, whether half of its points have enough others of the same around them: a few wrong
+    matches beside a crown are no plant.
 
     spacing_m: distance between the ground's points, which tells how dense this cloud is.
     """
     if not len(xyz):
         return np.zeros(0, np.bool_)
     reach_m = max(config.around_m, config.around_spacings * spacing_m)
-    tree = cKDTree(xyz)
-    others = tree.query_ball_point(xyz, reach_m, return_length=True, workers=-1) - 1
+    apart = np.column_stack([xyz, 2 * reach_m * number])  # objects are out of each other's reach
+    others = cKDTree(apart).query_ball_point(apart, reach_m, return_length=True, workers=-1) - 1
     order = np.lexsort((others, number))
     _, first, count = np.unique(number[order], return_index=True, return_counts=True)
     dense: Bool[np.ndarray, " o"] = others[order][first + count // 2] >= config.min_around
