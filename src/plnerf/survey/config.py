@@ -7,6 +7,7 @@ from plnerf.capture.poses_config import PosesConfig
 from plnerf.detect.config import DetectConfig
 from plnerf.errors import ConfigError
 from plnerf.mechanics.config import MechanicsConfig
+from plnerf.survey.config_crown_tops import CrownTopConfig
 from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, CoverageConfig, FieldConfig
 from plnerf.survey.config_names import NamesConfig
@@ -48,6 +49,8 @@ class SurveyConfig:
     """Which wires are shield wires."""
     classify: ClassifyConfig = field(default_factory=ClassifyConfig)
     """The ground, and classes of the points, of images."""
+    crown_tops: CrownTopConfig = field(default_factory=CrownTopConfig)
+    """Tops of plants that stereo does not see, of images."""
     names: NamesConfig = field(default_factory=NamesConfig)
     """Names of structures, phases, circuits and lines."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)

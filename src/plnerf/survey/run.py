@@ -35,6 +35,7 @@ from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.crops import crops_of
+from plnerf.survey.crown_tops import with_crown_tops
 from plnerf.survey.encroachments import find_encroachments
 from plnerf.survey.field_surface import field_surface
 from plnerf.survey.grounded import without_grounded
@@ -214,6 +215,9 @@ def _of_images(
     cloud, more = classified(surface, ground, every, supports.points, config.classify, config.lidar.things)
     parts[2](1, REST)
     cloud = with_witnesses(cloud, sights, config.stereo.witnesses)
+    if photos.frame.unit == "m":
+        cloud, tops = with_crown_tops(cloud, photos, sights, every, config)
+        findings = (*findings, *tops)
     parts[2](2, REST)
     if part is not None:
         lines, cloud, as_detected = numbered_part(part, photos.frame, lines, cloud, as_detected)

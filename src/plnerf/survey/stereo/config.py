@@ -142,6 +142,44 @@ class WitnessConfig:
 
 
 @dataclass(frozen=True)
+class BackdropConfig:
+    """When a photo shows something before a background whose distance is known."""
+
+    radius_m: float = 0.5
+    """Half the width of the windows that are compared; they are half as high."""
+    samples: int = 11
+    """Places across a window at which pixels are read; half as many along the axis."""
+    others: int = 6
+    """Photos that predict what one shows, at most: those taken nearest to it,"""
+    least_others: int = 2
+    """and at least at a pixel."""
+    sigmas: float = 3.0
+    """Distances that differ by no more than so many standard deviations are alike,"""
+    same_share: float = 0.05
+    """and by so much of them: depths are interpolated."""
+    least_step: float = 10.0
+    """Grey levels (0 to 255), in one colour, beyond the median of what the others show within a pixel that
+    make a difference."""
+    least_known: float = 0.5
+    """Share of a window's pixels that must be known."""
+    least_excess: float = 0.03
+    """Something is there where the share of the pixels that differ exceeds that of every window beside it by
+    this."""
+
+    def __post_init__(self) -> None:
+        if min(self.radius_m, self.least_step) <= 0 or self.samples < 2:
+            raise ConfigError(
+                "Backdrops need radius_m and least_step greater than 0 and samples of 2 or more, but got "
+                f"{self.radius_m}, {self.least_step} and {self.samples}."
+            )
+        if not 1 <= self.least_others <= self.others or not 0 < self.least_known <= 1:
+            raise ConfigError(
+                "Backdrops need 1 <= least_others <= others and 0 < least_known <= 1, but got "
+                f"{self.least_others}, {self.others} and {self.least_known}."
+            )
+
+
+@dataclass(frozen=True)
 class CoarseConfig:
     """How typical distances are measured where no field gives them: by matching reduced images first."""
 

@@ -78,7 +78,7 @@ def stereo_surface(
         if depths is not None:
             view = views[k]
             if keep is not None:
-                keep(Sight.of(view, depths))
+                keep(Sight.of(view, depths, photos.train[k]))
             _, rgb = picture(photos, photos.train[k], view, config.longest_px)
             at = _pixels(depths, each, random)
             t, sigma = depths.t[at], depths.sigma[at]

@@ -37,14 +37,16 @@ class Sight:
     t: Float[np.ndarray, "h w"]
     """Distances along the rays of every EVERY_PX-th row and column; NaN where the image is silent."""
     sigma: Float[np.ndarray, "h w"]
+    image: int = -1
+    """Index of the image among the photos; -1: unknown."""
 
     @classmethod
-    def of(cls, view: View, depths: DepthMap) -> "Sight":
+    def of(cls, view: View, depths: DepthMap, image: int = -1) -> "Sight":
         """Of a view's depth map."""
         t, sigma = (
             np.ascontiguousarray(one[::EVERY_PX, ::EVERY_PX], np.float32) for one in (depths.t, depths.sigma)
         )
-        return cls(view, t, sigma)
+        return cls(view, t, sigma, image)
 
 
 def with_witnesses(cloud: Cloud, sights: Sequence[Sight], config: WitnessConfig) -> Cloud:
