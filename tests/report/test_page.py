@@ -279,7 +279,8 @@ def test_spans_are_listed_with_stations_directions_swings_and_open_ends() -> Non
     assert [row["structures"] for row in rows] == ["1 to 2", "2 to 3", "3 to –", "4 to 5"]
     assert [row["from station, m"] for row in rows] == ["0.0", "80.6", "172.4", "0.0"]
     assert [row["swing, ° ± 95 %"] for row in rows] == ["–", "6.0\u202f±\u202f0.2", "–", "–"]
-    assert [row["open ends"] for row in rows] == ["–", "–", "last end: not filmed", "–"]
+    assert [row["open ends"] for row in rows] == ["–", "–", "last", "–"]
+    assert "Why ends are open: not filmed." in read.text and "Why ends" not in Read(page("short")).text
     assert [row["wires"] for row in rows] == ["1–4", "5–8", "9–12", "13–15"]
     swings = [row["swing, ° ± 95 %"] for row in read.table("wire length, m ± 95 %")]
     assert swings[4:8] == ["6.0\u202f±\u202f0.2"] * 4 and set(swings[:4] + swings[8:]) == {"–"}

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from plnerf.line.clearances import Crossing
-from plnerf.line.ends import Attached, Quantity
+from plnerf.line.ends import Attached, Open, Quantity
 from plnerf.line.line import Line, Structure
 from plnerf.line.stations import Stretch, azimuth_deg, chains, structure_stations
 from plnerf.line.survey import Survey
@@ -33,7 +33,7 @@ def span_table(survey: Survey) -> Table | None:
         "structure; a dash: no structure is seen at one end. Direction: clockwise from "
         f"{'north' if survey.frame.crs else 'the y axis'}. Sag and swing: the least and the greatest of the "
         "span's wires. Swing: the angle of the load about the span, to the left of its direction where "
-        "positive; a dash: the wires were taken to hang straight down.",
+        f"positive; a dash: the wires were taken to hang straight down.{_why_open(survey)}",
         frozenset({0, 1, 5, 8}),
     )  # fmt: skip
 
@@ -59,17 +59,22 @@ def _turned(wire: Wire, one: Stretch) -> Quantity | None:
 
 
 def open_ends(wires: Sequence[Wire]) -> str:
-    """Why which ends of the wires are open; empty where all are held."""
-    found: dict[str, list[int]] = {}
-    for wire in wires:
-        for name, end in zip(("first", "last"), wire.ends, strict=True):
-            if not isinstance(end, Attached):
-                found.setdefault(f"{name} end: {end.reason}", []).append(wire.id)
-    if not found:
-        return ""
-    if all(len(ids) == len(wires) for ids in found.values()):
-        return "; ".join(found)
-    return "; ".join(f"{what} ({wires_named(ids)})" for what, ids in found.items())
+    """Which ends of the wires are open; empty where all are held."""
+    found = {
+        name: [wire.id for wire in wires if not isinstance(wire.ends[k], Attached)]
+        for k, name in enumerate(("first", "last"))
+    }
+    open_ = {name: ids for name, ids in found.items() if ids}
+    if all(len(ids) == len(wires) for ids in open_.values()):
+        return " and ".join(open_)
+    return "; ".join(f"{name} ({wires_named(ids)})" for name, ids in open_.items())
+
+
+def _why_open(survey: Survey) -> str:
+    """A sentence with every reason for which ends of wires are open, each once; empty where none is."""
+    ends = (end for wire in survey.wires for end in wire.ends)
+    reasons = list(dict.fromkeys(end.reason for end in ends if isinstance(end, Open)))
+    return f" Why ends are open: {'; '.join(reasons)}." if reasons else ""
 
 
 def structure_table(survey: Survey) -> Table | None:
