@@ -109,6 +109,17 @@ def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) ->
         assert not refused(one) and np.sqrt((off(one, wire) ** 2).mean()) < 0.5
 
 
+def test_a_wire_that_is_hardly_seen_is_as_much_less_certain(photos: Photos) -> None:
+    """It is seen over most of its length: as if twice that were little."""
+    usual = refine_wires(photos, MOVED, CONFIG).wires
+    shares = [sum(high - low for low, high in one.evidence.seen_m or ()) / BASE.length_m for one in usual]
+    little = 2 * max(shares)
+    loose = refine_wires(photos, MOVED, replace(CONFIG, little_seen=little)).wires
+    for one, other, share in zip(usual, loose, shares, strict=True):
+        np.testing.assert_allclose(other.theta, one.theta)
+        np.testing.assert_allclose(other.covariance, (little / share) ** 2 * one.covariance)
+
+
 def test_one_that_goes_too_far_stays(photos: Photos) -> None:
     sure = replace(MOVED[1], evidence=replace(MOVED[1].evidence, reach_m=0.4 * PIXEL))
     found = refine_wires(photos, [MOVED[0], sure, MOVED[2]], CONFIG).wires

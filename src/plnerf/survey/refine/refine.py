@@ -176,6 +176,9 @@ def _judged(
     common = off_px / step.pixels_per_m
     by_yz = np.concatenate([row.by_yz for row in rows])
     covariance = own + _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
+    share = max(sum(high - low for low, high in seen) / base.length_m, config.least_visible)
+    if share < config.little_seen:
+        covariance = covariance * (config.little_seen / share) ** 2
     return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
 
 
