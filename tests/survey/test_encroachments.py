@@ -21,7 +21,7 @@ from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClearanceConfig
 from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.encroachments import find_encroachments
-from plnerf.survey.single_objects import dense_groups, outline_of, separated
+from plnerf.survey.single_objects import dense_groups, outline_of, separated, wire_like
 
 FRAME = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", "EPSG:25832")
 SPREAD = np.diag([0.05, 0.05, 0.04, 0.04, 0.02, 0.0]) ** 2
@@ -159,6 +159,18 @@ def test_a_few_points_beside_a_crown_are_no_plant() -> None:
     xyz = np.concatenate([few, tree])
     assert dense_groups(xyz, number, 1.2, EncroachmentConfig()).tolist() == [True, False]
     assert dense_groups(few, 0 * number[:14], 1.2, replace(GROWING, min_around=3)).tolist() == [True]
+
+
+def test_a_wire_that_was_not_found_is_no_plant() -> None:
+    """Bushes in a row are as narrow and level, but on the ground; below a crown's top is the crown."""
+    random = np.random.default_rng(2)
+    along = np.column_stack([random.uniform(0, 8, 60), random.normal(0, 0.2, 60), random.normal(0, 0.2, 60)])
+    hanging, bushes = along + np.array([0.0, 0.0, 30.0]), along + np.array([0.0, 20.0, 1.2])
+    tree = crown(40.0, 0.0, 30.0, 1.5)
+    xyz = np.concatenate([hanging, bushes, tree[tree[:, 2] >= 25], tree[tree[:, 2] < 25]])
+    parts = [len(hanging), len(bushes), int((tree[:, 2] >= 25).sum()), int((tree[:, 2] < 25).sum())]
+    assert wire_like(xyz, xyz[:, 2], np.repeat(range(4), parts)).tolist() == [True, False, False, False]
+    assert wire_like(xyz[:0], xyz[:0, 2], np.zeros(0, np.int64)).tolist() == []
 
 
 def test_a_file_gives_them_back(tmp_path) -> None:

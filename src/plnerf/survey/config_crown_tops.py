@@ -12,7 +12,8 @@ class CrownTopConfig:
     """Which crowns are examined, and when one goes on."""
 
     reach_m: float = 15.0
-    """Crowns whose highest point is so near to a wire in plan are examined."""
+    """Crowns whose highest point is so near to a wire in plan are examined, and those that could fall on
+    it."""
     below_wire_m: float = 0.5
     """Nothing is looked for nearer below a wire than this."""
     most_m: float = 4.0

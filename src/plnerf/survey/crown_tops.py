@@ -98,16 +98,18 @@ def _crowns(
         return []
     heights = GroundHeights.of(cloud.xyz[cloud.label == GROUND])
     xyz = cloud.xyz[index]
-    z = heights.at(xyz[:, :2])
-    number = separated(xyz, np.where(np.isfinite(z), xyz[:, 2] - z, 0.0), grouping)
+    above = xyz[:, 2] - heights.at(xyz[:, :2])
+    above = np.where(np.isfinite(above), above, 0.0)
+    number = separated(xyz, above, grouping)
     dense = dense_groups(xyz, number, heights.spacing_m, grouping)
     order = np.argsort(number, kind="stable")
-    groups = np.split(index[order], np.flatnonzero(np.diff(number[order])) + 1)
+    groups = np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
     near = []
     for group in (group for group, one in zip(groups, dense, strict=True) if one):
-        top = cloud.xyz[group[cloud.xyz[group, 2].argmax()], :2]
-        if np.hypot(*(curves[:, :2] - top).T).min() <= config.crown_tops.reach_m:
-            near.append(group)
+        top = group[xyz[group, 2].argmax()]
+        away_m = float(np.hypot(*(curves[:, :2] - xyz[top, :2]).T).min())
+        if away_m <= max(config.crown_tops.reach_m, above[top] + config.crown_tops.most_m):
+            near.append(index[group])
     return sorted(near, key=lambda group: float(cloud.xyz[group, 0].mean()))
 
 

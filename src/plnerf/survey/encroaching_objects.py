@@ -18,7 +18,7 @@ from plnerf.survey.config_ground import SamplingConfig
 from plnerf.survey.crossings import variance_towards
 from plnerf.survey.obstacles import beside, onto_wire
 from plnerf.survey.sampling import end_sigma_m
-from plnerf.survey.single_objects import GroundHeights, dense_groups, outline_of, separated
+from plnerf.survey.single_objects import GroundHeights, dense_groups, outline_of, separated, wire_like
 
 TIP_POINTS, TIP_SHARE, TIP_SIGMA = 5, 0.7, 0.6
 """No beam meets the very tip of a tree.  Of a cone, in which the number of points grows with the square of
@@ -76,8 +76,8 @@ class ThingsNear:
         """classes: indices of the points of each class of objects; ground: those of the ground."""
         self.cloud, heights = cloud, GroundHeights.of(cloud.xyz[ground])
         self.things: list[Thing] = []
-        self.scattered = 0
-        """Groups of points that are left out, since wrong matches are as sparse."""
+        self.scattered = self.wires = 0
+        """Groups of points that are left out, since wrong matches are as sparse, and since they are wires."""
         some: list[np.ndarray] = [np.zeros(0, np.int64)]
         owner: list[np.ndarray] = [np.zeros(0, np.int64)]
         for kind, index in classes.items():
@@ -91,8 +91,10 @@ class ThingsNear:
             parts = [part for part in np.split(index[order], ends) if len(part)]
             if kind == "vegetation" and cloud.seen is not None:
                 dense = dense_groups(xyz, number, heights.spacing_m, config)
-                parts = [part for part, one in zip(parts, dense, strict=True) if one]
+                wires = dense & wire_like(xyz, np.zeros(len(xyz)) if above is None else above, number)
+                parts = [part for part, one in zip(parts, dense & ~wires, strict=True) if one]
                 self.scattered += int((~dense).sum())
+                self.wires += int(wires.sum())
             for part in parts:
                 some.append(part)
                 owner.append(np.full(len(part), len(self.things)))

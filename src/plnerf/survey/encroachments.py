@@ -328,6 +328,11 @@ class _Search:
                 f"{self.near.scattered} groups of points of plants are taken for wrong matches, since they "
                 "are scattered."
             )
+        if self.near.wires:
+            left.append(
+                f"{self.near.wires} groups of points of plants are taken for wires that were not found: they "
+                "are level and narrow, with nothing below."
+            )
         unruled = [
             name for kind, name in (("vegetation", "plants"), ("building", "buildings"), ("other", "other "
              "things"), ("line", "wires of crossing lines")) if kind not in objects

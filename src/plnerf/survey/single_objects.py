@@ -17,6 +17,9 @@ from plnerf.survey.config_encroachments import EncroachmentConfig
 
 LEAST_SIDE_M = 0.25
 """Half the side of the polygon around a thing that has no extent."""
+WIRE_LENGTH_M, WIRE_SHARE, WIRE_SLOPE, WIRE_CLEAR_M = 3.0, 0.3, 0.5, 2.0
+"""A wire that was not found: its length, its width as a share of that, how steep it is at most (the sine),
+and how far beside it no plant stands."""
 GROUND_CELL_M = 2.0
 GROUND_CELLS = 6
 """Cells of the ground whose plane is its height at a place."""
@@ -104,6 +107,29 @@ def dense_groups(
     _, first, count = np.unique(number[order], return_index=True, return_counts=True)
     dense: Bool[np.ndarray, " o"] = others[order][first + count // 2] >= config.min_around
     return dense
+
+
+def wire_like(
+    xyz: Float[np.ndarray, "m 3"], height_m: Float[np.ndarray, " m"], number: Int[np.ndarray, " m"]
+) -> Bool[np.ndarray, " o"]:
+    """Of each object of plants, whether it is a wire that was not found rather than one: level, narrow, and
+    with nothing of any plant in the lower half of the space below.
+
+    height_m: of each point above the ground.
+    """
+    found = np.zeros(int(number.max(initial=-1)) + 1, np.bool_)
+    tree = cKDTree(xyz[:, :2]) if len(xyz) else None
+    order = np.argsort(number, kind="stable")
+    for part in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
+        if len(part) < 3 or tree is None:
+            continue
+        off = xyz[part] - xyz[part].mean(0)
+        spread, axes = np.linalg.eigh(off.T @ off)
+        level = abs(axes[2, 2]) <= WIRE_SLOPE and spread[1] <= WIRE_SHARE**2 * spread[2]
+        if level and np.ptp(off @ axes[:, 2]) >= WIRE_LENGTH_M:
+            below = np.concatenate(tree.query_ball_point(xyz[part, :2], WIRE_CLEAR_M)).astype(int)
+            found[number[part[0]]] = height_m[below].min() > height_m[part].max() / 2 > 0
+    return found
 
 
 def outline_of(xyz: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 2"]:
