@@ -64,7 +64,7 @@ def taken(view: View, places: np.ndarray, random: np.random.Generator, specks: i
     t = ground_distance(view)
     at = (view.centre + np.nan_to_num(t)[..., None] * view.rays())[..., :2]
     colours = [np.sin(at @ waves.T + phases).sum(-1) for waves, phases in zip(WAVES, PHASES, strict=True)]
-    picture = 120 + 8 * np.stack(colours, -1)
+    picture = np.where(np.isnan(t)[..., None], 120.0, 120 + 8 * np.stack(colours, -1))
     pixels, inside = view.project(places)
     tones = np.random.default_rng(7).choice([40.0, 210.0], len(places))
     for (column, row), tone in zip(pixels[inside].astype(int), tones[inside], strict=True):
@@ -74,10 +74,12 @@ def taken(view: View, places: np.ndarray, random: np.random.Generator, specks: i
     return np.clip(picture + random.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
 
 
-def filmed(places: np.ndarray, count: int = 10, specks: int = 0) -> tuple[Photos, list[Sight]]:
-    """From around the crown, 12 m above the ground; stereo knows the ground alone."""
+def filmed(
+    places: np.ndarray, count: int = 10, specks: int = 0, above_m: float = 12.0
+) -> tuple[Photos, list[Sight]]:
+    """From around the crown, so far above the ground; stereo knows the ground alone."""
     turn = np.arange(count) * 2 * np.pi / max(count, 10)
-    centres = np.stack([9 * np.cos(turn), 9 * np.sin(turn), np.full(count, 12.0)], 1)
+    centres = np.stack([9 * np.cos(turn), 9 * np.sin(turn), np.full(count, above_m)], 1)
     frame = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", None, scene_per_unit=1.0)
     cameras = frame.cameras(pinhole_cameras(centres, np.tile([0.0, 0.0, 4.0], (count, 1))))
     every, random = tuple(range(count)), np.random.default_rng(3)
@@ -113,9 +115,12 @@ def above_it(y: float = 2.0, height_m: float = WIRE_M) -> list[Wire]:
     return [replace(hang((-20.0, y, height_m), (20.0, y, height_m), 0.3), id=1)]
 
 
-def added(places: np.ndarray, wires: Sequence[Wire] | None = None, count: int = 10, specks: int = 0) -> Cloud:
+def added(
+    places: np.ndarray, wires: Sequence[Wire] | None = None, count: int = 10, specks: int = 0,
+    above_m: float = 12.0,
+) -> Cloud:  # fmt: skip
     """The points that are added to the cloud."""
-    cloud, (photos, sights) = crown_and_ground(), filmed(places, count, specks)
+    cloud, (photos, sights) = crown_and_ground(), filmed(places, count, specks, above_m)
     found, findings = with_crown_tops(cloud, photos, sights, above_it() if wires is None else wires, CONFIG)
     n = len(cloud.xyz)
     np.testing.assert_array_equal(found.xyz[:n], cloud.xyz)
@@ -137,6 +142,12 @@ def test_a_crown_goes_on_as_far_as_its_leaves_do() -> None:
     assert (found.seen >= found.past).all() and (found.seen + found.past <= 10).all()
 
 
+def test_tops_before_the_sky_are_found_too() -> None:
+    """From below the top, above which the photos are silent."""
+    assert added(leaves(TIP_M), count=20, above_m=3.5).xyz[-1, 2] == pytest.approx(TIP_M, abs=0.4)
+    assert len(added(np.zeros((0, 3)), count=20, above_m=3.5).xyz) == 0
+
+
 @pytest.mark.parametrize("bare", [np.zeros((0, 3)), leaves(TIP_M, x=3.0, y=-2.0)], ids=["none", "aside"])
 def test_without_leaves_above_it_nothing_is_added(bare: np.ndarray) -> None:
     """The photos are as noisy; leaves 3.6 m aside are before and behind the axis in a few photos only."""
@@ -155,8 +166,9 @@ def test_nothing_is_looked_for_at_a_wire_nor_far_from_all() -> None:
     assert len(added(leaves(TIP_M), above_it(30.0)).xyz) == 0 == len(added(leaves(TIP_M), []).xyz)
 
 
-def test_two_photos_are_too_few() -> None:
-    assert len(added(leaves(TIP_M), count=2).xyz) == 0
+@pytest.mark.parametrize("count", [1, 2])
+def test_two_photos_are_too_few(count: int) -> None:
+    assert len(added(leaves(TIP_M), count=count).xyz) == 0
 
 
 @pytest.mark.parametrize("wrong", [{"chance": 0.0}, {"step_m": 0.0}, {"least_share": 1.5}, {"longest_px": 8}])

@@ -24,6 +24,9 @@ from plnerf.survey.stereo.witnesses import Sight
 
 BESIDE = (0.0, -2.5, 2.5, -4.5, 4.5)
 """Places of the windows, in their radii, across the axis as the photo shows it."""
+FAR_M, FAR_SIGMA_M = 1000.0, 250.0
+"""Distance at which a photo is taken to see the sky, and whatever else it is silent about: what is so far
+moves little from photo to photo."""
 UPWARDS = np.array([0.0, 0.0, 0.1])
 KERNEL = np.ones((3, 3), np.uint8)
 
@@ -51,11 +54,13 @@ class Backdrop:
     def distances(
         self, pixels: Float[np.ndarray, "p 2"]
     ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Along the rays of pixels, and their standard deviations; NaN where the photo is silent."""
+        """Along the rays of pixels, and their standard deviations; FAR_M where the photo is silent."""
         rows, columns = self.sight.t.shape
         share = pixels / (self.view.width, self.view.height)
         column, row = np.clip((share * (columns, rows)).astype(np.int64), 0, (columns - 1, rows - 1)).T
-        return self.sight.t[row, column].astype(np.float64), self.sight.sigma[row, column].astype(np.float64)
+        t, sigma = self.sight.t[row, column], self.sight.sigma[row, column]
+        silent = np.isnan(t)
+        return np.where(silent, FAR_M, t.astype(np.float64)), np.where(silent, FAR_SIGMA_M, sigma)
 
 
 def shown_on_axis(
@@ -127,7 +132,7 @@ def _seen(
     wide = config.sigmas * sigma + config.radius_m
     found = np.where(inside & one.clear[row, column] & (np.abs(off) <= wide), 1.0, np.nan)
     behind = np.flatnonzero(inside & one.clear[row, column] & (off > wide))
-    if not len(behind):
+    if not len(behind) or len(others) < config.least_others:
         return found
     points = one.view.centre + t[behind, None] * one.view.directions(pixels[behind])
     ranges = [_predicted(points, other, config) for other in others]
