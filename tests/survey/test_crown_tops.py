@@ -51,17 +51,20 @@ def leaves(top_m: float, x: float = 0.0, y: float = 0.0, count: int = 150) -> np
     return np.stack([x + random.uniform(-0.4, 0.4, count), y + random.uniform(-0.4, 0.4, count), z], 1)
 
 
-def ground_distance(view: View) -> np.ndarray:
-    """Along every pixel's ray to the flat ground at 0; NaN in the sky."""
+def distances(view: View, half_m: float = 0.0) -> np.ndarray:
+    """Along every pixel's ray to the flat ground at 0, or to a crown so wide that stereo knows; NaN in the
+    sky."""
     rays = view.rays()
     with np.errstate(divide="ignore"):
-        t = -view.centre[2] / rays[..., 2]
-    return np.where(rays[..., 2] < -0.05, t, np.nan)
+        t, to_crown = ((z - view.centre[2]) / rays[..., 2] for z in (0.0, FOUND_M))
+    on_crown = (np.abs((view.centre + to_crown[..., None] * rays)[..., :2]) < half_m).all(-1)
+    return np.where(rays[..., 2] < -0.05, np.where(on_crown, to_crown, t), np.nan)
 
 
-def taken(view: View, places: np.ndarray, random: np.random.Generator, specks: int) -> np.ndarray:
+def taken(
+    view: View, t: np.ndarray, places: np.ndarray, random: np.random.Generator, specks: int
+) -> np.ndarray:
     """The ground, and leaves of two pixels, light or dark, before it; and specks anywhere in the photo."""
-    t = ground_distance(view)
     at = (view.centre + np.nan_to_num(t)[..., None] * view.rays())[..., :2]
     colours = [np.sin(at @ waves.T + phases).sum(-1) for waves, phases in zip(WAVES, PHASES, strict=True)]
     picture = np.where(np.isnan(t)[..., None], 120.0, 120 + 8 * np.stack(colours, -1))
@@ -75,11 +78,12 @@ def taken(view: View, places: np.ndarray, random: np.random.Generator, specks: i
 
 
 def filmed(
-    places: np.ndarray, count: int = 10, specks: int = 0, above_m: float = 12.0
-) -> tuple[Photos, list[Sight]]:
-    """From around the crown, so far above the ground; stereo knows the ground alone."""
+    places: np.ndarray, count: int = 10, specks: int = 0, above_m: float = 12.0, beside_m: float = 9.0,
+    half_m: float = 0.0,
+) -> tuple[Photos, list[Sight]]:  # fmt: skip
+    """From around the crown, so far above the ground; stereo knows the ground, and a crown `half_m` wide."""
     turn = np.arange(count) * 2 * np.pi / max(count, 10)
-    centres = np.stack([9 * np.cos(turn), 9 * np.sin(turn), np.full(count, above_m)], 1)
+    centres = np.stack([beside_m * np.cos(turn), beside_m * np.sin(turn), np.full(count, above_m)], 1)
     frame = LineFrame(np.eye(3), 1.0, np.zeros(3), "m", None, scene_per_unit=1.0)
     cameras = frame.cameras(pinhole_cameras(centres, np.tile([0.0, 0.0, 4.0], (count, 1))))
     every, random = tuple(range(count)), np.random.default_rng(3)
@@ -87,11 +91,11 @@ def filmed(
     names, sizes = tuple(map(str, every)), cameras.size_px.numpy()
     bare = Photos(frame, cameras, Drawn([]), Drawn([]), sizes, names, every, box)
     views = [view_of(bare, i, CONFIG.crown_tops.longest_px) for i in every]
-    images = Drawn([taken(view, places, random, specks) for view in views])
+    depths = [distances(view, half_m) for view in views]
+    images = Drawn([taken(view, t, places, random, specks) for view, t in zip(views, depths, strict=True)])
     sights = [
         Sight.of(view, DepthMap(t, np.full(t.shape, 0.05)), i)
-        for i, view in enumerate(views)
-        for t in [ground_distance(view)]
+        for i, (view, t) in enumerate(zip(views, depths, strict=True))
     ]
     return replace(bare, images=images, full=images), sights
 
@@ -115,12 +119,9 @@ def above_it(y: float = 2.0, height_m: float = WIRE_M) -> list[Wire]:
     return [replace(hang((-20.0, y, height_m), (20.0, y, height_m), 0.3), id=1)]
 
 
-def added(
-    places: np.ndarray, wires: Sequence[Wire] | None = None, count: int = 10, specks: int = 0,
-    above_m: float = 12.0,
-) -> Cloud:  # fmt: skip
+def added(places: np.ndarray, wires: Sequence[Wire] | None = None, count: int = 10, **flight: float) -> Cloud:
     """The points that are added to the cloud."""
-    cloud, (photos, sights) = crown_and_ground(), filmed(places, count, specks, above_m)
+    cloud, (photos, sights) = crown_and_ground(), filmed(places, count, **flight)  # type: ignore[arg-type]
     found, findings = with_crown_tops(cloud, photos, sights, above_it() if wires is None else wires, CONFIG)
     n = len(cloud.xyz)
     np.testing.assert_array_equal(found.xyz[:n], cloud.xyz)
@@ -146,6 +147,11 @@ def test_tops_before_the_sky_are_found_too() -> None:
     """From below the top, above which the photos are silent."""
     assert added(leaves(TIP_M), count=20, above_m=3.5).xyz[-1, 2] == pytest.approx(TIP_M, abs=0.4)
     assert len(added(np.zeros((0, 3)), count=20, above_m=3.5).xyz) == 0
+
+
+def test_a_crown_seen_from_above_is_not_higher_for_it() -> None:
+    """Half a metre above its top a camera 11 m above it sees what is hardly farther away."""
+    assert len(added(np.zeros((0, 3)), above_m=14.0, beside_m=3.0, half_m=0.6).xyz) == 0
 
 
 @pytest.mark.parametrize("bare", [np.zeros((0, 3)), leaves(TIP_M, x=3.0, y=-2.0)], ids=["none", "aside"])

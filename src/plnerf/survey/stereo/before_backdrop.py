@@ -96,8 +96,8 @@ def _others(
 def _shares(
     axis: Float[np.ndarray, "h 3"], one: Backdrop, others: Sequence[Backdrop], config: BackdropConfig
 ) -> Float[np.ndarray, "h k"]:
-    """Of each window, the share of its pixels that show something at the axis or before what lies behind it;
-    NaN where too few are known."""
+    """Of each window, the share of its pixels that show something before what lies behind the axis; NaN where
+    too few are known."""
     middle, inside = one.view.project(axis)
     away = np.linalg.norm(axis - one.view.centre, axis=1)
     radius = config.radius_m * float(one.view.focal_px.mean()) / away
@@ -124,14 +124,15 @@ def _seen(
     others: Sequence[Backdrop],
     config: BackdropConfig,
 ) -> Float[np.ndarray, " p"]:
-    """1 where a photo shows something `away`, or before what lies behind; 0 where not; NaN if unknown."""
+    """1 where a photo shows something before what lies farther away than `away`; 0 where not; NaN where what
+    it shows is no farther: seen from above, a crown is hardly farther than what is above it."""
     t, sigma = one.distances(pixels)
     inside = ((pixels >= 0) & (pixels < (one.view.width, one.view.height))).all(1)
     column, row = np.clip(pixels.astype(np.int64), 0, (one.view.width - 1, one.view.height - 1)).T
-    off = t - away
-    wide = config.sigmas * sigma + config.radius_m
-    found = np.where(inside & one.clear[row, column] & (np.abs(off) <= wide), 1.0, np.nan)
-    behind = np.flatnonzero(inside & one.clear[row, column] & (off > wide))
+    behind = np.flatnonzero(
+        inside & one.clear[row, column] & (t - away > config.sigmas * sigma + config.radius_m)
+    )
+    found = np.full(len(pixels), np.nan)
     if not len(behind) or len(others) < config.least_others:
         return found
     points = one.view.centre + t[behind, None] * one.view.directions(pixels[behind])
