@@ -27,6 +27,21 @@ FRAME = LineFrame.of_scene(FRAMES)
 BOX = np.array([[-HALF, -0.16, -0.12], [HALF, 0.16, 0.14]])
 
 
+class InMemory:
+    """Pictures in memory."""
+
+    has_masks = False
+
+    def __init__(self, pictures: list[np.ndarray]) -> None:
+        self.pictures = pictures
+
+    def image(self, i: int) -> np.ndarray:
+        return self.pictures[i]
+
+    def valid(self, i: int) -> np.ndarray:
+        return np.ones(self.pictures[i].shape[:2], np.bool_)
+
+
 def hanging(
     y: float, z: float, sag: float = 0.04, *, askew: float = 0.0, climb: float = 0.0, reach: float = 0.02
 ) -> Wire:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.support.drawn import pinhole_cameras
+from tests.support.drawn import InMemory, pinhole_cameras
 
 from plnerf.errors import ConfigError
 from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NO_WIRE, NOT_JUDGED, Cloud
@@ -15,7 +15,7 @@ from plnerf.line.hang import hang
 from plnerf.line.wire import Wire
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.config_crown_tops import CrownTopConfig
-from plnerf.survey.crown_tops import with_crown_tops
+from plnerf.survey.crown_tops import _last, with_crown_tops
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.stereo.config import BackdropConfig
 from plnerf.survey.stereo.depth import DepthMap
@@ -27,21 +27,6 @@ RANDOM = np.random.default_rng(2)
 WAVES, PHASES = RANDOM.normal(size=(3, 30, 2)) * 2.0, RANDOM.uniform(0, 2 * np.pi, (3, 30))
 FOUND_M, TIP_M, WIRE_M = 3.0, 6.0, 9.0
 """Heights: of the crown's points, of its leaves, of the wire."""
-
-
-class Drawn:
-    """Pictures in memory."""
-
-    has_masks = False
-
-    def __init__(self, pictures: list[np.ndarray]) -> None:
-        self.pictures = pictures
-
-    def image(self, i: int) -> np.ndarray:
-        return self.pictures[i]
-
-    def valid(self, i: int) -> np.ndarray:
-        return np.ones(self.pictures[i].shape[:2], np.bool_)
 
 
 def leaves(top_m: float, x: float = 0.0, y: float = 0.0, count: int = 150) -> np.ndarray:
@@ -89,10 +74,10 @@ def filmed(
     every, random = tuple(range(count)), np.random.default_rng(3)
     box = np.array([[-15.0, -15.0, 0.0], [15.0, 15.0, 15.0]])
     names, sizes = tuple(map(str, every)), cameras.size_px.numpy()
-    bare = Photos(frame, cameras, Drawn([]), Drawn([]), sizes, names, every, box)
+    bare = Photos(frame, cameras, InMemory([]), InMemory([]), sizes, names, every, box)
     views = [view_of(bare, i, CONFIG.crown_tops.longest_px) for i in every]
     depths = [distances(view, half_m) for view in views]
-    images = Drawn([taken(view, t, places, random, specks) for view, t in zip(views, depths, strict=True)])
+    images = InMemory([taken(view, t, places, random, specks) for view, t in zip(views, depths, strict=True)])
     sights = [
         Sight.of(view, DepthMap(t, np.full(t.shape, 0.05)), i)
         for i, (view, t) in enumerate(zip(views, depths, strict=True))
@@ -175,6 +160,11 @@ def test_nothing_is_looked_for_at_a_wire_nor_far_from_all() -> None:
 @pytest.mark.parametrize("count", [1, 2])
 def test_two_photos_are_too_few(count: int) -> None:
     assert len(added(leaves(TIP_M), count=count).xyz) == 0
+
+
+@pytest.mark.parametrize(("shown", "last"), [("", 0), ("-xx-x--x", 5), ("--x", 0), ("xxxx", 4), ("-x-", 2)])
+def test_a_crown_ends_at_a_gap(shown: str, last: int) -> None:
+    assert _last(np.array([one == "x" for one in shown], np.bool_), 2) == last
 
 
 @pytest.mark.parametrize("wrong", [{"chance": 0.0}, {"step_m": 0.0}, {"least_share": 1.5}, {"longest_px": 8}])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from tests.support.drawn import pinhole_cameras
+from tests.support.drawn import InMemory, pinhole_cameras
 
 from plnerf.errors import ConfigError
 from plnerf.line.ends import TWO_SIDED_95, Attached
@@ -24,21 +24,6 @@ THICK_M, STRING_M = 0.03, 0.2
 """Diameters."""
 PHASES = 2.0
 """Distance between wires."""
-
-
-class Drawn:
-    """Pictures in memory."""
-
-    has_masks = False
-
-    def __init__(self, pictures: list[np.ndarray]) -> None:
-        self.pictures = pictures
-
-    def image(self, i: int) -> np.ndarray:
-        return self.pictures[i]
-
-    def valid(self, i: int) -> np.ndarray:
-        return np.ones(self.pictures[i].shape[:2], np.bool_)
 
 
 def wires(kind: Kind = "phase") -> list[Wire]:
@@ -73,7 +58,7 @@ def filmed(string_m: float, count: int = 12) -> Photos:
                     _bar(picture, cameras[[i]], wire.points(np.linspace(low, high, 100)), thick)
         noisy = np.clip(picture + random.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
         pictures.append(np.repeat(noisy[..., None], 3, -1))
-    every, images = tuple(range(count)), Drawn(pictures)
+    every, images = tuple(range(count)), InMemory(pictures)
     box = np.array([[-5.0, -5.0, 0.0], [35.0, 5.0, 15.0]])
     names = tuple(str(i) for i in every)
     return Photos(frame, cameras, images, images, cameras.size_px.numpy(), names, every, box)

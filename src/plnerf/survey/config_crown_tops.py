@@ -1,4 +1,4 @@
-"""What decides the tops of crowns.  Without NumPy: the command line shows it at once."""
+"""Settings of the search for crowns' tops.  Without NumPy: the command line shows them at once."""
 
 import math
 from dataclasses import dataclass, field

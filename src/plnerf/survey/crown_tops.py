@@ -23,7 +23,7 @@ from plnerf.survey.config import SurveyConfig
 from plnerf.survey.config_crown_tops import CrownTopConfig
 from plnerf.survey.obstacles import is_shown
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.single_objects import GroundHeights, dense_groups, separated
+from plnerf.survey.single_objects import GroundHeights, dense_groups, members, separated
 from plnerf.survey.stereo.before_backdrop import BESIDE, Backdrop, shown_on_axis
 from plnerf.survey.stereo.stereo_views import picture, shows_wires, view_of
 from plnerf.survey.stereo.witnesses import Sight
@@ -32,8 +32,6 @@ KEPT = 64
 """Photos that are held at a time."""
 AT_ONCE = 4
 """Heights that are examined together: of most crowns no more are."""
-
-
 TURNS = np.arange(8) * np.pi / 4
 BUNCH = 0.15 * np.array([[0.0, 0.0, 0.0], *np.stack([np.cos(TURNS), np.sin(TURNS), 0 * TURNS], 1)])
 """Points at every height: so dense that how far apart points are adds little to what is not known."""
@@ -41,7 +39,7 @@ BUNCH = 0.15 * np.array([[0.0, 0.0, 0.0], *np.stack([np.cos(TURNS), np.sin(TURNS
 
 @dataclass(frozen=True, eq=False)
 class _Top:
-    """What was found above a crown."""
+    """Points that continue a crown upwards."""
 
     highest: int
     """Index of the crown's highest point."""
@@ -102,10 +100,8 @@ def _crowns(
     above = np.where(np.isfinite(above), above, 0.0)
     number = separated(xyz, above, grouping)
     dense = dense_groups(xyz, number, heights.spacing_m, grouping)
-    order = np.argsort(number, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
     near = []
-    for group in (group for group, one in zip(groups, dense, strict=True) if one):
+    for group in (group for group, one in zip(members(number), dense, strict=True) if one):
         top = group[xyz[group, 2].argmax()]
         away_m = float(np.hypot(*(curves[:, :2] - xyz[top, :2]).T).min())
         if away_m <= max(config.crown_tops.reach_m, above[top] + config.crown_tops.most_m):
@@ -121,7 +117,7 @@ def _top_of(
     backdrop: Callable[[int], Backdrop],
     config: CrownTopConfig,
 ) -> _Top | None:
-    """How far a crown goes on above its highest point; None where the photos do not show that it does."""
+    """The points above a crown's highest point that photos show; None where they show none."""
     xyz = cloud.xyz[crown]
     highest = int(crown[xyz[:, 2].argmax()])
     z0 = float(cloud.xyz[highest, 2])
@@ -153,14 +149,14 @@ def _top_of(
 def _is_shown(
     shown: Int[np.ndarray, " h"], could: Int[np.ndarray, " h"], config: CrownTopConfig
 ) -> Bool[np.ndarray, " h"]:
-    """Where so many photos show something that it is not chance."""
+    """At which heights more photos show something than chance explains."""
     chance = binom.sf(shown - 1, could, 1 / len(BESIDE))
     enough: Bool[np.ndarray, " h"] = (chance <= config.chance) & (shown >= config.least_share * could)
     return enough
 
 
 def _last(goes_on: Bool[np.ndarray, " h"], gap: int) -> int:
-    """How many heights there are up to the last one that is shown before a gap."""
+    """Number of heights from the lowest to the last one before `gap` heights at which nothing is shown."""
     last = 0
     for k in np.flatnonzero(goes_on).tolist():
         if k - last >= gap:

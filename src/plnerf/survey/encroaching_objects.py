@@ -18,7 +18,14 @@ from plnerf.survey.config_ground import SamplingConfig
 from plnerf.survey.crossings import variance_towards
 from plnerf.survey.obstacles import beside, onto_wire
 from plnerf.survey.sampling import end_sigma_m
-from plnerf.survey.single_objects import GroundHeights, dense_groups, outline_of, separated, wire_like
+from plnerf.survey.single_objects import (
+    GroundHeights,
+    dense_groups,
+    members,
+    outline_of,
+    separated,
+    wire_like,
+)
 
 TIP_POINTS, TIP_SHARE, TIP_SIGMA = 5, 0.7, 0.6
 """No beam meets the very tip of a tree.  Of a cone, in which the number of points grows with the square of
@@ -86,12 +93,10 @@ class ThingsNear:
                 z = heights.at(xyz[:, :2])
                 above = np.where(np.isfinite(z), xyz[:, 2] - z, 0.0)
             number = separated(xyz, above, config)
-            order = np.argsort(number, kind="stable")
-            ends = np.flatnonzero(np.diff(number[order])) + 1
-            parts = [part for part in np.split(index[order], ends) if len(part)]
-            if kind == "vegetation" and cloud.seen is not None:
+            parts = [index[some] for some in members(number)]
+            if above is not None and cloud.seen is not None:
                 dense = dense_groups(xyz, number, heights.spacing_m, config)
-                wires = dense & wire_like(xyz, np.zeros(len(xyz)) if above is None else above, number)
+                wires = dense & wire_like(xyz, above, number)
                 parts = [part for part, one in zip(parts, dense & ~wires, strict=True) if one]
                 self.scattered += int((~dense).sum())
                 self.wires += int(wires.sum())

@@ -90,6 +90,12 @@ def _merged(
     return np.array([root(int(one)) for one in np.unique(hill)])[np.unique(hill, return_inverse=True)[1]]
 
 
+def members(number: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " _"]]:
+    """Of each object, in the order of their numbers, the indices of its points."""
+    order = np.argsort(number, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else []
+
+
 def dense_groups(
     xyz: Float[np.ndarray, "m 3"], number: Int[np.ndarray, " m"], spacing_m: float, config: EncroachmentConfig
 ) -> Bool[np.ndarray, " o"]:
@@ -117,18 +123,16 @@ def wire_like(
 
     height_m: of each point above the ground.
     """
-    found = np.zeros(int(number.max(initial=-1)) + 1, np.bool_)
-    tree = cKDTree(xyz[:, :2]) if len(xyz) else None
-    order = np.argsort(number, kind="stable")
-    for part in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
-        if len(part) < 3 or tree is None:
-            continue
+    parts = members(number)
+    found = np.zeros(len(parts), np.bool_)
+    tree = cKDTree(xyz[:, :2])
+    for k, part in enumerate(parts):
         off = xyz[part] - xyz[part].mean(0)
         spread, axes = np.linalg.eigh(off.T @ off)
         level = abs(axes[2, 2]) <= WIRE_SLOPE and spread[1] <= WIRE_SHARE**2 * spread[2]
         if level and np.ptp(off @ axes[:, 2]) >= WIRE_LENGTH_M:
             below = np.concatenate(tree.query_ball_point(xyz[part, :2], WIRE_CLEAR_M)).astype(int)
-            found[number[part[0]]] = height_m[below].min() > height_m[part].max() / 2 > 0
+            found[k] = height_m[below].min() > height_m[part].max() / 2 > 0
     return found
 
 

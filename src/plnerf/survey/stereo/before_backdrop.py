@@ -77,10 +77,8 @@ def shown_on_axis(
     for i in photos:
         others = [backdrop(j) for j in _others(i, photos, backdrop, config)]
         share = _shares(axis, backdrop(i), others, config)
-        known = np.isfinite(share).all(1)
-        could += known
-        beside = share[:, 1:].max(1, where=np.isfinite(share[:, 1:]), initial=0.0)
-        shown += known & (share[:, 0] > beside + config.least_excess)
+        could += np.isfinite(share).all(1)
+        shown += share[:, 0] > share[:, 1:].max(1) + config.least_excess  # False with NaN
     return shown, could
 
 
