@@ -27,6 +27,7 @@ from plnerf.synth.parts import Part, site_parts
 from plnerf.synth.site import Site
 
 SIDE = 3
+ALUMINIUM = 0.27
 NEAR_M = 0.3
 SUN, SKY = 1.75, 0.55  # light of sun and sky on a white surface that faces them, 1 is white in sRGB
 HORIZON, ZENITH = np.array([0.72, 0.82, 0.95]), np.array([0.25, 0.45, 0.85])
@@ -50,6 +51,7 @@ class Bodies:
     shadow_axes: np.ndarray  # 3 3: rows across the sun, across both, towards it
     shadow_corner: np.ndarray  # 2
     wires: tuple[Wire, ...]
+    reflectance: tuple[float, ...]  # of each wire
 
 
 def bodies_of(site: Site, image: ImageConfig) -> Bodies:
@@ -86,27 +88,68 @@ def bodies_of(site: Site, image: ImageConfig) -> Bodies:
     colour = np.concatenate([_face_colours(part) for part in parts]).astype(np.float32)
     return Bodies(
         vertices, faces, normal, colour, ground, texels, levels, sun.astype(np.float32), shadow - 1e4,
-        axes.astype(np.float32), corner, site.wires,
+        axes.astype(np.float32), corner, tuple(wire for _, some in site.grouped for wire in some),
+        tuple(ALUMINIUM * sum(config.colour) / 3 for config, some in site.grouped for _ in some),
     )  # fmt: skip
 
 
 def picture(bodies: Bodies, view: View, capture: CaptureConfig) -> np.ndarray:
     """The view in linear light, 1 is white, h w 3."""
-    height, width = capture.height_px * SIDE, capture.width_px * SIDE
-    R = view.R_world_camera.astype(np.float32)
-    centre, focal = view.centre.astype(np.float32), np.float32(capture.focal_px * SIDE)
-    middle = np.array([width / 2, height / 2], np.float32)
-    nearest, face = np.zeros((height, width), np.float32), np.full((height, width), -1, np.int32)
-    seen = _project(bodies.vertices, R, centre, focal, middle)
-    _fill(seen, bodies.faces, nearest, face)
-    light = np.empty((height, width, 3), np.float32)
+    camera = _camera(view, capture)
+    nearest, face = _nearest(bodies, camera)
+    light = np.empty((*nearest.shape, 3), np.float32)
     _shade(
-        nearest, face, light, R, centre, focal, middle, bodies.normal, bodies.colour, bodies.ground,
+        nearest, face, light, *camera, bodies.normal, bodies.colour, bodies.ground,
         bodies.texels, bodies.levels, bodies.sun, bodies.shadow, bodies.shadow_axes, bodies.shadow_corner,
     )  # fmt: skip
-    for row in pieces(bodies.wires, view, float(focal), middle, partial(_in_the_open, bodies.sun)):
+    lit = partial(_in_the_open, bodies.sun)
+    for row in pieces(bodies.wires, view, float(camera[2]), camera[3], lit, bodies.reflectance):
         draw(light, nearest, *row)
+    return _whole_pixels(light, capture)
+
+
+def wires_only(bodies: Bodies, view: View, capture: CaptureConfig) -> np.ndarray:
+    """The share of each pixel in which a wire is seen, h w."""
+    camera = _camera(view, capture)
+    nearest, _ = _nearest(bodies, camera)
+    light = np.zeros((*nearest.shape, 3), np.float32)
+    white = (1.0,) * len(bodies.wires)
+    for row in pieces(bodies.wires, view, float(camera[2]), camera[3], _one, white):
+        draw(light, nearest, *row)
+    return _whole_pixels(light, capture)[..., 0]
+
+
+def depth(bodies: Bodies, view: View, capture: CaptureConfig) -> np.ndarray:
+    """Distance along the camera's axis of what each pixel's centre sees but wires, 0 for the sky, h w."""
+    nearest, _ = _nearest(bodies, _camera(view, capture))
+    w = nearest[SIDE // 2 :: SIDE, SIDE // 2 :: SIDE]
+    return np.divide(1, w, out=np.zeros_like(w), where=w > 0)
+
+
+Camera = tuple[np.ndarray, np.ndarray, np.float32, np.ndarray]
+"""R_world_camera, centre, focal length and the middle of the image, in samples."""
+
+
+def _camera(view: View, capture: CaptureConfig) -> Camera:
+    middle = np.array([capture.width_px * SIDE / 2, capture.height_px * SIDE / 2], np.float32)
+    R, centre = view.R_world_camera.astype(np.float32), view.centre.astype(np.float32)
+    return R, centre, np.float32(capture.focal_px * SIDE), middle
+
+
+def _nearest(bodies: Bodies, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The greatest w of every sample, and whose it is."""
+    width, height = (2 * camera[3]).astype(int)
+    nearest, face = np.zeros((height, width), np.float32), np.full((height, width), -1, np.int32)
+    _fill(_project(bodies.vertices, *camera), bodies.faces, nearest, face)
+    return nearest, face
+
+
+def _whole_pixels(light: np.ndarray, capture: CaptureConfig) -> np.ndarray:
     return cv2.resize(light, (capture.width_px, capture.height_px), interpolation=cv2.INTER_AREA)
+
+
+def _one(normal: np.ndarray) -> np.ndarray:
+    return np.ones(normal.shape[:-1])
 
 
 def _in_the_open(sun: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -15,7 +15,6 @@ from plnerf.synth.site import radius_m
 
 STEP_M = 0.25  # between the points of a wire's polyline
 PIECE = 40  # points that are drawn in one go
-ALUMINIUM = 0.27
 NEAR_M = 0.3
 
 
@@ -25,11 +24,13 @@ def pieces(
     focal: float,
     middle: np.ndarray,
     light: Callable[[np.ndarray], np.ndarray],
+    reflectance: Sequence[float],
 ) -> list[tuple[np.ndarray, ...]]:
-    """The arguments of `draw`, the farthest piece first.  light: of surfaces by their normals."""
+    """The arguments of `draw`, the farthest piece first.  light: of surfaces by their normals;
+    reflectance: of each wire."""
     found: list[tuple[float, tuple[np.ndarray, ...]]] = []
     profile = np.linspace(-1, 1, 21)
-    for wire in wires:
+    for wire, share in zip(wires, reflectance, strict=True):
         points = wire.polyline(STEP_M)
         local = (points - view.centre) @ view.R_world_camera
         before = np.flatnonzero(local[:, 2] > NEAR_M)
@@ -42,7 +43,7 @@ def pieces(
         face = np.cross(side, along)
         face /= np.linalg.norm(face, axis=1, keepdims=True)
         n = profile[:, None] * side[:, None] + np.sqrt(1 - profile**2)[:, None] * face[:, None]
-        bright, half = ALUMINIUM * light(n), focal * radius_m(wire) * w
+        bright, half = share * light(n), focal * radius_m(wire) * w
         on_image = (side @ view.R_world_camera)[:, :2]
         for run in runs:
             for first in range(0, len(run) - 1, PIECE):

@@ -14,6 +14,7 @@ from plnerf.survey.bodies import find_bodies
 from plnerf.survey.chains import Chain, find_chains, wires_of
 from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import AttachmentConfig, BodyConfig, SupportConfig
+from plnerf.survey.span_wires import rewired
 from plnerf.survey.support import Supports
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
@@ -202,3 +203,27 @@ def test_a_wire_ends_at_a_structure_beyond_where_images_show_it() -> None:
     supports, chains, extents = found(shown, None, short)
     assert ends_of(wires_of(extents)[0])[1] == pytest.approx(13.0)
     assert ends_of(wires_of(hung_between(chains, extents, supports))[0])[1] == pytest.approx(15.0, abs=0.1)
+
+
+def test_a_wire_that_is_seen_beyond_a_structure_only_is_held_by_none() -> None:
+    random = np.random.default_rng(7)
+    shown = surface(ground(random), body(random, 15.3), arm(random, 15.0))
+    supports, chains, extents = found(shown, None, WIRES)
+    (first, _, last), piece = WIRES, WIRES[1].between(34.0, 36.0)  # x from 16 to 18
+    beyond = tuple((rewired(span, [first, piece, last]),) for (span,) in extents)
+    _, wire, other = wires_of(hung_between(chains, beyond, supports))
+    assert ends_of(wire) == pytest.approx(np.array([16.0, 18.0]))
+    assert isinstance(wire.ends[0], Open) and isinstance(wire.ends[1], Open)
+    assert isinstance(other.ends[1], Attached)
+
+
+def test_a_piece_of_a_wire_about_a_single_structure_is_held_by_none() -> None:
+    random = np.random.default_rng(7)
+    shown = surface(ground(random), body(random, 15.3), arm(random, 15.0))
+    supports, chains, extents = found(shown, None, WIRES)
+    ((_, last),) = supports.chains
+    there = (np.repeat(last.at[0][:1], 3, 0), last.at[1])
+    same = replace(supports, chains=((replace(last, at=there[::-1]), last),))
+    hung = wires_of(hung_between(chains, extents, same))
+    assert all(isinstance(end, Open) for wire in hung for end in wire.ends)
+    assert all(np.isfinite(wire.points(np.array([0.0, 1.0]))).all() for wire in hung)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from plnerf.line.base import Base
-from plnerf.line.ends import Attached, End
+from plnerf.line.ends import Attached, End, Open
 from plnerf.line.line import Line, Span, Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.chains import Chain, with_wires
@@ -17,6 +17,9 @@ from plnerf.survey.support import Support, Supports
 
 Hold = Float[np.ndarray, "2"] | None
 """Where a structure holds one end of a wire, as s on its base, and the standard deviation of that."""
+LEAST_M = 0.5
+"""No wire between two structures is shorter."""
+OUTSIDE = Open("what the images show of it lies outside of the span between the structures")
 
 
 def trimmed(chains: Sequence[Chain], supports: Supports) -> tuple[Chain, ...]:
@@ -40,15 +43,18 @@ def hung_between(chains: Sequence[Chain], extents: Sequence[Chain], supports: Su
     """Wires from structure to structure, or to where their extents end where none is seen.
 
     extents: the wires as they were detected, which end where the images stop showing them.  At a structure a
-    wire ends even where its extent ends before: its curve is known there.
+    wire ends even where its extent ends before: its curve is known there.  A wire that is seen outside of the
+    structures only, or a piece about a single one, is held by none.
     """
 
     def hang(wire: Wire, extent: Wire, k: int, ends: tuple[Support, Support]) -> Wire:
         u, a = wire.base.u, wire.base.a
-        s = [float((end - a) @ u) for end in (extent.base.a, extent.base.b)]
+        own = [float((end - a) @ u) for end in (extent.base.a, extent.base.b)]
         holds = _holds(wire, k, *ends)
-        s = [own if hold is None else float(hold[0]) for own, hold in zip(s, holds, strict=True)]
-        hung = wire.between(s[0], s[1])
+        s = [mine if hold is None else float(hold[0]) for mine, hold in zip(own, holds, strict=True)]
+        if s[1] - s[0] < LEAST_M:
+            return replace(wire.between(*own), ends=(OUTSIDE, OUTSIDE))
+        hung = wire.between(*s)
         points = hung.points(np.array([0.0, hung.base.length_m]))
         first, last = (_end(*one) for one in zip(ends, holds, points, strict=True))
         return replace(hung, ends=(first, last))

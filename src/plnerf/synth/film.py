@@ -6,6 +6,7 @@ Wire masks and depth belong to the middle of the time that the shutter is open.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,12 +15,26 @@ from PIL import Image
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.effects import exposure_drift, luminance, next_gain, sensor_noise, white_balance_drift
-from plnerf.synth.render import Studio, to_srgb
+from plnerf.synth.render import to_srgb
 from plnerf.synth.shutter import flight_directions, open_shutter
 from plnerf.synth.site import Site
 from plnerf.synth.truth import MASK_COVERAGE
 
 HOLD_OUT_EVERY = 8  # the scene folder's default rule: every 8th by name is held out
+
+
+@runtime_checkable
+class Studio(Protocol):
+    """What takes the pictures of a site."""
+
+    def linear(self, instants: Sequence[View], seed: int) -> Float[np.ndarray, "h w 3"]:
+        """Linear light at the fixed exposure, 1 is white; the mean over the instants of an open shutter."""
+
+    def wire_coverage(self, view: View) -> Float[np.ndarray, "h w"]:
+        """The fraction of each pixel's area in which a conductor or shield wire is seen."""
+
+    def depth_m(self, view: View) -> Float[np.ndarray, "h w"]:
+        """Distance along the camera's z axis of what each pixel's centre sees; 0 for the sky."""
 
 
 def film(

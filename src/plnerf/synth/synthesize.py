@@ -15,11 +15,12 @@ from plnerf.synth.build import build_site
 from plnerf.synth.capture import View, plan_flight, written_views
 from plnerf.synth.check import check_cameras
 from plnerf.synth.config import SceneConfig
-from plnerf.synth.film import HOLD_OUT_EVERY, film
+from plnerf.synth.film import HOLD_OUT_EVERY, Studio, film
 from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.parts import site_parts
 from plnerf.synth.render import open_studio, require_mitsuba
 from plnerf.synth.seen import MIN_IMAGES, observable_stretches, seen_stretches
+from plnerf.synth.site import Site
 from plnerf.synth.truth import Shows, truth_of
 
 
@@ -43,16 +44,28 @@ def synthesize(
         views = plan_flight(site, config.capture)
         check_cameras(site, views)
         studio = open_studio(list(site_parts(site)), config.capture, config.image, meshes)
-        masks = film(studio, site, views, config, folder, progress)
-        seen = seen_stretches(site.wires, views, masks, config.capture, site.route.stations_of)
-        shows = Shows(seen, observable_stretches(site.wires, views, masks, config.capture))
-        _write_json(folder / "truth.json", truth_of(site, config, views, shows))
-        written = written_views(views, config.capture, config.seed)
-        _write_json(folder / "transforms.json", transforms_of(config.capture, written))
+        write_scene(folder, site, views, studio, config, progress)
         if out.exists():
             out.rmdir()
         folder.rename(out)
     return out
+
+
+def write_scene(
+    folder: Path,
+    site: Site,
+    views: tuple[View, ...],
+    studio: Studio,
+    config: SceneConfig,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Film a site into a new folder: all that a scene folder holds, with its truth."""
+    masks = film(studio, site, views, config, folder, progress)
+    seen = seen_stretches(site.wires, views, masks, config.capture, site.route.stations_of)
+    shows = Shows(seen, observable_stretches(site.wires, views, masks, config.capture))
+    _write_json(folder / "truth.json", truth_of(site, config, views, shows))
+    written = written_views(views, config.capture, config.seed)
+    _write_json(folder / "transforms.json", transforms_of(config.capture, written))
 
 
 def transforms_of(capture: CaptureConfig, views: tuple[View, ...]) -> dict[str, object]:
