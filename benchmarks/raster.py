@@ -27,7 +27,7 @@ from plnerf.synth.parts import Part, site_parts
 from plnerf.synth.site import Site
 
 SIDE = 3
-ALUMINIUM = 0.27
+ALUMINIUM = 0.27  # linear reflectance of wires whose colour is 1
 NEAR_M = 0.3
 SUN, SKY = 1.75, 0.55  # light of sun and sky on a white surface that faces them, 1 is white in sRGB
 HORIZON, ZENITH = np.array([0.72, 0.82, 0.95]), np.array([0.25, 0.45, 0.85])

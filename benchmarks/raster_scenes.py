@@ -1,4 +1,4 @@
-"""Random scenes of `plnerf synth` drawn by `raster.py`, some ten times as fast as by its path tracer:
+"""Random scenes of `plnerf synth` drawn by `raster.py`, several times as fast as by its path tracer:
 `python benchmarks/raster_scenes.py OUT --seeds 2 4 6`.
 
 OUT/random-N is a scene folder with its truth, as `plnerf synth OUT/random-N --scene random --seed N` makes
@@ -8,6 +8,7 @@ it: the same line, land, plants, flight, exposure, blur, noise and JPEG, in simp
 
 import argparse
 import multiprocessing
+import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,6 +57,7 @@ def draw_scene(out: Path, name: str, seed: int | None) -> Path:
     check_cameras(site, views)
     studio = RasterStudio(bodies_of(site, config.image), config.capture, config.image.exposure)
     unfinished = out.with_name(f".{out.name}")
+    shutil.rmtree(unfinished, ignore_errors=True)  # of a run that was interrupted
     write_scene(unfinished, site, views, studio, config)
     unfinished.rename(out)
     return out

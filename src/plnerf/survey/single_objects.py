@@ -91,7 +91,7 @@ def _merged(
 
 
 def members(number: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " _"]]:
-    """Of each object, in the order of their numbers, the indices of its points."""
+    """The indices of the points of each object, by the objects' numbers."""
     order = np.argsort(number, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else []
 
