@@ -5,6 +5,7 @@ from typing import Literal
 
 from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.errors import ConfigError
+from plnerf.survey.config_end_sweep import EndSweepConfig
 from plnerf.survey.config_spans import KinkConfig
 
 UNKNOWNS = 6
@@ -258,10 +259,13 @@ class SupportConfig:
     kink: KinkConfig = field(default_factory=KinkConfig)
     body: BodyConfig = field(default_factory=BodyConfig)
     attachment: AttachmentConfig = field(default_factory=AttachmentConfig)
+    sweep: EndSweepConfig = field(default_factory=EndSweepConfig)
     by_stereo_m: float = 0.05
     """Standard deviation along the line of an attachment that stereo shows."""
     by_field_m: float = 0.15
     """The same of one that the field shows."""
+    by_sweep_m: float = 0.15
+    """The same of one on which single photos agree: pins may stand so far before the pole."""
     by_body_m: float = 0.3
     """The same of a body, which kinks are compared with: by itself it makes no attachment."""
     by_tee_m: float = 1.5

@@ -185,7 +185,7 @@ def _of_images(
     progress, unshown = parts[1], 0
     while True:
         chains = find_chains(wires, config.spans)
-        scenery = scenery_of(surface, field, chains, config.supports)
+        scenery = scenery_of(surface, field, chains, config.supports, photos)
         extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
         refined, residual_px, shown = refine_spans(photos, extents, config.refine, progress)
         # What photos at their full size do not show as a wire of its own would be its span's neighbour.

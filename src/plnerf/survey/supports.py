@@ -1,8 +1,8 @@
 """The structures of lines that images show: where they hold the wires, and which points are theirs.
 
 Two kinds of evidence, which must agree where there are both: the kinks in which the curves of adjacent spans
-meet (`kinks.py`), and what stereo and the field show of insulators, arms and bodies (`attachments.py`,
-`bodies.py`).
+meet (`kinks.py`), and what is seen of insulators, arms and bodies: by stereo and the field (`attachments.py`,
+`bodies.py`), or else by single photos that agree on one plane across the line (`end_sweep.py`).
 
 Letters: t along a junction's axis, y to its left, z up: the coordinates of everything about a junction.
 """
@@ -21,7 +21,9 @@ from plnerf.survey.bodies import Body, body_at, find_bodies
 from plnerf.survey.chains import Chain, junctions
 from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import SupportConfig
+from plnerf.survey.end_sweep import held_across
 from plnerf.survey.kinks import Held, find_kinks, held_by
+from plnerf.survey.posed_photos import Photos
 from plnerf.survey.span_wires import Junction, SpanWires, crossing
 from plnerf.survey.support import Support, Supports
 from plnerf.survey.surface import Surface
@@ -35,12 +37,14 @@ Place = Float[np.ndarray, "3"]
 class _Around:
     """What is around a junction, in its own coordinates."""
 
+    junction: Junction
     lines: Lines
     """Its conductors, before and after it."""
     stereo: Float[np.ndarray, "n 3"]
     field: Float[np.ndarray, "m 3"] | None
     of_stereo: Int[np.ndarray, " n"]
     """Indices of the stereo points."""
+    photos: Photos | None
 
     @property
     def best(self) -> Float[np.ndarray, "_ 3"]:
@@ -50,12 +54,15 @@ class _Around:
 
 @dataclass(frozen=True)
 class _Shown:
-    """Where points show what holds the wires."""
+    """Where what holds the wires is seen."""
 
     t: float
     sigma: float
     words: str
-    strings: bool
+    holds: bool
+    """Whether what holds the wires is seen, rather than a body below them."""
+    strings: bool = False
+    """Whether it is above the wires."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +75,16 @@ class Scenery:
     """By a trained field, if there is one."""
     bodies: tuple[tuple[tuple[Place | None, Place | None], ...], ...]
     """Of each chain and span, where the bodies at its ends stand; None where none is seen."""
+    photos: Photos | None = None
+    """At their full size; None: none, or lengths are no metres."""
 
 
 def scenery_of(
-    surface: Surface, field: Surface | None, chains: Sequence[Chain], config: SupportConfig
+    surface: Surface,
+    field: Surface | None,
+    chains: Sequence[Chain],
+    config: SupportConfig,
+    photos: Photos | None = None,
 ) -> Scenery:
     """With the bodies at the ends of wires as they were detected, which end well before or beyond them.
 
@@ -79,7 +92,8 @@ def scenery_of(
     its near side alone, but must see something of it.
     """
     bodies = (tuple(_bodies(surface, field, span, config) for span in chain) for chain in chains)
-    return Scenery(surface, field, tuple(bodies))
+    full = photos.full_size() if photos is not None and photos.frame.unit == "m" else None
+    return Scenery(surface, field, tuple(bodies), full)
 
 
 def find_supports(
@@ -126,21 +140,21 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
     if held is not None:  # a body elsewhere is none
         t = t[np.abs(t - middle) <= config.around_m]
     body = float(t[np.abs(t - middle).argmin()]) if len(t) else None
-    shown = _shown(around, middle, body, held is not None, config)
+    shown = _shown(around, middle, body, held, config)
     words = []
     if held is not None and shown is not None:
         alike = abs(held.t - shown.t) <= config.agree_sigmas * np.hypot(held.sigma, shown.sigma)
         if alike:
             held = held_by(kinks, axis, (shown.t, shown.sigma), config.kink)
             words = [shown.words]
-        elif held.agreeing < config.least_wires and shown.strings:
+        elif held.agreeing < config.least_wires and shown.holds:
             held = None  # a single kink against what is seen to hold the wires
         else:
             words = [f"against {shown.words}, {abs(held.t - shown.t):.1f} m from there"]
     if held is not None:
         words = [f"the kinks of {held.agreeing} wires" if held.agreeing > 1 else "the kink of a wire", *words]
         t0, sigma = held.t, held.sigma
-    elif shown is not None and shown.strings:  # a body alone may be a tree, and says where no wire is held
+    elif shown is not None and shown.holds:  # a body alone may be a tree, and says where no wire is held
         t0, sigma, words = shown.t, shown.sigma, [shown.words]
     else:
         return Support(junction, None, (np.zeros((0, 2)), np.zeros((0, 2))), kinks)
@@ -155,21 +169,25 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
 
 
 def _shown(
-    around: _Around, middle: float, body: float | None, kinked: bool, config: SupportConfig
+    around: _Around, middle: float, body: float | None, held: Held | None, config: SupportConfig
 ) -> _Shown | None:
-    """Where the wires are held about a body, a kink or their end, by the best that shows it.
+    """Where the wires are held about a body, their kinks or their end, by the best that shows it.
 
     What is above one wire of many may be a plant: only a body makes it an attachment.
     """
-    reach = config.around_m if kinked or body is not None else config.about_end_m
-    middle = middle if kinked or body is None else body
+    reach = config.around_m if held is not None or body is not None else config.about_end_m
+    middle = middle if held is not None or body is None else body
     sources = [(around.stereo, config.by_stereo_m, "stereo")]
     sources += [] if around.field is None else [(around.field, config.by_field_m, "the field")]
     least = 1 if body is not None else min(config.least_wires, len(around.lines))
     for points, sigma, source in sources:
         one = held_at(points, around.lines, middle - reach, middle + reach, config.attachment)
         if one is not None and one.wires >= least:
-            return _Shown(one.x_m, sigma, f"what holds the wires, seen by {source}", True)
+            return _Shown(one.x_m, sigma, f"what holds the wires, seen by {source}", True, True)
+    if around.photos is not None and (held is None or held.agreeing < config.least_wires):
+        one = held_across(around.junction, around.photos, middle - reach, middle + reach, config.sweep)
+        if one is not None and one.wires >= least:
+            return _Shown(one.x_m, config.by_sweep_m, "what holds the wires, seen in single photos", True)
     return None if body is None else _Shown(body, config.by_body_m, "its body alone", False)
 
 
@@ -194,7 +212,7 @@ def _around(scenery: Scenery, junction: Junction, config: SupportConfig) -> _Aro
     of_stereo, stereo = _near(scenery.surface.xyz, junction.axis, lines, config)
     field = scenery.field
     shown = None if field is None else _near(field.xyz, junction.axis, lines, config)[1]
-    return _Around(lines, stereo, shown, of_stereo)
+    return _Around(junction, lines, stereo, shown, of_stereo, scenery.photos)
 
 
 def _curve(wire: Wire, axis: Base, t: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:

@@ -1,0 +1,66 @@
+"""How upright planes are swept along a line for what holds its wires.  Without NumPy."""
+
+from dataclasses import dataclass
+
+from plnerf.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class EndSweepConfig:
+    """What photos must agree on for a structure to stand in a plane across the line."""
+
+    photos: int = 16
+    """At most so many are compared, the nearest."""
+    least_px_per_m: float = 10.0
+    """What is further shows an arm by two pixels or fewer."""
+    most_off_deg: float = 65.0
+    """Angle between a photo's ray and the line: from aside, one sees along the planes."""
+    aside_m: float = 0.6
+    """A patch reaches so far to both sides of a wire."""
+    height_m: tuple[float, float] = (-1.0, 1.6)
+    """And between these heights above it: what holds a wire stands below it or hangs above it."""
+    clear_m: float = 0.4
+    """Windows around samples nearer to a wire show what is fixed to it: spacers and dampers."""
+    sample_m: float = 0.05
+    """Between the samples of a patch."""
+    step_m: float = 0.1
+    """Between planes."""
+    window_m: float = 0.4
+    """Side of the windows that are compared."""
+    noise: float = 3.0
+    """Standard deviation of grey values, of 255, that shows nothing."""
+    parallax: tuple[float, float] = (0.08, 0.8)
+    """By how many metres the pictures of two photos part on a plane that is moved by one: where they part
+    less they agree on all planes, where they part more they look from too different sides."""
+    min_pairs: int = 6
+    """Pairs of photos that must be compared at a sample: of fewer, some agree by chance."""
+    least_seen: float = 0.4
+    """Share of a patch that they must show on a plane."""
+    usual: float = 0.3
+    """Correlation that chance and smooth backgrounds reach, at least; the median along the line is taken for
+    it where that is more."""
+    above_usual: float = 0.2
+    """By how much more of it something begins to show."""
+    least_score: float = 0.001
+    """Mean over a patch of what exceeds that, for a wire to be held there."""
+    distinct: float = 2.0
+    """How many times that must be what it is at most elsewhere."""
+    string_m: float = 0.65
+    """Elsewhere is so far along the line: strings and their fittings are seen beside an arm."""
+    agree_m: float = 0.25
+    """So near to each other along the line must wires be held."""
+    apart_m: float = 0.7
+    """Wires nearer to each other than this see the same thing and count as one."""
+
+    def __post_init__(self) -> None:
+        positive = (self.sample_m, self.step_m, self.window_m, self.aside_m, self.least_score, self.agree_m)
+        if min(positive) <= 0 or self.photos < 2 or self.min_pairs < 1:
+            raise ConfigError(
+                "A sweep needs lengths and least_score above 0, 2 photos and 1 pair at least, but got "
+                f"{self}."
+            )
+        if not self.height_m[0] < self.height_m[1] or not 0 < self.parallax[0] < self.parallax[1]:
+            raise ConfigError(
+                "A sweep's height_m and parallax are two numbers each, the first of them less, but got "
+                f"{self.height_m} and {self.parallax}."
+            )
