@@ -21,8 +21,9 @@ pytest -m gpu -ra | tee "$out/pytest.txt"
 # Each op: time, share of the measured ceilings of memory and arithmetic (roofline), speed-up over plain torch.
 plnerf bench --suite ops --device cuda -o "$out/ops"
 
-# Steps a second by size, on the bundled span.
+# Steps a second by size, on the bundled span, and through a lens that distorts.
 python "$(dirname "$0")/gpu_steps.py" "$out/steps" | tee "$out/steps.txt"
+python "$(dirname "$0")/gpu_steps.py" "$out/steps-lens" --lens | tee "$out/steps-lens.txt"
 
 # Steps a second, seconds to 25 dB, and seconds for a megapixel (fox is 1080x1920: 2.07 megapixels a view).
 plnerf bench --suite train render --scene "$fox" --device cuda --seconds 120 --targets 20 25 28 -o "$out/train" \

@@ -5,8 +5,10 @@ import torch
 from tests.support.oracle import FAR, Oracle, one_camera, plane, tiny_config
 
 from plnerf.errors import ConfigError, TrainingError
+from plnerf.ops.backends import Backend
 from plnerf.rays.rays import pixel_rays
 from plnerf.render.model import PLNeRF
+from plnerf.render.pruning import Pruning
 from plnerf.render.views import default_chunk, render_view, resized
 from plnerf.scene import memory
 from plnerf.scene.cameras import project
@@ -56,6 +58,26 @@ def test_the_chunk_size_does_not_change_the_view() -> None:
         for name in ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals", "depth_deviation"):
             a, b = (torch.from_numpy(getattr(v, name)) for v in (whole, parts))
             torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5, msg=lambda m, n=name: f"{n}: {m}")
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+@pytest.mark.parametrize("backend", ["torch", "triton"])
+@pytest.mark.parametrize("pruning", [None, Pruning()], ids=["exact", "pruned"])
+def test_a_gpu_renders_what_a_cpu_renders(backend: Backend, pruning: Pruning | None) -> None:
+    """Through a lens, in more than one chunk."""
+    views = []
+    for device, name in (("cpu", "torch"), ("cuda", backend)):
+        model = PLNeRF(tiny_config(), 2, name, torch.Generator().manual_seed(3)).eval().to(device)
+        view = render_view(
+            model, one_camera(TURN, distortion=LENS), torch.tensor([0.3, -0.2, 0.1]),
+            chunk_rays=50, normals=True, deviation=True, pruning=pruning,
+        )  # fmt: skip
+        views.append(view)
+    assert views[0].rgb.std() > 1e-4
+    for name in ("rgb", "accumulation", "depth", "depth_median", "z_depth", "normals", "depth_deviation"):
+        a, b = (torch.from_numpy(getattr(view, name)) for view in views)
+        torch.testing.assert_close(b, a, rtol=1e-4, atol=1e-5, msg=lambda m, n=name: f"{n}: {m}")
 
 
 @pytest.mark.parametrize("value", [float("nan"), 3e38])

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 import torch
@@ -10,6 +11,7 @@ from torch import Tensor
 from plnerf.ops.backends import Backend
 from plnerf.ops.dispatch import Kernels, kernels
 from plnerf.ops.rendered import Rendered
+from plnerf.rays.rays import Rays, pixel_rays
 from plnerf.render import self_test
 from plnerf.render.ray_ops import RayOps, ray_ops
 from plnerf.render.self_test import fault_of
@@ -72,6 +74,20 @@ def test_a_fault_is_said_in_a_line(said: str, monkeypatch: pytest.MonkeyPatch) -
     fault = fault_of("numba", CPU)
     assert fault is not None and fault.startswith(said)
     assert "\n" not in fault
+
+
+FIELDS = {"origin": "origins", "direction": "directions", "radius": "radius"}
+
+
+@pytest.mark.parametrize("said", FIELDS)
+def test_wrong_rays_of_pixels_are_found(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def hundredth_more(*given: object) -> Rays:
+        right, field = pixel_rays(*given), FIELDS[said]  # type: ignore[arg-type]
+        return right if given[-1] == "torch" else replace(right, **{field: 1.01 * getattr(right, field)})
+
+    monkeypatch.setattr(self_test, "pixel_rays", hundredth_more)
+    fault = fault_of("numba", CPU)
+    assert fault is not None and fault.startswith(f"the {said} of a ray is off by 0.01")
 
 
 @pytest.mark.parametrize("name", RayOps._fields)

@@ -62,7 +62,7 @@ def kernels(backend: Backend) -> Kernels:
     if backend == "numba":
         return _numba_kernels()
     if backend == "triton":
-        from plnerf.ops import cuda_adam, cuda_hash, cuda_rays, cuda_stepfun, cuda_volume
+        from plnerf.ops import cuda_adam, cuda_hash, cuda_lens, cuda_rays, cuda_stepfun, cuda_volume
 
         def hash_mlp(
             x: Tensor, table: Tensor, grid: GridShape, weights: tuple[Tensor, Tensor, Tensor, Tensor]
@@ -83,6 +83,7 @@ def kernels(backend: Backend) -> Kernels:
                 cuda_volume.render_rays,
                 cuda_stepfun.interlevel_loss,
                 cuda_stepfun.distortion_loss,
+                cuda_lens.cast_rays,
             ),
             supports_graphs=True,
         )

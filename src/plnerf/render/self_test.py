@@ -11,9 +11,10 @@ from plnerf.ops import dispatch
 from plnerf.ops.backends import Backend, BackendChoice
 from plnerf.ops.dispatch import Kernels, kernels
 from plnerf.ops.grid import GridShape
-from plnerf.rays.rays import Rays
+from plnerf.rays.rays import Rays, pixel_rays
 from plnerf.rays.stepfun import even_edges, stratified_levels
 from plnerf.render.ray_ops import TORCH, RayOps, ray_ops
+from plnerf.scene.cameras import Cameras
 
 POINTS = 1000
 TOLERANCE = 1e-3
@@ -38,6 +39,7 @@ def fault_of(backend: Backend, on: torch.device, points: int = POINTS) -> str | 
     try:
         found = _of_points(kernels(backend), on, points) | _of_rays(ray_ops(backend), on, rays)
         truth = _of_points(kernels("torch"), on, points) | _of_rays(TORCH, on, rays)
+        found, truth = found | _of_pixels(backend, on, rays), truth | _of_pixels("torch", on, rays)
     except Exception as error:  # whatever the compiler, the driver or Triton raise: the run goes on without
         first = (str(error).strip() or "no message").splitlines()[0]
         return f"they do not run: {type(error).__name__}: {first}"
@@ -73,6 +75,27 @@ def _of_points(ops: Kernels, on: torch.device, points: int) -> _Outputs:
         "the first moment of Adam": m,
         "the second moment of Adam": v,
         "the gradient after a step": emptied + 1,
+    }
+
+
+def _of_pixels(backend: Backend, on: torch.device, count: int) -> _Outputs:
+    """The rays of pixels, of a camera with a lens and of one without."""
+    generator = Generator().manual_seed(2)
+    lens = torch.tensor([[0.06, -0.08, -1e-3, 2e-4, 0.01], [0.0] * 5])
+    cameras = Cameras(
+        R_scene_camera=torch.linalg.qr(torch.randn(2, 3, 3, generator=generator)).Q,
+        centre=torch.randn(2, 3, generator=generator),
+        focal_px=torch.tensor([[900.0, 910.0], [1000.0, 1000.0]]),
+        principal_px=torch.tensor([[510.0, 390.0], [500.0, 400.0]]),
+        distortion=lens,
+        size_px=torch.tensor([[1000, 800]] * 2),
+    ).to(on)
+    pixel_px = torch.rand(count, 2, generator=generator) * torch.tensor([1000.0, 800.0])
+    rays = pixel_rays(cameras, (torch.arange(count) % 2).to(on), pixel_px.to(on), backend)
+    return {
+        "the origin of a ray": rays.origins,
+        "the direction of a ray": rays.directions,
+        "the radius of a ray": rays.radius,
     }
 
 

@@ -85,9 +85,10 @@ def render_view(
             f"A view has one camera and chunks of 1 ray or more, but got {len(camera)} cameras, {chunk} rays."
         )
     width, height = camera.size_px[0].tolist()
-    parts, coloured = list[Tensor](), 0
+    parts, coloured, device = list[Tensor](), 0, model.appearance.device
+    camera, appearance = camera.to(device), appearance.to(device)
     for first in range(0, width * height, chunk):
-        flat = torch.arange(first, min(first + chunk, width * height))
+        flat = torch.arange(first, min(first + chunk, width * height), device=device)
         columns, computed = _render_pixels(model, camera, appearance, flat, normals, deviation, pruning)
         parts.append(columns)
         coloured += computed
@@ -138,16 +139,15 @@ def _render_pixels(
     pixel_px = torch.stack([flat % width, flat // width], -1) + 0.5
     rays = pixel_rays(camera, torch.zeros_like(flat), pixel_px, model.backend)
     along_z = rays.directions @ camera.R_scene_camera[0, :, 2]
-    device = model.appearance.device
     with torch.inference_mode():
-        rays, vectors = rays.to(device), appearance.to(device).expand(len(rays), -1)
+        vectors = appearance.expand(len(rays), -1)
         if pruning is None:
             out = model(rays, appearance=vectors, normals=normals)
             coloured = len(rays) * model.sampler.final
         else:
             out, coloured = render_pruned(model, rays, appearance=vectors, pruning=pruning, normals=normals)
         columns = [out.colour, *(c[:, None] for c in (out.accumulation, out.depth, out.depth_median))]
-        columns.append(out.depth_median[:, None] * along_z.to(device)[:, None])
+        columns.append(out.depth_median[:, None] * along_z[:, None])
         if deviation:
             columns.append(_deviation(model, out)[:, None])
         if normals:

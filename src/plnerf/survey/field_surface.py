@@ -44,11 +44,12 @@ def field_surface(
     places, colours, spreads, footprints, views, sights = [], [], [], [], [], []
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
+        cameras = scene.cameras.to(train.device)
         for done, i in enumerate(scene.train):
-            drawn = _pixels(scene.cameras.size_px[i], i, each, random)
-            bundle = pixel_rays(scene.cameras, *drawn, model.backend)
+            camera, pixel_px = _pixels(scene.cameras.size_px[i], i, each, random)
+            bundle = pixel_rays(cameras, camera.to(train.device), pixel_px.to(train.device), model.backend)
             for first in range(0, len(bundle), default_chunk(model)):
-                some = bundle[first : first + default_chunk(model)].to(train.device)
+                some = bundle[first : first + default_chunk(model)]
                 out = model(some, appearance=model.mean_appearance(len(some), train))
                 t = s_to_t(out.histograms[-1].s, model.sampler)
                 spread = half_width(t, out.histograms[-1].w)

@@ -57,11 +57,13 @@ def wire_points(
     places, views, shares, footprints = [], [], [], []
     with torch.inference_mode():
         train = torch.tensor(scene.train, device=model.appearance.device)
+        cameras = scene.cameras.to(train.device)
         for done, i in enumerate(scene.train):
             shown = directions[np.array([_shows(scene.cameras, i, chord) for chord in chords], np.bool_)]
-            rays = pixel_rays(scene.cameras, *ridge_pixels(scene, i, shown, config), model.backend)
+            camera, pixel_px = ridge_pixels(scene, i, shown, config)
+            rays = pixel_rays(cameras, camera.to(train.device), pixel_px.to(train.device), model.backend)
             for first in range(0, len(rays), default_chunk(model)):
-                some = rays[first : first + default_chunk(model)].to(train.device)
+                some = rays[first : first + default_chunk(model)]
                 out = model(some, appearance=model.mean_appearance(len(some), train))
                 t, w = s_to_t(out.histograms[-1].s, model.sampler), out.histograms[-1].w
                 depth, share = first_thing(t, w, config.depth_window_px * some.radius, config.min_share)
