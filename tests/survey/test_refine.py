@@ -246,6 +246,24 @@ def test_a_wide_wire_comes_to_where_it_is_drawn(tmp_path: Path, width_px: float)
         assert (np.abs(apart) < 4 * one.sigma_at(s) / PIXEL).all()
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_wire_whose_sunlit_half_is_as_bright_as_the_ground_is_not_left(tmp_path: Path, seed: int) -> None:
+    """Half as thick as is thought: only its dark half shows, beside which a wider bar would settle."""
+    cameras, diameter = two_passes(8), 2.5 * PIXEL
+    random = np.random.default_rng(seed)
+
+    def ground(shape: tuple[int, ...]) -> np.ndarray:
+        texture = cv2.GaussianBlur(random.normal(0, 1, shape), (0, 0), 2.0)
+        return 115 + 12 * texture / texture.std()
+
+    light = np.array([0.0, 0.8, 0.6])
+    drawn = draw_lit(cameras, [polyline(WIRES[0])], diameter, light, seed, ground, grey=(92, 28))
+    config = replace(CONFIG, diameter_m=1.85 * diameter)
+    (one,) = refine_wires(photos_of(scene_of(tmp_path, cameras, drawn)), MOVED[:1], config).wires
+    assert not refused(one)
+    assert np.sqrt((off(one, WIRES[0]) ** 2).mean()) < 0.25  # of a bar as wide as is thought at first: 2
+
+
 def test_diameters_are_learnt_where_wires_are_wider_than_their_blur() -> None:
     """One wire of eight pixels, one of four: the same camera shows both."""
     s = np.linspace(0, BASE.length_m, 200)

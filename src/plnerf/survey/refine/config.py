@@ -93,6 +93,13 @@ class RefineConfig:
     adjust: AdjustConfig = field(default_factory=AdjustConfig)
     diameter_m: float = 0.03
     """Diameter assumed at first, learnt where wires are wider than their blur; conductors have 1 to 5 cm."""
+    thin_px: float = 8.0
+    """Wires that the assumed diameter makes less wide than this in most images begin with a thinner bar."""
+    thin_share: float = 0.5
+    """Its diameter as a share of the assumed one; it is learnt from there.  A bar that is wider than the wire
+    can settle beside it, with the wire at one edge: where the sunlit half is as bright as the ground, that
+    describes what is seen as well, and the diameter grows to suit.  A narrower bar stays on the wire and
+    grows to its edges.  Inside of a wide wire it would see no edge, so those begin as assumed."""
     diameter_log_sd: float = 0.4
     """Prior standard deviation of the logarithm of the wires' diameter."""
     own_log_sd: float = 0.25
@@ -157,4 +164,9 @@ class RefineConfig:
             raise ConfigError(
                 "The refit needs diameter_m > 0, samples >= 10 and most_rounds >= 1, but got "
                 f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
+            )
+        if self.thin_px < 0 or not 0 < self.thin_share <= 1:
+            raise ConfigError(
+                "The refit needs thin_px of 0 or more and a thin_share above 0 and at most 1, but got "
+                f"{self.thin_px} and {self.thin_share}."
             )

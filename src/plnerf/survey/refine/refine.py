@@ -17,6 +17,7 @@ from jaxtyping import Float
 from plnerf.line.base import Base
 from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
 from plnerf.line.wire import Wire
+from plnerf.scene.cameras import Cameras
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.adjust import SWING, Prior, State, Step, adjust
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
@@ -61,7 +62,7 @@ def refine_wires(
     state = State(before, np.zeros((N, 3)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
     prior = Prior(before, trust, config.pose_sd_px)
-    diameters, blur_px = (config.diameter_m,) * W, config.blur_px
+    diameters, blur_px = _first_diameters(cameras, base, before, s, config), config.blur_px
     found: list[list[ProfileMeasurements]] = []
     report = progress or (lambda done, of: None)
     for k in range(config.most_rounds):
@@ -102,6 +103,20 @@ def common_base(wires: Sequence[Wire]) -> Base:
     ends = np.array([end for wire in wires for end in (wire.base.a, wire.base.b)])
     s = (ends - first.a) @ first.u
     return first.cut(float(s.min()), float(s.max()))
+
+
+def _first_diameters(
+    cameras: Sequence[Cameras], base: Base, theta: Float[np.ndarray, "w 6"], s: Float[np.ndarray, " k"],
+    config: RefineConfig,
+) -> tuple[float, ...]:  # fmt: skip
+    """The assumed diameter of wires that are wide by it in most images, and a share of it of others."""
+    still, first = np.zeros(3), []
+    for one in theta:
+        seen = [project_wire(camera, base, one, s, still, config.profile.end_on) for camera in cameras]
+        px_per_m = np.concatenate([np.linalg.norm(view.by_yz, axis=1)[view.good] for view in seen])
+        wide = len(px_per_m) > 0 and config.diameter_m * float(np.median(px_per_m)) >= config.thin_px
+        first.append(config.diameter_m * (1.0 if wide else config.thin_share))
+    return tuple(first)
 
 
 def _hanging(state: State, config: AdjustConfig) -> State:
