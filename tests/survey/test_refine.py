@@ -109,15 +109,19 @@ def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) ->
         assert not refused(one) and np.sqrt((off(one, wire) ** 2).mean()) < 0.5
 
 
-def test_a_wire_that_is_hardly_seen_is_as_much_less_certain(photos: Photos) -> None:
-    """It is seen over most of its length: as if twice that were little."""
-    usual = refine_wires(photos, MOVED, CONFIG).wires
-    shares = [sum(high - low for low, high in one.evidence.seen_m or ()) / BASE.length_m for one in usual]
-    little = 2 * max(shares)
-    loose = refine_wires(photos, MOVED, replace(CONFIG, little_seen=little)).wires
-    for one, other, share in zip(usual, loose, shares, strict=True):
-        np.testing.assert_allclose(other.theta, one.theta)
-        np.testing.assert_allclose(other.covariance, (little / share) ** 2 * one.covariance)
+def test_what_one_image_shows_makes_a_wire_no_more_certain(tmp_path: Path) -> None:
+    """All show the first half of each wire; beside its second half one shows something else."""
+    cameras = two_passes(8)
+    pictures = lit(cameras, *(wire.between(0.0, BASE.length_m / 2) for wire in WIRES))
+    bare = refine_wires(photos_of(scene_of(tmp_path / "bare", cameras, pictures)), WIRES, CONFIG).wires
+    beside = [replace(wire, theta=wire.theta + np.array([0, 0, 0, 3 * PIXEL, 0, 0])) for wire in WIRES]
+    pictures[3] = lit(cameras[[3]], *beside)[0]
+    found = refine_wires(photos_of(scene_of(tmp_path / "beside", cameras, pictures)), WIRES, CONFIG).wires
+    end = np.array([BASE.length_m])
+    for one, other, wire in zip(found, bare, WIRES, strict=True):
+        assert not refused(one) and not refused(other)
+        assert (one.sigma_at(end) > 0.9 * other.sigma_at(end)).all()
+        assert (np.abs(one.at(end) - wire.at(end)) < 3 * one.sigma_at(end)).all()
 
 
 def test_one_that_goes_too_far_stays(photos: Photos) -> None:

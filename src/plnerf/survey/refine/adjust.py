@@ -22,7 +22,7 @@ t, c, l_w, l, phi.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -182,7 +182,7 @@ def _visible(
     one = ProfileMeasurements(*(np.concatenate([getattr(row, name) for row in rows]) for name in parts))
     image = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
     visible = np.abs(one.A) > least * np.sqrt(one.variance_A)
-    return replace(one, **{name: getattr(one, name)[visible] for name in parts}), image[visible]
+    return one.only(visible), image[visible]
 
 
 def _prior(

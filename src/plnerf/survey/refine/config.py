@@ -137,12 +137,7 @@ class RefineConfig:
     least_visible: float = 0.03
     """Share of its measurements at which a wire must stand out; of noise, a hundredth does."""
     least_views: int = 3
-    """Images that must show a wire."""
-    little_seen: float = 0.2
-    """Of a wire that `least_views` images show over a smaller share of its length, what lies beside it pulls
-    at most measurements: its deviations grow in inverse proportion to that share.  On ten rendered scenes
-    the three wires below a tenth were 2.5 to 6.4 of their deviations off without this, and the 51 others, all
-    above 0.2, at most 2.9."""
+    """Images that must show a wire; a place on it that fewer show adds nothing to how well it is known."""
     piece_m: float = 0.5
     """Pieces of a wire of which each counts as seen or not."""
     near_px: float = 1.0

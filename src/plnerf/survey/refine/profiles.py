@@ -15,7 +15,7 @@ one as thin as that, K' and S have one shape, and the light decides, which is th
 eliminated: B = -A e + k C, per grey level of slope.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import cv2
 import numpy as np
@@ -52,6 +52,10 @@ class ProfileMeasurements:
 
     def __len__(self) -> int:
         return len(self.s)
+
+    def only(self, some: Bool[np.ndarray, " k"]) -> "ProfileMeasurements":
+        """Some of them."""
+        return replace(self, **{one.name: getattr(self, one.name)[some] for one in fields(self)})
 
     @classmethod
     def none(cls) -> "ProfileMeasurements":

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from plnerf.line.base import Base
 from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
@@ -24,6 +24,9 @@ from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import Projection, project_wire
+
+Stretches = tuple[tuple[float, float], ...]
+"""From where to where along a wire, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,11 @@ def refine_wires(
             break
     report(config.most_rounds, config.most_rounds)
     step = replace(step, state=state)
-    judged = [_judged(wire, prior, step, w, found, s, config) for w, wire in enumerate(started)]
+    seen = [_seen(step, w, base.length_m, config) for w in range(W)]
+    sure = adjust(base, state, prior, _on(seen, found), config.adjust)
+    judged = [
+        _judged(wire, prior, (step, sure), w, found, seen[w], s, config) for w, wire in enumerate(started)
+    ]
     shown = []
     for w, wire in enumerate(judged):
         count = sum(len(row[w]) for row in found)
@@ -152,13 +159,19 @@ def _of_image(
 def _judged(
     wire: Wire,
     prior: Prior,
-    step: Step,
+    steps: tuple[Step, Step],
     w: int,
     found: Sequence[Sequence[ProfileMeasurements]],
+    seen: Stretches,
     s: Float[np.ndarray, " k"],
     config: RefineConfig,
 ) -> Wire:
-    """The refitted wire if it is to be believed, else the wire as it was and why."""
+    """The refitted wire if it is to be believed, else the wire as it was and why.
+
+    steps: by all measurements, and by those on what enough images show.  What lies beside a wire that is
+    hardly seen pulls at the others: they help to find it, and do not make it certain.
+    """
+    step, sure = steps
     rows = [row[w] for row in found]
     views, count = sum(len(row) > 0 for row in rows), sum(len(row) for row in rows)
     off, theta = step.off_px[w], step.state.theta[w]
@@ -178,7 +191,6 @@ def _judged(
         refused = f"{near:.0%} of its measurements lie within a pixel of it"
     elif moved > config.most_moved * trust:
         refused = f"it moved {moved / trust:.1f} times as far as its detection may be off"
-    seen = _seen(step, w, base.length_m, config)
     evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
     if refused is not None:
         # A detection states its least certain point: that stands for all of them, and for the bow.
@@ -190,10 +202,8 @@ def _judged(
     off_px = float(np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()))
     common = off_px / step.pixels_per_m
     by_yz = np.concatenate([row.by_yz for row in rows])
-    covariance = own + _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
-    share = max(sum(high - low for low, high in seen) / base.length_m, config.least_visible)
-    if share < config.little_seen:
-        covariance = covariance * (config.little_seen / share) ** 2
+    systematic = _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
+    covariance = sure.of_wire(w) + systematic
     return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
 
 
@@ -218,7 +228,23 @@ def _systematic(
     return systematic
 
 
-def _seen(step: Step, w: int, length_m: float, config: RefineConfig) -> tuple[tuple[float, float], ...]:
+def _on(
+    seen: Sequence[Stretches], found: Sequence[Sequence[ProfileMeasurements]]
+) -> list[list[ProfileMeasurements]]:
+    """Of every image, the measurements of each wire on the stretches that are seen of it."""
+
+    def within(s: Float[np.ndarray, " k"], some: Stretches) -> Bool[np.ndarray, " k"]:
+        inside = np.zeros(len(s), np.bool_)
+        for low, high in some:
+            inside |= (s >= low) & (s <= high)
+        return inside
+
+    return [
+        [one.only(within(one.s, some)) for one, some in zip(row, seen, strict=True)] for row in found
+    ]
+
+
+def _seen(step: Step, w: int, length_m: float, config: RefineConfig) -> Stretches:
     """Stretches of a wire on which enough images show it near to its curve."""
     count = max(1, round(length_m / config.piece_m))
     near = np.abs(step.off_px[w]) <= config.near_px
