@@ -224,6 +224,10 @@ def test_a_piece_of_a_wire_about_a_single_structure_is_held_by_none() -> None:
     ((_, last),) = supports.chains
     there = (np.repeat(last.at[0][:1], 3, 0), last.at[1])
     same = replace(supports, chains=((replace(last, at=there[::-1]), last),))
+    for apart_m in (0.0, 1e-15, 1e-9):
+        a_little = replace(last, at=(there[0] + np.array([apart_m, 0.0]), last.at[1]))
+        both = replace(supports, chains=((replace(last, at=there[::-1]), a_little),))
+        assert all(wire.base.length_m > 1.0 for wire in wires_of(trimmed(chains, both)))
     hung = wires_of(hung_between(chains, extents, same))
     assert all(isinstance(end, Open) for wire in hung for end in wire.ends)
     assert all(np.isfinite(wire.points(np.array([0.0, 1.0]))).all() for wire in hung)

@@ -28,7 +28,7 @@ def trimmed(chains: Sequence[Chain], supports: Supports) -> tuple[Chain, ...]:
     def cut(wire: Wire, first: Hold, last: Hold) -> Wire:
         low = 0.0 if first is None else max(0.0, float(first[0]))
         high = wire.base.length_m if last is None else min(wire.base.length_m, float(last[0]))
-        return wire.between(low, high) if high > low else wire
+        return wire.between(low, high) if high - low >= LEAST_M else wire
 
     return tuple(
         tuple(
