@@ -45,8 +45,13 @@ class EndSweepConfig:
     """Mean over a patch of what exceeds that, for a wire to be held there."""
     distinct: float = 2.0
     """How many times that must be what it is at most elsewhere."""
-    string_m: float = 0.65
+    beside_m: float = 0.65
     """Elsewhere is so far along the line: strings and their fittings are seen beside an arm."""
+    string_share: float = 0.8
+    """Greatest length of a tension string as a share of the least distance between phases: such a string's
+    end may be what is seen, and the structure as far beyond it."""
+    longest_string_m: float = 5.0
+    """The same of any line."""
     agree_m: float = 0.25
     """So near to each other along the line must wires be held."""
     apart_m: float = 0.7

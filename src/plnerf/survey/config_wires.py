@@ -265,7 +265,8 @@ class SupportConfig:
     by_field_m: float = 0.15
     """The same of one that the field shows."""
     by_sweep_m: float = 0.15
-    """The same of one on which single photos agree: pins may stand so far before the pole."""
+    """The same of one on which single photos agree, beside what a tension string's length adds: pins may
+    stand so far before the pole."""
     by_body_m: float = 0.3
     """The same of a body, which kinks are compared with: by itself it makes no attachment."""
     by_tee_m: float = 1.5

@@ -194,7 +194,7 @@ def _peak(t: Float[np.ndarray, " m"], score: Float[np.ndarray, " m"], config: En
     """Where the score is highest, weighed with its neighbours; None where that stands out little."""
     score = np.nan_to_num(score)
     away = np.abs(t - t[score.argmax()])
-    elsewhere = score[away > config.string_m].max(initial=0.0)
+    elsewhere = score[away > config.beside_m].max(initial=0.0)
     if score.max() < max(config.least_score, config.distinct * elsewhere):
         return None
     near = away <= 1.5 * config.step_m

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from plnerf.line.base import Base
+from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.attachments import held_at
@@ -187,8 +188,17 @@ def _shown(
     if around.photos is not None and (held is None or held.agreeing < config.least_wires):
         one = held_across(around.junction, around.photos, middle - reach, middle + reach, config.sweep)
         if one is not None and one.wires >= least:
-            return _Shown(one.x_m, config.by_sweep_m, "what holds the wires, seen in single photos", True)
+            sigma = float(np.hypot(config.by_sweep_m, _string_m(around, one.x_m, config) / TWO_SIDED_95))
+            return _Shown(one.x_m, sigma, "what holds the wires, seen in single photos", True)
     return None if body is None else _Shown(body, config.by_body_m, "its body alone", False)
+
+
+def _string_m(around: _Around, t: float, config: SupportConfig) -> float:
+    """How long tension strings may be: their ends, seen across the line, look like what holds the wires."""
+    at = np.array([[np.interp(t, line[:, 0], line[:, k]) for k in (1, 2)] for line in around.lines])
+    apart = np.linalg.norm(at[:, None] - at, axis=2)
+    least = float(apart[apart >= config.sweep.apart_m].min(initial=np.inf))
+    return min(config.sweep.string_share * least, config.sweep.longest_string_m)
 
 
 def _places(
