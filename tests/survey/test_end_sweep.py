@@ -169,4 +169,4 @@ def test_a_structure_that_stereo_misses_is_seen_in_single_photos() -> None:
 @pytest.mark.parametrize("wrong", [{"step_m": 0.0}, {"photos": 1}, {"height_m": (1.0, 0.0)}])
 def test_settings_that_make_no_sense_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match="A sweep"):
-        EndSweepConfig(**wrong)  # type: ignore[arg-type]
+        EndSweepConfig(**wrong)  # type: ignore[arg-type]  # of several types

@@ -25,13 +25,15 @@ _WIDTH = 2 / math.sqrt(12)  # of a cone that a pixel is wide
 @triton.jit
 @no_type_check
 def _number(of, at, there):
-    """Of a ray's camera or pixel; not a number where there is no such camera, so that it does not pass."""
+    """One number of a ray's camera or pixel; NaN where there is no such camera."""
     return tl.load(of + at, mask=there, other=float("nan")).to(tl.float64)
 
 
 @triton.jit
 @no_type_check
-def _undistort(dx, dy, k1, k2, p1, p2, k3, ITERATIONS: tl.constexpr, LONGEST_STEP: tl.constexpr):  # noqa: PLR0913
+def _undistort(  # noqa: PLR0913 (a point and its lens, number by number)
+    dx, dy, k1, k2, p1, p2, k3, ITERATIONS: tl.constexpr, LONGEST_STEP: tl.constexpr
+):
     """`lens.undistort_plane`: where on the plane z = 1 lies what is seen at (dx, dy)."""
     x0, y0, step_x, step_y = dx * 0, dy * 0, dx, dy
     error = dx * dx + dy * dy

@@ -1,4 +1,5 @@
-"""How upright planes are swept along a line for what holds its wires.  Without NumPy."""
+"""Settings of the search for structures in single photos.  Without NumPy: the command line shows them at
+once."""
 
 from dataclasses import dataclass
 
@@ -7,12 +8,12 @@ from plnerf.errors import ConfigError
 
 @dataclass(frozen=True)
 class EndSweepConfig:
-    """What photos must agree on for a structure to stand in a plane across the line."""
+    """When photos show that a structure stands in an upright plane across the line."""
 
     photos: int = 16
     """At most so many are compared, the nearest."""
     least_px_per_m: float = 10.0
-    """What is further shows an arm by two pixels or fewer."""
+    """Photos taken from farther away show an arm two pixels wide or less."""
     most_off_deg: float = 65.0
     """Angle between a photo's ray and the line: from aside, one sees along the planes."""
     aside_m: float = 0.6
@@ -40,11 +41,11 @@ class EndSweepConfig:
     """Correlation that chance and smooth backgrounds reach, at least; the median along the line is taken for
     it where that is more."""
     above_usual: float = 0.2
-    """By how much more of it something begins to show."""
+    """A correlation that exceeds it by less counts for nothing."""
     least_score: float = 0.001
-    """Mean over a patch of what exceeds that, for a wire to be held there."""
+    """Least score of a plane in which a wire is held: the mean over the patch of what exceeds that."""
     distinct: float = 2.0
-    """How many times that must be what it is at most elsewhere."""
+    """It must be so many times the greatest elsewhere."""
     beside_m: float = 0.65
     """Elsewhere is so far along the line: strings and their fittings are seen beside an arm."""
     string_share: float = 0.8

@@ -31,7 +31,7 @@ UP = np.array([0.0, 0.0, 1.0])
 NODES_M = 0.25
 """Distance of the places that are projected; those between are interpolated."""
 MOST_CHANNELS = 128
-"""Of an image in OpenCV."""
+"""An image in OpenCV 5 has no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class _Patches:
     variance: Float32[np.ndarray, "a b m"]
     inside: Bool[np.ndarray, "a b m"]
     moves: Float[np.ndarray, "2"]
-    """By how many metres in y and z its picture of a plane moves with one metre of t."""
+    """How far in y and z, in metres, its picture of a plane shifts when the plane moves by a metre."""
 
 
 def held_across(
@@ -59,7 +59,7 @@ def held_across(
     wires = [wire for side in junction.sides for wire in side if _passes(wire, junction.axis, t)]
     if not wires:
         return None
-    every = zip(wires, scores(wires, junction.axis, photos, t, config), strict=True)
+    every = zip(wires, _scores(wires, junction.axis, photos, t, config), strict=True)
     peaks = [(wire, peak) for wire, score in every if (peak := _peak(t, score, config)) is not None]
     best: Hangers | None = None
     for _, here in peaks:
@@ -71,7 +71,7 @@ def held_across(
     return best
 
 
-def scores(
+def _scores(
     wires: Sequence[Wire], axis: Base, photos: Photos, t: Float[np.ndarray, " m"], config: EndSweepConfig
 ) -> Float[np.ndarray, "w m"]:
     """Of each wire, by how much photos agree more on each plane than usual; NaN where too few show it."""
