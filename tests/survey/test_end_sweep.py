@@ -13,12 +13,13 @@ from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
 from plnerf.line.wire import Wire
-from plnerf.survey.attachments import Hangers
 from plnerf.survey.chains import find_chains, junctions
 from plnerf.survey.config_end_sweep import EndSweepConfig
 from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import SupportConfig
 from plnerf.survey.end_sweep import held_across
+from plnerf.survey.held_places import Stands, held_places
+from plnerf.survey.kinks import Held
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.span_wires import Junction
 from plnerf.survey.stereo.stereo_views import View, view_of
@@ -106,42 +107,41 @@ def last_junction(lines: Sequence[Wire]) -> Junction:
     return junctions(chain, ChainConfig())[-1]
 
 
-def found(photos: Photos, lines: Sequence[Wire]) -> Hangers:
-    """Where most wires are held; of a single one something may be seen by chance."""
-    none = Hangers(np.nan, 0)
-    return held_across(last_junction(lines), photos, -6.0, 6.0, CONFIG) or none
+def found(photos: Photos, lines: Sequence[Wire]) -> tuple[float, int]:
+    """Where most wires are held, and how many; of a single one something may be seen by chance."""
+    return held_across(last_junction(lines), photos, -6.0, 6.0, CONFIG) or (np.nan, 0)
 
 
 @pytest.mark.parametrize("t", [-1.25, 0.4, 2.9])
 def test_what_holds_wires_is_found_where_it_stands(t: float) -> None:
     lines = wires()
     for things in (arm(t), pins(t)):
-        one = found(filmed(things, lines), lines)
-        assert one.x_m == pytest.approx(t, abs=0.1) and one.wires >= 2
+        place, count = found(filmed(things, lines), lines)
+        assert place == pytest.approx(t, abs=0.1) and count >= 2
 
 
 def test_wires_that_go_on_are_held_nowhere() -> None:
     lines = wires()
-    assert found(filmed([], lines), lines).wires < 2
+    assert found(filmed([], lines), lines)[1] < 2
     bundle = wires(apart_m=0.4)
-    assert found(filmed([], bundle), bundle).wires < 2
+    assert found(filmed([], bundle), bundle)[1] < 2
 
 
 def test_what_is_fixed_to_wires_holds_none() -> None:
     """Spacers, dampers, and a ball."""
     lines = wires()
     dampers = [upright(1.0, (y - 0.1, y + 0.1), (-0.15, 0.0), 30.0) for y in (-2.4, 0.0, 2.4)]
-    assert found(filmed(dampers, lines), lines).wires < 2
-    assert found(filmed([upright(1.0, (-0.3, 0.3), (-0.3, 0.3), 30.0)], lines), lines).wires < 2
+    assert found(filmed(dampers, lines), lines)[1] < 2
+    assert found(filmed([upright(1.0, (-0.3, 0.3), (-0.3, 0.3), 30.0)], lines), lines)[1] < 2
     bundle = wires(apart_m=0.4)
     spacers = [upright(1.0, (-0.4, 0.4), (-0.05, 0.05), 30.0)]
-    assert found(filmed(spacers, bundle), bundle).wires < 2
+    assert found(filmed(spacers, bundle), bundle)[1] < 2
 
 
 def test_few_photos_and_photos_from_aside_show_nothing() -> None:
     lines = wires()
-    assert found(filmed(arm(0.4), lines, count=3), lines).wires < 2
-    assert found(filmed(arm(0.4), lines, along=(38.0, 42.0)), lines).wires < 2
+    assert found(filmed(arm(0.4), lines, count=3), lines)[1] < 2
+    assert found(filmed(arm(0.4), lines, along=(38.0, 42.0)), lines)[1] < 2
 
 
 def test_a_structure_that_stereo_misses_is_seen_in_single_photos() -> None:
@@ -164,6 +164,29 @@ def test_a_structure_that_stereo_misses_is_seen_in_single_photos() -> None:
         scenery_of(shown, None, chains, config), chains, config, ChainConfig()
     ).chains
     assert last.structure is None
+
+
+def test_wires_stand_on_pins_before_the_pole() -> None:
+    """The middle one, before the pole itself, where those beside it on the arm do."""
+    lines, config = wires(), SupportConfig()
+    pole = upright(0.4, (-0.2, 0.2), (-HEIGHT_M, 0.2), 80.0)
+    photos, junction = filmed([pole, *pins(0.15)], lines), last_junction(lines)
+    before, after = held_places(junction, Stands(0.4, 0.05, 0.0), None, photos, config)
+    assert not len(after) and before[:, 0] == pytest.approx(np.full(3, 0.15), abs=0.1)
+    assert before[:, 1] == pytest.approx(np.hypot(0.05, config.by_pin_m))
+    hung = Stands(0.4, 0.05, 0.0, hung=(True, False, True))
+    (first, middle, last), _ = held_places(junction, hung, None, photos, config)
+    assert tuple(first) == tuple(last) == (0.4, 0.05)  # nothing is asked of what hangs
+    assert tuple(middle) == pytest.approx((0.4, np.hypot(0.05, config.pin_m)))
+
+
+def test_without_photos_wires_that_nothing_hangs_from_may_stand_on_pins() -> None:
+    lines, config = wires(), SupportConfig()
+    places, _ = held_places(last_junction(lines), Stands(0.4, 0.05, 0.0), None, None, config)
+    assert places == pytest.approx(np.tile([0.4, np.hypot(0.05, config.pin_m)], (3, 1)))
+    kinks = Held(0.4, 0.03, {}, 2)
+    places, _ = held_places(last_junction(lines), Stands(0.4, 0.03, 0.0), kinks, None, config)
+    assert places[:, 1] == pytest.approx(np.linalg.norm([0.03, config.kink.arms_m, config.pin_m]))
 
 
 @pytest.mark.parametrize("wrong", [{"step_m": 0.0}, {"photos": 1}, {"height_m": (1.0, 0.0)}])

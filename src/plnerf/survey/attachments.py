@@ -20,8 +20,12 @@ class Hangers:
     """What holds wires at one place of a line."""
 
     x_m: float
-    wires: int
-    """Of how many of them it shows."""
+    held: tuple[bool, ...]
+    """Of which of them it shows."""
+
+    @property
+    def wires(self) -> int:
+        return sum(self.held)
 
 
 def held_at(
@@ -38,8 +42,7 @@ def held_at(
     if not len(every):
         return None
     at = float(np.median(every[_window(every, low, high, config)]))
-    near = [bool((np.abs(x - at) <= config.depth_m / 2).any()) for x in held]
-    return Hangers(at, sum(near))
+    return Hangers(at, tuple(bool((np.abs(x - at) <= config.depth_m / 2).any()) for x in held))
 
 
 def _above(

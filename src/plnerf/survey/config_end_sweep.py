@@ -53,6 +53,10 @@ class EndSweepConfig:
     end may be what is seen, and the structure as far beyond it."""
     longest_string_m: float = 5.0
     """The same of any line."""
+    own_m: float = 0.5
+    """So far from a structure's middle along the line may pins and arms hold a wire."""
+    body_m: float = 0.35
+    """So near to a body's axis samples show the body rather than what holds a wire."""
     agree_m: float = 0.25
     """So near to each other along the line must wires be held."""
     apart_m: float = 0.7

@@ -267,6 +267,10 @@ class SupportConfig:
     by_sweep_m: float = 0.15
     """The same of one on which single photos agree, beside what a tension string's length adds: pins may
     stand so far before the pole."""
+    by_pin_m: float = 0.08
+    """The same of a wire that photos show to stand there, from the structure's own place."""
+    pin_m: float = 0.1
+    """And of a wire that nothing is seen to hold, which may stand on a pin before the pole or behind it."""
     by_body_m: float = 0.3
     """The same of a body, which kinks are compared with: by itself it makes no attachment."""
     by_tee_m: float = 1.5

@@ -21,7 +21,6 @@ from scipy.sparse.csgraph import connected_components
 
 from plnerf.line.base import Base
 from plnerf.line.wire import Wire
-from plnerf.survey.attachments import Hangers
 from plnerf.survey.config_end_sweep import EndSweepConfig
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.span_wires import Junction, crossing
@@ -49,7 +48,7 @@ class _Patches:
 
 def held_across(
     junction: Junction, photos: Photos, low: float, high: float, config: EndSweepConfig
-) -> Hangers | None:
+) -> tuple[float, int] | None:
     """Where between two places of the axis photos agree on what holds wires, and on how many of them, those
     of a bundle counted once; None: nowhere.
 
@@ -61,18 +60,46 @@ def held_across(
         return None
     every = zip(wires, _scores(wires, junction.axis, photos, t, config), strict=True)
     peaks = [(wire, peak) for wire, score in every if (peak := _peak(t, score, config)) is not None]
-    best: Hangers | None = None
+    best: tuple[float, int] | None = None
     for _, here in peaks:
         near = [(wire, peak) for wire, peak in peaks if abs(peak - here) <= config.agree_m]
         middle = float(np.median([peak for _, peak in near]))
         count = _phases([wire for wire, _ in near], junction.axis, middle, config)
-        if best is None or count > best.wires:
-            best = Hangers(middle, count)
+        if best is None or count > best[1]:
+            best = middle, count
     return best
 
 
+def own_places(
+    junction: Junction, photos: Photos, t0: float, body_y: float, config: EndSweepConfig
+) -> tuple[tuple[float | None, ...], ...]:
+    """Of the wires before and after a structure at t0, where each one is held near to it: pins stand before
+    a pole, for one.  None where photos do not show it.
+
+    body_y: of the structure's body, which hides what is before it and is no part of what holds the wires.
+    """
+    reach = config.own_m + config.beside_m + config.step_m
+    t = np.arange(t0 - reach, t0 + reach + config.step_m / 2, config.step_m)
+    found = []
+    for wires in junction.sides:
+        passing = [k for k, wire in enumerate(wires) if _passes(wire, junction.axis, t)]
+        own: list[float | None] = [None] * len(wires)
+        if passing:
+            scores = _scores([wires[k] for k in passing], junction.axis, photos, t, config, body_y)
+            for k, score in zip(passing, scores, strict=True):
+                peak = _peak(t, score, config)
+                own[k] = peak if peak is not None and abs(peak - t0) <= config.own_m else None
+        found.append(tuple(own))
+    return tuple(found)
+
+
 def _scores(
-    wires: Sequence[Wire], axis: Base, photos: Photos, t: Float[np.ndarray, " m"], config: EndSweepConfig
+    wires: Sequence[Wire],
+    axis: Base,
+    photos: Photos,
+    t: Float[np.ndarray, " m"],
+    config: EndSweepConfig,
+    body_y: float | None = None,
 ) -> Float[np.ndarray, "w m"]:
     """Of each wire, by how much photos agree more on each plane than usual; NaN where too few show it."""
     places = [wire.points(crossing(wire, axis, t)) for wire in wires]
@@ -82,7 +109,7 @@ def _scores(
         return np.full((len(wires), len(t)), np.nan)
     pictures = [_picture(photos, i, middle, config) for i in near]
     every = np.array([axis.local(one)[:, 1:] for one in places])
-    return np.array([_score(one, every, axis, pictures, config) for one in places])
+    return np.array([_score(one, every, axis, pictures, config, body_y) for one in places])
 
 
 def _passes(wire: Wire, axis: Base, t: Float[np.ndarray, " m"]) -> bool:
@@ -118,6 +145,7 @@ def _score(
     axis: Base,
     pictures: Sequence[Picture],
     config: EndSweepConfig,
+    body_y: float | None = None,
 ) -> Float[np.ndarray, " m"]:
     """Of the wire that passes the planes at `places`.  every: y and z at which all wires pass them."""
     y = np.arange(-config.aside_m, config.aside_m + config.sample_m / 2, config.sample_m)
@@ -137,6 +165,8 @@ def _score(
     off = every - own  # w m 2
     away = np.hypot(y[:, None] - off[:, None, None, :, 0], z[:, None, None] - off[:, None, None, :, 1])
     enough = (pairs >= config.min_pairs) & (away >= config.clear_m).all(0)
+    if body_y is not None:
+        enough &= np.abs(y[:, None] + own[:, 0] - body_y) >= config.body_m
     alike = np.where(enough, total / np.maximum(pairs, 1), np.nan)
     score = np.full(len(places), np.nan)
     seen = enough.any(2)  # the samples that some plane shows

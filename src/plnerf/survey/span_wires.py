@@ -74,6 +74,15 @@ class Junction:
         return before, after
 
     @property
+    def conductors(self) -> tuple[tuple[int | None, int | None], ...]:
+        """Each one's wires before and after it: the pairs, then those that only one side has."""
+        before, after = (
+            [k for k in range(len(wires)) if all(pair[side] != k for pair in self.pairs)]
+            for side, wires in enumerate(self.sides)
+        )
+        return (*self.pairs, *((k, None) for k in before), *((None, k) for k in after))
+
+    @property
     def ends(self) -> list[tuple[SpanWires, bool]]:
         """The spans that meet or end here, and whether with their last end."""
         both = ((self.before, True), (self.after, False))

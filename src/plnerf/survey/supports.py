@@ -23,6 +23,7 @@ from plnerf.survey.chains import Chain, junctions
 from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import SupportConfig
 from plnerf.survey.end_sweep import held_across
+from plnerf.survey.held_places import Stands, held_places
 from plnerf.survey.kinks import Held, find_kinks, held_by
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.span_wires import Junction, SpanWires, crossing
@@ -62,8 +63,8 @@ class _Shown:
     words: str
     holds: bool
     """Whether what holds the wires is seen, rather than a body below them."""
-    strings: bool = False
-    """Whether it is above the wires."""
+    above: tuple[bool, ...] = ()
+    """Of each of the lines, whether it is seen above it; empty: of none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +153,7 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
             held = None  # a single kink against what is seen to hold the wires
         else:
             words = [f"against {shown.words}, {abs(held.t - shown.t):.1f} m from there"]
+            shown = replace(shown, above=())  # that holds no wire here
     if held is not None:
         words = [f"the kinks of {held.agreeing} wires" if held.agreeing > 1 else "the kink of a wire", *words]
         t0, sigma = held.t, held.sigma
@@ -165,8 +167,9 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
     top = max(stands.top_m, *(float(np.interp(t0, line[:, 0], line[:, 2])) for line in lines))
     foot = axis.place(np.array([t0]), np.array([[stands.y_m, stands.foot_m]]))[0]
     structure = Structure(0, foot, top - stands.foot_m, sigma, ", and ".join(words))
-    strings = shown is not None and shown.strings
-    return Support(junction, structure, _places(junction, t0, sigma, held, config), kinks, strings)
+    above = () if shown is None else shown.above
+    places = held_places(junction, Stands(t0, sigma, stands.y_m, above), held, around.photos, config)
+    return Support(junction, structure, places, kinks, any(above))
 
 
 def _shown(
@@ -184,12 +187,13 @@ def _shown(
     for points, sigma, source in sources:
         one = held_at(points, around.lines, middle - reach, middle + reach, config.attachment)
         if one is not None and one.wires >= least:
-            return _Shown(one.x_m, sigma, f"what holds the wires, seen by {source}", True, True)
+            return _Shown(one.x_m, sigma, f"what holds the wires, seen by {source}", True, one.held)
     if around.photos is not None and (held is None or held.agreeing < config.least_wires):
-        one = held_across(around.junction, around.photos, middle - reach, middle + reach, config.sweep)
-        if one is not None and one.wires >= least:
-            sigma = float(np.hypot(config.by_sweep_m, _string_m(around, one.x_m, config) / TWO_SIDED_95))
-            return _Shown(one.x_m, sigma, "what holds the wires, seen in single photos", True)
+        place = held_across(around.junction, around.photos, middle - reach, middle + reach, config.sweep)
+        if place is not None and place[1] >= least:
+            t, _ = place
+            sigma = float(np.hypot(config.by_sweep_m, _string_m(around, t, config) / TWO_SIDED_95))
+            return _Shown(t, sigma, "what holds the wires, seen in single photos", True)
     return None if body is None else _Shown(body, config.by_body_m, "its body alone", False)
 
 
@@ -201,24 +205,13 @@ def _string_m(around: _Around, t: float, config: SupportConfig) -> float:
     return min(config.sweep.string_share * least, config.sweep.longest_string_m)
 
 
-def _places(
-    junction: Junction, t: float, sigma: float, held: Held | None, config: SupportConfig
-) -> tuple[Float[np.ndarray, "b 2"], Float[np.ndarray, "a 2"]]:
-    """Of each wire on both sides, t of its attachment and its standard deviation."""
-    usual = sigma if held is None else float(np.hypot(sigma, config.kink.arms_m))
-    before, after = (np.tile([t, usual], (len(wires), 1)) for wires in junction.sides)
-    for (i, j), own in ({} if held is None else held.own).items():
-        before[i] = after[j] = own
-    return before, after
-
-
 def _around(scenery: Scenery, junction: Junction, config: SupportConfig) -> _Around:
     t = np.linspace(-config.surroundings_m, config.surroundings_m, config.polyline_places)
     curves = [[_curve(wire, junction.axis, t) for wire in wires] for wires in junction.sides]
-    lines = [np.where((t < junction.meet_m)[:, None], curves[0][i], curves[1][j]) for i, j in junction.pairs]
-    for side, wires in enumerate(curves):
-        paired = {pair[side] for pair in junction.pairs}
-        lines += [line for k, line in enumerate(wires) if k not in paired]
+    lines = []
+    for i, j in junction.conductors:
+        sides = [side[k] for side, k in zip(curves, (i, j), strict=True) if k is not None]
+        lines.append(np.where((t < junction.meet_m)[:, None], sides[0], sides[-1]))
     of_stereo, stereo = _near(scenery.surface.xyz, junction.axis, lines, config)
     field = scenery.field
     shown = None if field is None else _near(field.xyz, junction.axis, lines, config)[1]
