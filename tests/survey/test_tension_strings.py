@@ -17,7 +17,12 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.tension_strings import _end_of_string, with_possible_strings, with_tension_strings
+from plnerf.survey.tension_strings import (
+    _end_of_string,
+    _spread,
+    with_possible_strings,
+    with_tension_strings,
+)
 
 CONFIG = TensionStringConfig()
 THICK_M, STRING_M = 0.03, 0.2
@@ -130,6 +135,17 @@ def test_where_images_do_not_show_it_the_interval_holds_a_tension_string() -> No
         assert sag is not None and sag.half_95 > 2 * sag.value / 30 * longest
 
 
+def test_the_places_of_one_wire_in_one_image_count_once() -> None:
+    """A tower's edge behind it is beside all of them."""
+    random = np.random.default_rng(0)
+    rows = np.exp(random.normal(0.0, 0.5, (400, 1)))
+    at_places = np.repeat(rows, 8, 1) * np.exp(random.normal(0.0, 0.01, (400, 8)))
+    of_median = np.sqrt(np.pi / 2) * 0.5
+    assert _spread(at_places) == pytest.approx(of_median / 20, rel=0.15)
+    few = np.concatenate([at_places[:25], np.full((3, 8), np.nan)])  # images that do not show it
+    assert _spread(few) == pytest.approx(of_median / 5, rel=0.4)
+
+
 def test_shields_and_suspension_structures_have_none() -> None:
     photos = filmed(0.9)
     for line in (line_with("suspension"), line_with(of="shield")):
@@ -166,4 +182,4 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
     with pytest.raises(ConfigError, match="rising"):
         TensionStringConfig(core_m=0.1)
     with pytest.raises(ConfigError, match="bare_ratio"):
-        TensionStringConfig(bare_ratio=2.0)
+        TensionStringConfig(bare_ratio=2.5)

@@ -132,10 +132,13 @@ class TensionStringConfig:
     """The wire is compared with itself over so much beyond the longest string."""
     min_samples: int = 40
     """Places, of all images and conductors, that each of both must have."""
-    string_ratio: float = 1.5
+    string_ratio: float = 2.0
     """From this ratio of q there and beyond on, strings hold the wires."""
     bare_ratio: float = 1.25
     """Up to this ratio the wire goes on up to the structure."""
+    sigmas: float = 2.0
+    """And by so many standard deviations it must exceed `bare_ratio`: of a few images, some show a tower's
+    edge behind a wire."""
     string_q: float = 0.4
     """Least q of strings, whatever it is beyond: of a wire that stands out well there it is less."""
     bare_q: float = 0.3

@@ -30,6 +30,11 @@ _End = tuple[Wire, int]
 """A wire, and which of its ends."""
 
 
+MEDIAN_OF_NORMAL = 1.858
+"""Standard deviation of the median of n normal variables, times sqrt(n), over their median deviation:
+sqrt(pi / 2) / 0.6745."""
+
+
 @dataclass(frozen=True)
 class Strings:
     """What images show of a structure's tension strings."""
@@ -134,13 +139,11 @@ def longest_string_m(spans: Sequence[Span], ends: Sequence[_End], config: Tensio
     arms strings as long hang at other structures."""
     least = config.longest_m / config.spacing_share
     for span in spans:
-        places = np.array(
-            [
-                wire.points(np.array([0.0, wire.base.length_m]))[k]
-                for wire, k in ends
-                if any(one is wire for one in span.wires)
-            ]
-        ).reshape(-1, 3)
+        places = np.array([
+            wire.points(np.array([0.0, wire.base.length_m]))[k]
+            for wire, k in ends
+            if any(one is wire for one in span.wires)
+        ]).reshape(-1, 3)
         apart = np.linalg.norm(places[:, None] - places, axis=2)
         apart = apart[apart > config.bundle_m]
         least = min(least, float(apart.min(initial=least)))
@@ -176,10 +179,20 @@ def shown_strings(
     ratio = here / float(np.nanmedian(every[:, beyond]))
     if ratio <= config.bare_ratio:
         return Strings(0.0, longest_m)
-    if ratio < config.string_ratio or here < config.string_q:
+    sure = np.log(ratio) - config.sigmas * np.hypot(_spread(every[:, inside]), _spread(every[:, beyond]))
+    if ratio < config.string_ratio or here < config.string_q or sure < np.log(config.bare_ratio):
         return Strings(None, longest_m)
     good = samples >= config.min_samples / inside.sum()
     return Strings(_end_of_string(at[good], np.nanmedian(every[:, good], 0), longest_m, config), longest_m)
+
+
+def _spread(q: Float[np.ndarray, "r k"]) -> float:
+    """Standard deviation of the logarithm of the median of q, by how rows differ: the places of one
+    conductor in one image see the same background, and count once."""
+    rows = q[np.isfinite(q).any(1)]
+    x = np.log(np.maximum(np.nanmedian(rows, 1), 1e-6))
+    off = float(np.median(np.abs(x - np.median(x))))
+    return MEDIAN_OF_NORMAL * off / float(np.sqrt(len(x)))
 
 
 def _end_of_string(
