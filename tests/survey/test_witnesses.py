@@ -60,6 +60,13 @@ def test_images_see_a_thing_or_past_it() -> None:
     assert counts([top, floating, hidden, floor], sights) == [(5, 0), (0, 5), (0, 0), (5, 0)]
 
 
+def test_images_from_about_one_direction_make_the_same_mistakes() -> None:
+    """Three that are next to each other count as one, until another sees it from elsewhere."""
+    near = [sight(above(x), box=TREE) for x in (1.0, 2.0, 3.0)]
+    assert counts([[2, 1, 6]], near) == [(1, 0)]
+    assert counts([[2, 1, 6]], [*near, sight(above(8.0), box=TREE)]) == [(4, 0)]
+
+
 def test_silent_images_and_those_that_look_elsewhere_are_no_witnesses() -> None:
     view = above(0.0)
     silent = Sight.of(view, DepthMap(np.full((TALL, WIDE), np.nan), np.full((TALL, WIDE), np.nan)))

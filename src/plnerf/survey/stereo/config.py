@@ -127,6 +127,8 @@ class WitnessConfig:
     min_share: float = 0.1
     """Share of the window's depths that must lie at the point for it to be seen; to be seen past, as many at
     most may lie elsewhere than behind it."""
+    least_deg: float = 8.0
+    """Images whose directions differ by less make the same mistakes and count as one."""
 
     def __post_init__(self) -> None:
         if self.window_cells < 0 or not self.sigmas > 0 or self.alike < 1:

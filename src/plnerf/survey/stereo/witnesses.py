@@ -1,8 +1,9 @@
 """How many images see a thing where a point is, and how many see past it.
 
 A wrong match puts points into the air that a few images agree on, since both images of a pair make the same
-mistake.  All other images whose depth maps reach that place see what lies behind it, which no plant there
-would let them see.  (P. Merrell et al., "Real-time visibility-based fusion of depth maps", ICCV 2007.)
+mistake, and those taken beside them.  All other images whose depth maps reach that place see what lies behind
+it, which no plant there would let them see.  (P. Merrell et al., "Real-time visibility-based fusion of depth
+maps", ICCV 2007.)
 
 Letters: n points, k cells of a window.  LineFrame.
 """
@@ -89,16 +90,26 @@ def witnesses(
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Numbers of images that see a thing at each point, and that see past it.
 
-    An image whose window around the point has few depths, or shows something before it, is neither.
+    An image whose window around the point has few depths, or shows something before it, is neither.  Images
+    that all see it from about the same direction count as one.
     """
     parts = [slice(first, first + CHUNK) for first in range(0, len(points), CHUNK)]
 
     def counted(part: slice) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
         seen, past = (np.zeros(len(points[part]), np.int64) for _ in range(2))
+        first, cosine = np.zeros((len(seen), 3)), np.ones(len(seen))  # of the angle to the farthest from it
         for sight in sights:
             index, at, beyond = judged(points[part], sigma_m[part], sight, config)
-            seen[index[at]] += 1
+            here = index[at]
+            ray = points[part][here] - sight.view.centre
+            ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+            new = seen[here] == 0
+            first[here[new]] = ray[new]
+            cosine[here] = np.minimum(cosine[here], (first[here] * ray).sum(1))
+            seen[here] += 1
             past[index[beyond]] += 1
+        alone = (seen > 1) & (cosine > np.cos(np.radians(config.least_deg)))
+        seen[alone] = 1
         return seen, past
 
     with ThreadPoolExecutor(usable_cores()) as pool:
