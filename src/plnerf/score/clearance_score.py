@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import CloughTocher2DInterpolator
 
 from plnerf.line.clearances import Place, WireClearance
@@ -16,13 +17,17 @@ from plnerf.score.config import WireScoreConfig
 from plnerf.score.truth import TruePlant, Truth
 from plnerf.score.wire_matches import Match, common_stretch
 
+BESIDE_M = 1.0
+"""So far beside a plant's crown, in plan, points are taken for it."""
 RULES = {
     "ground": "the least height of the wire above the ground straight below it; of the true wire over the "
     "stretch that it shares with the conductor, above a smooth surface through the truth's points of the "
     "ground (piecewise cubic: Clough and Tocher)",
     "vegetation": "the least distance in space from any wire's axis to a plant; the truth's is that to the "
     "leaves of the plants whose clearance truth.json states and that stand between the ends of a conductor, "
-    "with half the wire's diameter added; compared where the survey has the wire that is nearest to one",
+    "with half the wire's diameter added; compared where the survey has the wire that is nearest to one; "
+    "plants that too few images have in their frames, as truth.json states, count only where the survey "
+    "finds them",
     "off_along": "how far apart along the line the two places are, horizontally",
     "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations",
 }
@@ -145,7 +150,10 @@ def _vegetation(
     the survey must have."""
     stated = [place for one in clearances if (place := one.least("vegetation")) is not None]
     found = min(stated, key=lambda place: place.distance_m, default=None)
-    plants = [plant for plant in truth.plants if _beside(plant, wires)]
+    every = [plant for plant in truth.plants if _beside(plant, wires)]
+    plants = [
+        one for one in every if one.observable or (found is not None and _is_at(one, found.on_obstacle))
+    ]
     if not plants or truth.houses or found is None:
         why = (
             f"the truth has {truth.houses} houses, which surveys do not distinguish from plants"
@@ -153,14 +161,22 @@ def _vegetation(
             else "the truth has none"
             if not truth.plants
             else "the truth has none between the conductors' ends"
+            if not every
+            else "too few images have one of the truth's in their frames"
             if not plants
             else "the survey states no distance to any"
         )
         notes.append(f"Distances to plants are not compared: {why}.")
         return None
     radius = {wire.name: (wire.diameter_m or 0.0) / 2 for wire in truth.wires}
-    axis_m = {plant: plant.clearance_m + radius.get(plant.wire, 0.0) for plant in plants}
-    nearest = min(axis_m, key=axis_m.__getitem__)
+    axis_m = {plant: plant.clearance_m + radius.get(plant.wire, 0.0) for plant in every}
+    nearest = min(plants, key=axis_m.__getitem__)
+    nearer = sorted(axis_m[plant] for plant in every if axis_m[plant] < axis_m[nearest])
+    if nearer:
+        notes.append(
+            f"Of the truth's plants {len(nearer)}, the nearest {nearer[0]:.2f} m from a wire, are in the "
+            "frames of too few images: the nearest of the others is compared."
+        )
     if nearest.wire not in {match.wire for match in matches}:
         notes.append(
             f"Distances to plants are not compared: the nearest is {axis_m[nearest]:.2f} m from "
@@ -168,6 +184,11 @@ def _vegetation(
         )
         return None
     return Compared(nearest.wire, found.wire, axis_m[nearest], found.distance_m, found.sigma_m, None)
+
+
+def _is_at(plant: TruePlant, place: Float[np.ndarray, "3"]) -> bool:
+    """Whether a point lies within a plant's crown or a metre beside it, in plan."""
+    return bool(np.linalg.norm(place[:2] - plant.foot[:2]) <= plant.radius_m + BESIDE_M)
 
 
 def _beside(plant: TruePlant, wires: Sequence[Wire]) -> bool:

@@ -39,6 +39,10 @@ class TruePlant:
     """Least distance from its leaves to the surface of a wire."""
     wire: str
     """Name of that wire."""
+    radius_m: float = 0.0
+    observable: bool = True
+    """Whether images show the leaf that is nearest to it well enough to measure; where that is not stated,
+    they do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +80,12 @@ class Truth:
             attachments=None if self.attachments is None else motion(self.attachments),
             ground=None if self.ground is None else motion(self.ground),
             plants=tuple(
-                replace(plant, foot=motion(plant.foot), clearance_m=motion.scale * plant.clearance_m)
+                replace(
+                    plant,
+                    foot=motion(plant.foot),
+                    clearance_m=motion.scale * plant.clearance_m,
+                    radius_m=motion.scale * plant.radius_m,
+                )
                 for plant in self.plants
             ),
         )
@@ -115,6 +124,8 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
                 _points([entry.get("foot")], f"{path}, plant {i}, foot")[0],
                 _number(entry["clearance_m"], f"{path}, plant {i}, clearance_m"),
                 _name(entry, "nearest_conductor", "", f"{path}, plant {i}"),
+                _number(entry.get("radius_m", 0.0), f"{path}, plant {i}, radius_m"),
+                entry.get("observable") is not False,
             )
             for i, entry in enumerate(_objects(data, "vegetation", path), 1)
             if "clearance_m" in entry

@@ -13,9 +13,10 @@ from plnerf.line.curve import vertical_sag
 from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
+from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.hints import hints_of
-from plnerf.synth.seen import OBSERVABLE_RULE, SEEN_RULE
+from plnerf.synth.seen import OBSERVABLE_RULE, PLANTS_RULE, SEEN_RULE, is_observable
 from plnerf.synth.site import Line, Plant, Site, Tower, radius_m
 
 FORMAT_VERSION = 1
@@ -63,6 +64,7 @@ def truth_of(
         "0: sky, or further than 65.535 m",
         "seen_rule": SEEN_RULE,
         "observable_rule": OBSERVABLE_RULE,
+        "plants_rule": PLANTS_RULE,
         "pose_rule": "the images are taken at the poses of transforms.json"
         if not noisy
         else "the images are taken at `poses`, OpenGL camera-to-world as in transforms.json, whose own are "
@@ -76,7 +78,7 @@ def truth_of(
         "houses": [{k: v for k, v in asdict(house).items() if k != "seed"} for house in site.houses],
         "hints": hints_of(site, config.capture),
         "ground": _ground(site),
-        "vegetation": _vegetation(site),
+        "vegetation": _vegetation(site, views, config.capture),
     }
 
 
@@ -159,20 +161,22 @@ def _beside(site: Site, plant: Plant) -> bool:
     return bool(within and route.away_from(foot)[0] < CLEARANCE_ACROSS_M)
 
 
-def _vegetation(site: Site) -> list[dict[str, object]]:
-    """Every plant; near ones with their clearance: the least distance from leaf to conductor surface."""
+def _vegetation(site: Site, views: Sequence[View], capture: CaptureConfig) -> list[dict[str, object]]:
+    """Every plant; near ones with their clearance, the least distance from leaf to conductor surface, and
+    whether images show that leaf."""
     axes = [wire.polyline(AXIS_STEP_M) for wire in site.wires]
     radii = np.repeat([radius_m(wire) for wire in site.wires], [len(axis) for axis in axes])
     owners = np.cumsum([len(axis) for axis in axes])
     tree = cKDTree(np.concatenate(axes))
     coarse = cKDTree(np.concatenate([axis[np.r_[0 : len(axis) : COARSE, len(axis) - 1]] for axis in axes]))
 
-    def nearest_to(leaves: Float[np.ndarray, "n 3"]) -> tuple[float, int]:
-        """Least distance from a leaf to an axis, and the index of the axis's point."""
+    def nearest_to(leaves: Float[np.ndarray, "n 3"]) -> tuple[float, int, Float[np.ndarray, "3"]]:
+        """Least distance from a leaf to an axis, the index of the axis's point, and the leaf."""
         about = coarse.query(leaves)[0]  # at most half a coarse step too far
-        distance, nearest = tree.query(leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01])
+        leaves = leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01]
+        distance, nearest = tree.query(leaves)
         best = int(np.argmin(distance))
-        return float(distance[best]), int(nearest[best])
+        return float(distance[best]), int(nearest[best]), leaves[best]
 
     def entry(plant: Plant) -> dict[str, object]:
         found: dict[str, object] = {
@@ -182,10 +186,12 @@ def _vegetation(site: Site) -> list[dict[str, object]]:
             "height_m": plant.height_m,
         }
         if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M or _beside(site, plant):
-            distance, nearest = nearest_to(plant_meshes(plant)[1].vertices)
+            distance, nearest, leaf = nearest_to(plant_meshes(plant)[1].vertices)
             owner = int(np.searchsorted(owners, nearest, side="right"))
             found["clearance_m"] = round(distance - float(radii[nearest]), 4)
             found["nearest_conductor"] = site.wires[owner].name
+            if views:
+                found["observable"] = is_observable(leaf, views, capture)
         return found
 
     return [entry(plant) for plant in site.plants]
