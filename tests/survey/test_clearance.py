@@ -329,14 +329,15 @@ def test_an_empty_cloud_gives_no_places() -> None:
 
 def test_points_that_are_known_to_metres_only_are_no_obstacles() -> None:
     """Of such points the nearest would always be a wrong one; all that are left out are reported."""
-    places = np.array([[50.0, 0.0, 12.5], [50.0, 1.0, 15.6], [50.0, 0.0, 0.0], [49.0, 0.0, 15.0]])
-    labels = np.array([5, 5, 2, 2], np.uint8)
-    sigma = np.array([0.2, 3.0, 0.5, 1.5])
-    survey = replace(survey_of({5: places}), cloud=Cloud(places, labels, np.zeros(4, np.int64), None, sigma))
+    crown = [[50.0, 0.0, 12.5], [49.6, 0.5, 11.8], [50.0, -0.5, 11.8]]
+    places = np.array([*crown, [50.0, 1.0, 15.6], [50.0, 0.0, 0.0], [49.0, 0.0, 15.0]])
+    labels = np.array([5, 5, 5, 5, 2, 2], np.uint8)
+    sigma = np.array([0.2, 0.2, 0.2, 3.0, 0.5, 1.5])
+    survey = replace(survey_of({5: places}), cloud=Cloud(places, labels, np.zeros(6, np.int64), None, sigma))
     plant, ground = (first(survey).least(group) for group in ("vegetation", "ground"))
     assert plant is not None and plant.distance_m == pytest.approx(3.5, abs=1e-3)
     assert ground is not None and ground.distance_m == pytest.approx(16, abs=1e-3)
-    assert any("2 of 4 points are no obstacles" in finding.what for finding in said(survey))
+    assert any("2 of 6 points are no obstacles" in finding.what for finding in said(survey))
     plant = first(replace(survey, cloud=replace(survey.cloud, sigma_m=None))).least("vegetation")
     assert plant is not None and plant.distance_m < 1.1
 

@@ -8,12 +8,13 @@ from tests.support.catenary_surveys import fitted
 from tests.survey.test_clearance import WIRE, survey_of
 
 from plnerf.errors import ConfigError
-from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NOISE, NOT_JUDGED
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NOISE, NOT_JUDGED, Cloud
 from plnerf.line.ends import Open
 from plnerf.line.survey import Survey
 from plnerf.survey.clearance import measure_clearances
-from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig, ObstacleConfig
+from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig, FloatingConfig, ObstacleConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
+from plnerf.survey.floating import floats
 from plnerf.survey.possible import POSSIBLE
 from plnerf.survey.stereo.config import WitnessConfig
 from plnerf.survey.stereo.depth import DepthMap
@@ -77,6 +78,32 @@ def test_uncertain_points_are_seen_at_greater_distances() -> None:
     """3 m above the floor: past it where the point is exact, at it where it may be 2 m off."""
     one = [sight(above(0.0))]
     assert counts([[0, 0, 3]], one, 0.05) == [(0, 1)] and counts([[0, 0, 3]], one, 2.0) == [(1, 0)]
+
+
+def clump(at: tuple[float, float, float], size_m: float, random: np.random.Generator) -> np.ndarray:
+    return np.array(at) + random.uniform(-size_m / 2, size_m / 2, (60, 3))
+
+
+def test_what_is_thin_and_in_the_air_is_no_plant() -> None:
+    """What is on the ground, is a crown, or hangs together with one is."""
+    random = np.random.default_rng(0)
+    floor = np.column_stack([random.uniform(-20, 20, (4000, 2)), np.zeros(4000)])
+    plants = [
+        clump((0, 0, 5), 0.35, random), clump((8, 0, 5), 2.5, random), clump((8, 0, 6.7), 0.35, random),
+        clump((-8, 0, 1), 0.35, random),
+    ]  # fmt: skip
+    wire = np.linspace([-8, -8, 9], [-4, -6, 9.2], 60) + random.normal(0, 0.05, (60, 3))
+    plants.append(wire)
+    xyz = np.concatenate([floor, *plants])
+    label = np.repeat([GROUND, HIGH_VEGETATION], [len(floor), 300]).astype(np.uint8)
+    cloud = Cloud(xyz, label, np.zeros(len(xyz), np.int64))
+    found = floats(cloud, np.arange(len(floor), len(xyz)), FloatingConfig()).reshape(5, 60)
+    assert found.all(1).tolist() == [True, False, False, False, True] and not found[1:4].any()
+    assert not floats(cloud, np.arange(0), FloatingConfig()).any()
+    only = Cloud(xyz[-300:], label[-300:], np.zeros(300, np.int64))
+    assert not floats(only, np.arange(300), FloatingConfig()).any()  # how high they are is not known
+    with pytest.raises(ConfigError, match="cell_m"):
+        FloatingConfig(cell_m=0.0)
 
 
 def judged(seen: list[int], past: list[int], distances: list[float]) -> Survey:

@@ -107,6 +107,26 @@ class GroundSectionConfig:
 
 
 @dataclass(frozen=True)
+class FloatingConfig:
+    """What is too thin to be a plant in the air."""
+
+    gap_m: float = 1.0
+    """Points that are nearer to each other hang together."""
+    cell_m: float = 0.25
+    """Of the points in a cell of this side, their middle stands for all."""
+    above_ground_m: float = 1.5
+    """A clump whose lowest point is higher stands on nothing that is seen."""
+    thin_m: float = 0.33
+    """Such a clump all of which lies so near to a straight line is a possible obstacle only."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell_m < self.gap_m:
+            raise ConfigError(
+                f"What floats needs 0 < cell_m < gap_m, but got {self.cell_m} and {self.gap_m}."
+            )
+
+
+@dataclass(frozen=True)
 class ObstacleConfig:
     """Which points of a cloud count as obstacles."""
 
@@ -126,6 +146,7 @@ class ObstacleConfig:
     min_seen: int = 3
     """Images that must see a thing where a point of a cloud from images is, and more than see past it: two
     images of a pair make the same mistake.  Other points are possible obstacles, listed apart."""
+    floating: FloatingConfig = field(default_factory=FloatingConfig)
     max_possible: int = 8
     """Possible obstacles that are listed, the nearest to a wire first."""
 

@@ -32,6 +32,7 @@ from plnerf.line.polylines import onto_segments
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ObstacleConfig
+from plnerf.survey.floating import floats
 
 WATER, RAIL, ROAD = 9, 10, 11
 OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)
@@ -67,9 +68,9 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         f"{config.plant_support_m:g} m of a structure's foot or a wire's end on it, and what lies beyond the "
         "ends of a wire rather than beside it, which may be a structure that is not seen, but not where the "
         "line goes on in another span; in clouds from images also what fewer than "
-        f"{config.min_seen} images see, or no more than see past it, and vegetation within "
-        f"{config.plant_support_m:g} m of where a wire with an open end is seen last: both are listed as "
-        "possible",
+        f"{config.min_seen} images see, or no more than see past it, vegetation within "
+        f"{config.plant_support_m:g} m of where a wire with an open end is seen last, and vegetation in the "
+        f"air within {config.floating.thin_m:g} m of a straight line: all of it is listed as possible",
     }
 
 
@@ -98,7 +99,8 @@ def obstacles(
 ) -> dict[Group, Int[np.ndarray, " _"]]:
     """Indices of the points that count, by group; `rules` describes them in words.
 
-    possible: in their place those that only too few images see, and plants at open ends of wires.
+    possible: in their place those that only too few images see, plants at open ends of wires, and what is
+    too thin to be a plant in the air.
     """
     cloud, all_wires = survey.cloud, survey.wires
     held, loose = _ends(survey)
@@ -116,6 +118,7 @@ def obstacles(
             of_structure = _within(_tree(held), cloud.xyz[:, :2], index, config.plant_support_m)
             index, sure = index[~of_structure], sure[~of_structure]
             sure &= ~at_open_end(survey, index, config)
+            sure[sure] = ~floats(cloud, index[sure], config.floating)
         if group in {"structures", "other"}:
             of_structure = _within(every, cloud.xyz[:, :2], index, config.support_m)
             index, sure = index[~of_structure], sure[~of_structure]

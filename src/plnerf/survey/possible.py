@@ -14,7 +14,7 @@ from plnerf.findings import Finding, harms
 from plnerf.line.clearances import GROUPS, SIGMAS, Group, Place, Possible, WireClearance
 from plnerf.line.survey import Survey
 from plnerf.survey.config_ground import ClearanceConfig
-from plnerf.survey.obstacles import at_open_end, obstacles
+from plnerf.survey.obstacles import at_open_end, is_shown, obstacles
 
 POSSIBLE = "possible obstacles"
 """Kind of the finding."""
@@ -45,11 +45,12 @@ def find_possible(
             continue
         if all(np.linalg.norm(place.on_obstacle - one.on_obstacle) > config.apart_m for one in kept):
             kept.append(place)
-    found = []
+    found, shown = [], is_shown(cloud, config.obstacles)
     for place in kept[: config.obstacles.max_possible]:
         i = int(np.flatnonzero((cloud.xyz == place.on_obstacle).all(1))[0])
         end = place.to == "vegetation" and bool(at_open_end(survey, np.array([i]), config.obstacles)[0])
-        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i]), end))
+        alone = place.to == "vegetation" and not end and bool(shown[i])
+        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i]), end, alone))
     return tuple(found)
 
 
@@ -71,11 +72,14 @@ def about_possible(found: Sequence[Possible]) -> list[Finding]:
     at = f"{nearest.distance_m:.2f} m from wire {nearest.wire}"
     things = "Something" if len(found) == 1 else f"{len(found)} things"
     near = "" if len(found) == 1 else "the nearest "
-    ends, few = any(one.at_open_end for one in found), any(not one.at_open_end for one in found)
-    why = " or ".join(
-        ["too few images show it, or no more than see past it,"] * few
-        + ["it stands at an open end and may be a structure that was not found"] * ends
-    ).rstrip(",")
+    few = any(not one.at_open_end and not one.floats for one in found)
+    why = ", or ".join(
+        ["too few images show it, or no more than see past it"] * few
+        + ["it stands at an open end and may be a structure that was not found"]
+        * any(one.at_open_end for one in found)
+        + ["it is thin and in the air, and may be a wire that was not found"]
+        * any(one.floats for one in found)
+    )
     what = (
         f"{things} may be nearer to a wire than what counts, {near}{at}. Each has no verdict, because {why}."
     )

@@ -1,0 +1,58 @@
+"""What is thin and in the air, with nothing seen below it: of plants in clouds from images.
+
+A wire that was not found leaves points along it, and blurred ground without texture a handful on which many
+images agree.  Both lie along a straight line, or in one place.  A crown is seen over a metre or more in all
+directions, and mostly down to the ground.
+
+Letters: n points of the cloud, m those that are asked about, c clumps, which hang together.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from plnerf.line.cloud import GROUND, Cloud
+from plnerf.survey.config_ground import FloatingConfig
+
+
+def floats(cloud: Cloud, index: Int[np.ndarray, " m"], config: FloatingConfig) -> Bool[np.ndarray, " m"]:
+    """Which of the indexed points are in clumps of them, without others, that are thin and in the air."""
+    ground = cloud.xyz[cloud.label == GROUND]
+    if not len(index) or not len(ground):
+        return np.zeros(len(index), np.bool_)
+    points = cloud.xyz[index]
+    clump = _clumps(points, config)
+    _, below = cKDTree(ground[:, :2]).query(points[:, :2], workers=-1)
+    count = np.bincount(clump)
+    height, wide = np.full(len(count), np.inf), np.zeros(len(count))
+    np.minimum.at(height, clump, points[:, 2] - ground[below, 2])
+    np.maximum.at(wide, clump, _off_axis(points, clump))
+    thin: Bool[np.ndarray, " c"] = (height > config.above_ground_m) & (wide < config.thin_m)
+    return thin[clump]
+
+
+def _clumps(points: Float[np.ndarray, "m 3"], config: FloatingConfig) -> Int[np.ndarray, " m"]:
+    """Of each point the number of its clump, from 0."""
+    cells = np.floor(points / config.cell_m).astype(np.int64)
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    middles = _means(points, cell.reshape(-1))
+    pairs = cKDTree(middles).query_pairs(config.gap_m, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(middles), len(middles)))
+    clump: Int[np.ndarray, " m"] = connected_components(graph, directed=False)[1][cell.reshape(-1)]
+    return clump
+
+
+def _off_axis(points: Float[np.ndarray, "m 3"], clump: Int[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+    """Distance of each point from the straight line that fits its clump best."""
+    off = points - _means(points, clump)[clump]
+    spread = _means((off[:, :, None] * off[:, None]).reshape(-1, 9), clump).reshape(-1, 3, 3)
+    axis = np.linalg.eigh(spread)[1][:, :, -1][clump]
+    across: Float[np.ndarray, " m"] = np.linalg.norm(off - (off * axis).sum(1, keepdims=True) * axis, axis=1)
+    return across
+
+
+def _means(values: Float[np.ndarray, "m k"], of: Int[np.ndarray, " m"]) -> Float[np.ndarray, "g k"]:
+    """Of each group."""
+    return np.stack([np.bincount(of, x) for x in values.T], 1) / np.bincount(of)[:, None]
