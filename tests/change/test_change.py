@@ -167,7 +167,7 @@ def measured(survey: Survey) -> Survey:
     wires do."""
     known = replace(survey.cloud, sigma_m=np.full(len(survey.cloud.xyz), 0.01))
     config = ClearanceConfig()
-    config = replace(config, sampling=replace(config.sampling, point_m=0.01, share=0.001))
+    config = replace(config, sampling=replace(config.sampling, point_m=0.01, share=0.001, leaves_m=0.001))
     found, _ = measure_clearances(replace(survey, cloud=known), config)
     return replace(survey, clearances=found)
 

@@ -58,7 +58,7 @@ def survey_of(
     return Survey(frame, (line_of([one], structures),), cloud(groups), "test", **more)
 
 
-EXACT = SamplingConfig(point_m=1e-9, share=1e-9, bar_share=1e-9)
+EXACT = SamplingConfig(point_m=1e-9, share=1e-9, bar_share=1e-9, leaves_m=1e-9)
 """Obstacles end at their points."""
 
 

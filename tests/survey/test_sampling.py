@@ -65,7 +65,10 @@ def test_plants_of_images_are_as_uncertain_as_their_points_and_their_spacing() -
     groups = ("vegetation", "ground")
     plant, ground = (end_sigma_m(points, index, middle, CONFIG, group=one, towards=UP) for one in groups)
     assert ground == pytest.approx(0.3)
-    assert plant == pytest.approx(np.hypot(0.3, sigma(xyz, crown=True)))
+    assert plant == pytest.approx(np.linalg.norm([0.3, CONFIG.leaves_m, sigma(xyz, crown=True)]))
+    low = replace(cloud({3: xyz}), sigma_m=np.full(len(xyz), 0.3))
+    bush = end_sigma_m(low, index, middle, CONFIG, group="vegetation", towards=UP)
+    assert bush == pytest.approx(np.hypot(0.3, sigma(xyz, crown=True)))
 
 
 def test_settings_that_measure_nothing_are_refused() -> None:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from jaxtyping import Float, Int
 
-from plnerf.line.cloud import Cloud
+from plnerf.line.cloud import HIGH_VEGETATION, Cloud
 from plnerf.survey.config_ground import SamplingConfig
 
 BALLS = (2.0, math.pi, 4 * math.pi / 3)
@@ -23,7 +23,7 @@ def end_sigma_m(
     *, group: str, towards: Float[np.ndarray, "3"],
 ) -> float:  # fmt: skip
     """Standard deviation of where an obstacle ends, at one of its points: of `sampling_sigma_m`, or as the
-    cloud states it, of plants with the former.
+    cloud states it, of plants with the former, and of high ones with the leaves that images do not match.
 
     group: of the obstacles; towards: unit vector from the point to the wire.
     """
@@ -32,7 +32,9 @@ def end_sigma_m(
     if stated is not None and not crown:
         return stated
     bar = towards if group == "other" else None
-    return math.hypot(stated or 0.0, sampling_sigma_m(cloud.xyz, index, of, config, crown=crown, towards=bar))
+    leaves = config.leaves_m if stated is not None and cloud.label[of] == HIGH_VEGETATION else 0.0
+    spaced = sampling_sigma_m(cloud.xyz, index, of, config, crown=crown, towards=bar)
+    return math.hypot(stated or 0.0, leaves, spaced)
 
 
 def sampling_sigma_m(
