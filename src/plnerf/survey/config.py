@@ -12,7 +12,7 @@ from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClassifyConfig, ClearanceConfig, CoverageConfig, FieldConfig
 from plnerf.survey.config_names import NamesConfig
 from plnerf.survey.config_rules import RulesConfig
-from plnerf.survey.config_spans import ChainConfig, StructureKindConfig, TensionStringConfig
+from plnerf.survey.config_spans import ChainConfig, CrossarmConfig, StructureKindConfig, TensionStringConfig
 from plnerf.survey.config_wires import KindsConfig, SupportConfig, WireEvidenceConfig, WirePointsConfig
 from plnerf.survey.lidar.config import LidarConfig
 from plnerf.survey.refine.config import RefineConfig
@@ -37,6 +37,8 @@ class SurveyConfig:
     """Which wires make a span, and which spans a line, of images."""
     supports: SupportConfig = field(default_factory=SupportConfig)
     """Structures that hold the wires, of images."""
+    crossarms: CrossarmConfig = field(default_factory=CrossarmConfig)
+    """What is a structure's arm rather than a wire, of images."""
     structure_kinds: StructureKindConfig = field(default_factory=StructureKindConfig)
     """Suspension, strain or terminal structures, of images."""
     strings: TensionStringConfig = field(default_factory=TensionStringConfig)

@@ -107,6 +107,23 @@ class StructureKindConfig:
 
 
 @dataclass(frozen=True)
+class CrossarmConfig:
+    """When a curve is a structure's arm rather than a wire."""
+
+    across_deg: float = 45.0
+    """Least angle to the line."""
+    beyond_m: float = 1.0
+    """Arms reach at most so far beyond the outermost wire that they hold."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.across_deg < 90 or self.beyond_m < 0:
+            raise ConfigError(
+                "Crossarms need across_deg between 0 and 90 and beyond_m of 0 or more, but got "
+                f"{self.across_deg} and {self.beyond_m}."
+            )
+
+
+@dataclass(frozen=True)
 class TensionStringConfig:
     """When images show that tension strings hold the wires, and how long these are."""
 

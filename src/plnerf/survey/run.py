@@ -35,6 +35,7 @@ from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config import SurveyConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.crops import crops_of
+from plnerf.survey.crossarms import about_crossarms, without_crossarms
 from plnerf.survey.crown_tops import with_crown_tops
 from plnerf.survey.encroachments import find_encroachments
 from plnerf.survey.field_surface import field_surface
@@ -182,11 +183,16 @@ def _of_images(
     if photos.frame.unit == "m":
         wires, grounded = without_grounded(wires, surface, config.classify)
         findings = (*findings, *grounded)
-    progress, unshown = parts[1], 0
+    progress, unshown, arms = parts[1], 0, 0
     while True:
         chains = find_chains(wires, config.spans)
         scenery = scenery_of(surface, field, chains, config.supports, photos)
-        extents = trimmed(chains, find_supports(scenery, chains, config.supports, config.spans))
+        supports = find_supports(scenery, chains, config.supports, config.spans)
+        kept = without_crossarms(wires, supports, config.crossarms)
+        if len(kept) < len(wires) and photos.frame.unit == "m":
+            wires, arms = kept, arms + len(wires) - len(kept)
+            continue
+        extents = trimmed(chains, supports)
         refined, residual_px, shown = refine_spans(photos, extents, config.refine, progress)
         # What photos at their full size do not show as a wire of its own would be its span's neighbour.
         same_m = config.refine.same_diameters * config.refine.diameter_m if photos.frame.unit == "m" else 0.0
@@ -194,7 +200,7 @@ def _of_images(
         if len(wires) == len(shown):
             break
         progress, unshown = _silent, unshown + len(shown) - len(wires)
-    findings = (*findings, *_unshown(unshown))
+    findings = (*findings, *about_crossarms(arms), *_unshown(unshown))
     parts[2](0, REST)
     supports = find_supports(scenery, refined, config.supports, config.spans)
     supports = with_structure_kinds(supports, photos, config.structure_kinds)
