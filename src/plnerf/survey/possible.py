@@ -71,7 +71,7 @@ def about_possible(found: Sequence[Possible]) -> list[Finding]:
     nearest = found[0].place
     at = f"{nearest.distance_m:.2f} m from wire {nearest.wire}"
     things = "Something" if len(found) == 1 else f"{len(found)} things"
-    near = "" if len(found) == 1 else "the nearest "
+    near, each = ("", "It") if len(found) == 1 else ("the nearest ", "Each")
     few = any(not one.at_open_end and not one.floats for one in found)
     why = ", or ".join(
         ["too few images show it, or no more than see past it"] * few
@@ -80,7 +80,6 @@ def about_possible(found: Sequence[Possible]) -> list[Finding]:
         + ["it is thin and in the air, and may be a wire that was not found"]
         * any(one.floats for one in found)
     )
-    what = (
-        f"{things} may be nearer to a wire than what counts, {near}{at}. Each has no verdict, because {why}."
-    )
+    what = f"{things} may be nearer to a wire than what counts, {near}{at}. {each} has no verdict, "
+    what += f"because {why}."
     return [harms(POSSIBLE, what, "Look at their pictures, under Clearances.")]
