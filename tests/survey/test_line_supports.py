@@ -1,5 +1,6 @@
 """Structures of lines of several spans: by kinks, by what stands there, and by both."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -27,8 +28,8 @@ from plnerf.survey.chains import find_chains, wires_of
 from plnerf.survey.config_spans import ChainConfig, StructureKindConfig
 from plnerf.survey.config_wires import SupportConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.structure_kinds import with_structure_kinds
-from plnerf.survey.support import Supports
+from plnerf.survey.structure_kinds import _pull, with_structure_kinds
+from plnerf.survey.support import Support, Supports
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
 
@@ -131,6 +132,36 @@ def test_a_terminal_ends_the_line_and_an_angle_is_stated() -> None:
     near = replace(photos, train=tuple(k for k in photos.train if x[k] < 95))
     (line,), _ = surveyed(known(true_spans(held)), shown, None, near)
     assert line.structures[-1].kind == "unknown"  # what is beyond is not filmed
+    # Nor is a structure that is small in all photos terminal: wires beyond it would be missed.
+    chain = supports.chains[0]
+    afar = replace(supports, chains=((*chain[:-1], replace(chain[-1], afar=True)),))
+    (*_, found) = with_structure_kinds(afar, photos, StructureKindConfig()).chains[0]
+    assert found.structure is not None and found.structure.kind == "unknown"
+
+
+def test_wires_of_a_span_share_their_errors() -> None:
+    """Four are known no better than one; where they differ more than they state, they are known worse."""
+    _, supports = surveyed(known(true_spans(attachments(FEET[:3]))))
+    support = next(one for one in supports.chains[0] if len(one.kinks) == 4)
+
+    def unsure(wire: Wire) -> Wire:
+        covariance = wire.covariance.copy()
+        covariance[4, 4] = (0.05 * wire.theta[4]) ** 2 / 2
+        return replace(wire, covariance=covariance)
+
+    def with_spans(of: Support, k: int, change: Callable[[Wire], Wire]) -> Support:
+        ends = [
+            span if span is None else replace(span, wires=(*map(change, span.wires[:k]), *span.wires[k:]))
+            for span in (of.junction.before, of.junction.after)
+        ]
+        return replace(of, junction=replace(of.junction, before=ends[0], after=ends[1]))
+
+    alike = with_spans(support, 4, unsure)
+    ratio, sigma = _pull(alike) or (0.0, 0.0)
+    assert sigma == pytest.approx(0.05, rel=1e-6) and ratio != 0
+    exact = with_spans(support, 4, lambda wire: replace(wire, covariance=1e-6 * wire.covariance))
+    _, least = _pull(exact) or (0.0, 0.0)
+    assert least > 1e-3 * 0.05  # by how they scatter
 
 
 def test_a_structure_is_of_strain_where_it_is_pulled_to_one_side() -> None:

@@ -94,7 +94,7 @@ class StructureKindConfig:
     """Greatest such logarithm, and its greatest standard deviation, at a suspension structure."""
     straight_deg: float = 5.0
     """Greatest angle of the line at a suspension structure."""
-    sigmas: float = 3.0
+    sigmas: float = 4.0
     """Ratios differ from 1 by at least so many of their standard deviations."""
     beyond_m: tuple[float, float] = (5.0, 10.0)
     """So far beyond the last structure wires are missed, if they went on."""

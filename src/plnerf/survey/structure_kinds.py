@@ -40,7 +40,9 @@ def _kind(
 ) -> StructureKind:
     bend = support.junction.bend_deg
     if bend is None:
-        return "terminal" if _goes_nowhere(support.junction, structure, photos, config) else "unknown"
+        # Wires beyond what is small in all photos would be missed.
+        ends = not support.afar and _goes_nowhere(support.junction, structure, photos, config)
+        return "terminal" if ends else "unknown"
     pull = _pull(support)
     if bend > config.strain_deg:
         return "strain"
@@ -54,7 +56,11 @@ def _kind(
 
 
 def _pull(support: Support) -> tuple[float, float] | None:
-    """ln of p before over p after, over all conductors, and its standard deviation."""
+    """ln of p before over p after, over all conductors, and its standard deviation.
+
+    The wires of a span are seen by the same photos and share their errors, so that all of them are known no
+    better than the best; where they scatter more than they state, they are known worse.
+    """
     before, after = support.junction.sides
     found, variances = [], []
     for i, j in (kink.pair for kink in support.kinks):
@@ -65,7 +71,9 @@ def _pull(support: Support) -> tuple[float, float] | None:
     if not found:
         return None
     weights = 1 / np.maximum(variances, 1e-12)
-    return float(weights @ found / weights.sum()), float(weights.sum() ** -0.5)
+    mean = float(weights @ found / weights.sum())
+    scatter = float(weights @ (np.array(found) - mean) ** 2) / max(len(found) - 1, 1)
+    return mean, max(float(np.sqrt(max(scatter, 1.0) / weights.sum())), float(weights.max() ** -0.5))
 
 
 def _goes_nowhere(

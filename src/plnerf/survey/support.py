@@ -29,6 +29,8 @@ class Support:
     kinks: tuple[Kink, ...] = ()
     strings: bool = False
     """Whether something is seen above the wires that holds them."""
+    afar: bool = False
+    """Whether only photos show it in which it is small."""
     mine: bool = True
     """False: the structure is another line's."""
 

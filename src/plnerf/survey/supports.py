@@ -65,6 +65,8 @@ class _Shown:
     """Whether what holds the wires is seen, rather than a body below them."""
     above: tuple[bool, ...] = ()
     """Of each of the lines, whether it is seen above it; empty: of none."""
+    afar: bool = False
+    """Whether photos show it, but too small for more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +171,8 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
     structure = Structure(0, foot, top - stands.foot_m, sigma, ", and ".join(words))
     above = () if shown is None else shown.above
     places = held_places(junction, Stands(t0, sigma, stands.y_m, above), held, around.photos, config)
-    return Support(junction, structure, places, kinks, any(above))
+    afar = held is None and shown is not None and shown.afar
+    return Support(junction, structure, places, kinks, any(above), afar)
 
 
 def _shown(
@@ -193,7 +196,7 @@ def _shown(
         if place is not None and place[1] >= least:
             t, _ = place
             sigma = float(np.hypot(config.by_sweep_m, _string_m(around, t, config) / TWO_SIDED_95))
-            return _Shown(t, sigma, "what holds the wires, seen in single photos", True)
+            return _Shown(t, sigma, "what holds the wires, seen in single photos", True, afar=True)
     return None if body is None else _Shown(body, config.by_body_m, "its body alone", False)
 
 
