@@ -107,9 +107,9 @@ def test_distances_are_those_of_the_scene(
 
 
 def with_tree(xyz: list[float], sigma_m: float | None = None) -> Survey:
-    """With one more tree of nine points, a decimetre apart; sigma_m: of all points, if stated."""
+    """With one more tree of nine points, 0.4 m apart; sigma_m: of all points, if stated."""
     cloud = survey().cloud
-    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 3), np.linspace(-0.1, 0.1, 3))
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, 3), np.linspace(-0.4, 0.4, 3))
     tree = np.column_stack([x.ravel(), y.ravel(), np.zeros(9)]) + xyz
     label = np.concatenate([cloud.label, np.full(9, HIGH_VEGETATION, np.uint8)])
     points = np.concatenate([cloud.xyz, tree])
@@ -117,12 +117,15 @@ def with_tree(xyz: list[float], sigma_m: float | None = None) -> Survey:
     return replace(survey(), cloud=Cloud(points, label, np.zeros(len(points), np.int64), sigma_m=sigma))
 
 
-@pytest.mark.parametrize("sigma_m", [None, 0.2])
-@pytest.mark.parametrize("tree", [[60.0, 2.0, 9.0], [203.0, 0.0, 12.0]])
+@pytest.mark.parametrize(
+    ("tree", "sigma_m"),
+    [([60.0, 2.0, 9.0], None), ([203.0, 0.0, 12.0], None), ([60.0, 2.0, 9.0], 0.2), ([130.0, 1.0, 8.0], 0.2)],
+)
 def test_distances_in_space_and_their_intervals_are_those_of_the_clearances(
     tmp_path: Path, tree: list[float], sigma_m: float | None
 ) -> None:
-    """Of points that state deviations and that do not, and of a tree beyond the end of the line."""
+    """Of points that state deviations and that do not, and of a tree beyond the end of the line, which those
+    of a laser are."""
     found = with_tree(tree, sigma_m)
     one = only(judged(tmp_path, row("vegetation", "radial", 3.0), found))
     clearances, _ = measure_clearances(found, ClearanceConfig())

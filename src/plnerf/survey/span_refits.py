@@ -11,6 +11,7 @@ from plnerf.line.wire import Wire
 from plnerf.survey.chains import Chain, with_wires
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import RefineConfig
+from plnerf.survey.refine.crossed_pairs import uncrossed
 from plnerf.survey.refine.refine import refine_wires
 
 
@@ -34,7 +35,8 @@ def refine_spans(
 
         places = np.linspace(0.0, 1.0, config.samples)
         points = np.concatenate([wire.points(places * wire.base.length_m) for wire in span.wires])
-        refined = refine_wires(full.of(points), span.wires, config, report)
+        seen = full.of(points)
+        refined = uncrossed(seen, refine_wires(seen, span.wires, config, report), config)
         wires += refined.wires
         shown += refined.shown
         residuals.append(refined.pose_residual_px / photos.reduced)

@@ -86,11 +86,36 @@ class AdjustConfig:
 
 
 @dataclass(frozen=True)
+class CrossedConfig:
+    """When images of two wires may be paired crosswise."""
+
+    near_m: float = 1.0
+    """Wires that are farther from each other are told apart by where they are."""
+    distinct: float = 2.0
+    """Photos look from two directions if the angle between these is so many times what either of them
+    spans,"""
+    least_deg: float = 5.0
+    """which counts as so much at least."""
+    least_photos: int = 3
+    """Fewer say nothing of directions."""
+    least_more: float = 1.15
+    """So many times as much must be seen of the other pair for it to be the right one."""
+
+    def __post_init__(self) -> None:
+        if min(self.near_m, self.distinct, self.least_deg) <= 0 or self.least_more < 1:
+            raise ConfigError(
+                "Crossed pairs need near_m, distinct and least_deg above 0 and least_more of 1 or more, but "
+                f"got {self.near_m}, {self.distinct}, {self.least_deg} and {self.least_more}."
+            )
+
+
+@dataclass(frozen=True)
 class RefineConfig:
     """How wires that were detected are refitted to the images."""
 
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     adjust: AdjustConfig = field(default_factory=AdjustConfig)
+    crossed: CrossedConfig = field(default_factory=CrossedConfig)
     diameter_m: float = 0.03
     """Diameter assumed at first, learnt where wires are wider than their blur; conductors have 1 to 5 cm."""
     thin_px: float = 8.0

@@ -41,6 +41,8 @@ class Refinement:
     shown: tuple[bool, ...]
     """Of each wire whether it stands out in the images more often than noise, or enough of them show a piece
     of it; true where nothing can be measured."""
+    counts: tuple[int, ...] = ()
+    """At how many places, of all images, each wire stands out near to its curve."""
 
 
 def refine_wires(
@@ -101,7 +103,8 @@ def refine_wires(
         count = sum(len(row[w]) for row in found)
         often = len(step.off_px[w]) >= config.least_visible * count
         shown.append(often or bool(wire.evidence.seen_m))
-    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown))
+    counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
+    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown), counts)
 
 
 def common_base(wires: Sequence[Wire]) -> Base:

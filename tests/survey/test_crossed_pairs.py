@@ -1,0 +1,64 @@
+"""Two wires side by side, drawn as two passes see them: paired crosswise, they come to where they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.drawn import scene_of, two_passes
+from tests.survey.test_refine import CONFIG, PIXEL, hung, lit, off
+
+from plnerf.errors import ConfigError
+from plnerf.line.wire import Wire
+from plnerf.survey.posed_photos import Photos, photos_of
+from plnerf.survey.refine.config import CrossedConfig
+from plnerf.survey.refine.crossed_pairs import _moved, _pairs, uncrossed
+from plnerf.survey.refine.refine import refine_wires
+
+TRUE = (hung(-0.05, 0.04), hung(0.05, 0.04))
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Photos:
+    cameras = two_passes(8, wobble=0.03)
+    return photos_of(scene_of(tmp_path_factory.mktemp("drawn"), cameras, lit(cameras, *TRUE)))
+
+
+def crossed(photos: Photos) -> list[Wire]:
+    """One above the other, where the lines of sight to both cross as well."""
+    (pair,) = _pairs(photos, TRUE, CONFIG.crossed)
+    found = _moved(TRUE, [pair])
+    one, other = (wire.at(np.array([1.0]))[0] for wire in found)
+    assert abs(one[1] - other[1]) > 5 * PIXEL
+    return found
+
+
+def worst(wires: tuple[Wire, ...]) -> float:
+    """In pixels, of both, whichever is which."""
+    orders = ((0, 1), (1, 0))
+    return min(max(np.abs(off(wires[k], TRUE[i])).max() for k, i in enumerate(order)) for order in orders)
+
+
+def test_pairs_come_to_the_corners_of_which_more_is_seen(photos: Photos) -> None:
+    stuck = refine_wires(photos, crossed(photos), CONFIG)
+    assert worst(stuck.wires) > 5
+    assert worst(uncrossed(photos, stuck, CONFIG).wires) < 0.5
+
+
+def test_pairs_that_are_right_stay(photos: Photos) -> None:
+    right = refine_wires(photos, TRUE, CONFIG)
+    assert uncrossed(photos, right, CONFIG) is right
+    other = refine_wires(photos, crossed(photos), CONFIG)
+    assert sum(right.counts) > CONFIG.crossed.least_more * sum(other.counts)
+
+
+def test_photos_from_all_around_or_from_one_side_pair_none(photos: Photos) -> None:
+    one_side = replace(photos, train=photos.train[:8])
+    assert not _pairs(one_side, TRUE, CONFIG.crossed)
+    assert not _pairs(photos, TRUE, replace(CONFIG.crossed, distinct=1e3))  # as if they filled the gap
+    assert not _pairs(photos, TRUE[:1], CONFIG.crossed)
+    assert not _pairs(photos, TRUE, replace(CONFIG.crossed, near_m=PIXEL))
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ConfigError, match="least_more"):
+        CrossedConfig(least_more=0.9)
