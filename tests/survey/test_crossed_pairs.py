@@ -5,15 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.support.drawn import scene_of, two_passes
-from tests.survey.test_refine import CONFIG, PIXEL, hung, lit, off
+from tests.survey.test_refine import CONFIG as REFINE
+from tests.survey.test_refine import PIXEL, hung, lit, off
 
 from plnerf.errors import ConfigError
+from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.config import CrossedConfig
-from plnerf.survey.refine.crossed_pairs import _moved, _pairs, uncrossed
+from plnerf.survey.refine.crossed_pairs import _differ, _moved, _Pair, _pairs, uncrossed
 from plnerf.survey.refine.refine import refine_wires
 
+CONFIG = replace(REFINE, crossed=CrossedConfig(same_m=3 * PIXEL))
 TRUE = (hung(-0.05, 0.04), hung(0.05, 0.04))
 
 
@@ -49,6 +52,25 @@ def test_pairs_that_are_right_stay(photos: Photos) -> None:
     assert uncrossed(photos, right, CONFIG) is right
     other = refine_wires(photos, crossed(photos), CONFIG)
     assert sum(right.counts) > CONFIG.crossed.least_more * sum(other.counts)
+
+
+def test_pairs_that_photos_do_not_tell_from_the_others_hold_both(photos: Photos) -> None:
+    unsure = replace(CONFIG, crossed=replace(CONFIG.crossed, least_more=1e3))
+    for fit in (refine_wires(photos, TRUE, CONFIG), refine_wires(photos, crossed(photos), CONFIG)):
+        found = uncrossed(photos, fit, unsure)
+        for one, before in zip(found.wires, fit.wires, strict=True):
+            assert np.array_equal(one.theta, before.theta) and "as well be" in one.notes[-1]
+            away = min(np.linalg.norm(off(one, wire).mean(0)) * PIXEL for wire in TRUE)
+            half = TWO_SIDED_95 * np.linalg.norm(one.sigma_at(np.array([0.9]))[0])
+            assert away <= half <= 0.2
+
+
+def test_pairs_whose_other_corners_are_each_others_places_are_not_in_doubt(photos: Photos) -> None:
+    """Where wires are above each other as one sees them from both sides, they only change their names."""
+    right = refine_wires(photos, TRUE, CONFIG)
+    swapped = replace(right, wires=right.wires[::-1], counts=right.counts[::-1])
+    assert _differ(right, swapped, _Pair(0, 1, np.zeros(2))) == 0
+    assert _differ(right, refine_wires(photos, crossed(photos), CONFIG), _Pair(0, 1, np.zeros(2))) > 5 * PIXEL
 
 
 def test_photos_from_all_around_or_from_one_side_pair_none(photos: Photos) -> None:

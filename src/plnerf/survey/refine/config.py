@@ -98,14 +98,18 @@ class CrossedConfig:
     """which counts as so much at least."""
     least_photos: int = 3
     """Fewer say nothing of directions."""
-    least_more: float = 1.15
-    """So many times as much must be seen of the other pair for it to be the right one."""
+    least_more: float = 1.06
+    """So many times as much must be seen of the one pair than of the other for it to be the right one."""
+    rounds: int = 4
+    """Of the refit by which both are compared."""
+    same_m: float = 0.05
+    """Places that are nearer to each other are the same."""
 
     def __post_init__(self) -> None:
-        if min(self.near_m, self.distinct, self.least_deg) <= 0 or self.least_more < 1:
+        if min(self.near_m, self.distinct, self.least_deg, self.same_m) <= 0 or self.least_more < 1:
             raise ConfigError(
-                "Crossed pairs need near_m, distinct and least_deg above 0 and least_more of 1 or more, but "
-                f"got {self.near_m}, {self.distinct}, {self.least_deg} and {self.least_more}."
+                "Crossed pairs need near_m, distinct, least_deg and same_m above 0 and least_more of 1 or "
+                f"more, but got {self}."
             )
 
 

@@ -9,7 +9,7 @@ normals of the two directions, the other pair of corners is at +-h', where
     n_1 . h' = n_1 . h,    n_2 . h' = -n_2 . h
 
 All that tells both apart is that no photo looks quite as the others of its direction: of the right pair more
-is seen.
+is seen.  Where that does not tell, the intervals of both wires hold both places.
 """
 
 from collections.abc import Sequence
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import CrossedConfig, RefineConfig
@@ -28,7 +29,7 @@ SHARES = np.linspace(0.1, 0.9, 9)
 """Places along wires that are compared."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Pair:
     """Two wires by their indices, and what moves the first one to its other corner, y and z; the second
     moves by the opposite."""
@@ -39,21 +40,49 @@ class _Pair:
 
 
 def uncrossed(photos: Photos, refined: Refinement, config: RefineConfig) -> Refinement:
-    """The wires of a span with the pairs at their other corners of which the photos show more there.
+    """The wires of a span with the pairs at their other corners of which the photos show more there, and with
+    intervals that hold both places where they show about as much.
 
     refined: of the span, on one common base; photos: those that show it, at their full size.
     """
     pairs = _pairs(photos, refined.wires, config.crossed)
     if not pairs:
         return refined
-    crossed = refine_wires(photos, _moved(refined.wires, pairs), config)
+    rounds = config.crossed.rounds  # it begins near to where it ends
+    few = replace(config, least_rounds=min(config.least_rounds, rounds), most_rounds=rounds)
+    crossed = refine_wires(photos, _moved(refined.wires, pairs), few)
+    pairs = [pair for pair in pairs if _differ(refined, crossed, pair) > config.crossed.same_m]
     more = config.crossed.least_more
     better = [pair for pair in pairs if _seen(crossed, pair) > more * _seen(refined, pair)]
-    if not better:
-        return refined
-    if len(better) == len(pairs):
-        return crossed
-    return refine_wires(photos, _moved(refined.wires, better), config)
+    sure = [pair for pair in pairs if _seen(refined, pair) >= more * _seen(crossed, pair)]
+    doubted = [pair for pair in pairs if pair not in better and pair not in sure]
+    found = refine_wires(photos, _moved(refined.wires, better), config) if better else refined
+    return _doubted(found, doubted) if doubted else found
+
+
+def _differ(one: Refinement, other: Refinement, pair: _Pair) -> float:
+    """How far the two wires of a pair are in one fit from where they are in the other, whichever is which."""
+    s, both = SHARES * one.wires[0].base.length_m, (pair.one, pair.other)
+    here, there = (np.array([fit.wires[k].points(s) for k in both]) for fit in (one, other))
+    apart = [np.linalg.norm(here - wires, axis=2) for wires in (there, there[::-1])]
+    return float(min(np.median(each, axis=1).max() for each in apart))
+
+
+def _doubted(refined: Refinement, pairs: Sequence[_Pair]) -> Refinement:
+    """With intervals that hold the other corner, and a note."""
+    wires = list(refined.wires)
+    for pair in pairs:
+        away = float(np.linalg.norm(pair.move))
+        covariance = np.zeros((6, 6))
+        covariance[:4, :4] = np.kron(np.outer(pair.move, pair.move), np.ones((2, 2))) / TWO_SIDED_95**2
+        text = (
+            "Photos see it and the wire beside it from two directions only: it may as well be "
+            f"{away:.2f} m away, where the same lines of sight cross."
+        )
+        for k in (pair.one, pair.other):
+            one = wires[k]
+            wires[k] = replace(one, covariance=one.covariance + covariance, notes=(*one.notes, text))
+    return replace(refined, wires=tuple(wires))
 
 
 def _seen(refined: Refinement, pair: _Pair) -> int:
@@ -115,6 +144,7 @@ def _other_corner(
     turned = np.radians([np.median(group) for group in groups])
     normals = np.column_stack([-np.sin(turned), np.cos(turned)])
     other = np.linalg.solve(normals, np.array([1.0, -1.0]) * (normals @ half))
-    if np.linalg.norm(other) > config.near_m:
+    moved = min(np.linalg.norm(other - half), np.linalg.norm(other + half))  # the latter: each other's place
+    if np.linalg.norm(other) > config.near_m or moved <= config.same_m:
         return None
     return np.asarray(other - half)
