@@ -21,7 +21,7 @@ class Hangers:
 
     x_m: float
     held: tuple[bool, ...]
-    """Of which of them it shows."""
+    """Of each wire, whether something that holds it is seen there."""
 
     @property
     def wires(self) -> int:
