@@ -36,7 +36,9 @@ def refine_spans(
         places = np.linspace(0.0, 1.0, config.samples)
         points = np.concatenate([wire.points(places * wire.base.length_m) for wire in span.wires])
         seen = full.of(points)
-        refined = uncrossed(seen, refine_wires(seen, span.wires, config, report), config)
+        refined = refine_wires(seen, span.wires, config, report)
+        if photos.frame.unit == "m":
+            refined = uncrossed(seen, refined, config)
         wires += refined.wires
         shown += refined.shown
         residuals.append(refined.pose_residual_px / photos.reduced)
