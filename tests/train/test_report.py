@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,9 @@ def strip(line: dict[str, float]) -> dict[str, float]:
 
 def test_events_are_those_of_the_log(tmp_path: Path, scene: Scene) -> None:
     play(tmp_path / "run", scene, 0, 90)
+    # TensorBoard reads files in the order of their names: the second of opening, then a counter that counts
+    # on as text, "10" before "9".  Two files of one process and one second may be read the wrong way round.
+    time.sleep(1.1)
     play(tmp_path / "run", scene, 60, 100)
     events = EventAccumulator(str(tmp_path / "run"))
     events.Reload()
