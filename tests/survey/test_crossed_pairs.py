@@ -13,10 +13,10 @@ from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.config import CrossedConfig
-from plnerf.survey.refine.crossed_pairs import _differ, _moved, _Pair, _pairs, uncrossed
+from plnerf.survey.refine.crossed_pairs import _better, _differ, _moved, _Pair, _pairs, uncrossed
 from plnerf.survey.refine.refine import refine_wires
 
-CONFIG = replace(REFINE, crossed=CrossedConfig(same_m=3 * PIXEL))
+CONFIG = replace(REFINE, crossed=CrossedConfig(same_m=3 * PIXEL, alike_m=PIXEL))
 TRUE = (hung(-0.05, 0.04), hung(0.05, 0.04))
 
 
@@ -50,12 +50,19 @@ def test_pairs_come_to_the_corners_of_which_more_is_seen(photos: Photos) -> None
 def test_pairs_that_are_right_stay(photos: Photos) -> None:
     right = refine_wires(photos, TRUE, CONFIG)
     assert uncrossed(photos, right, CONFIG) is right
-    other = refine_wires(photos, crossed(photos), CONFIG)
-    assert sum(right.counts) > CONFIG.crossed.least_more * sum(other.counts)
+
+
+def test_more_that_is_seen_counts_before_how_pairs_hang(photos: Photos) -> None:
+    right, other = refine_wires(photos, TRUE, CONFIG), refine_wires(photos, crossed(photos), CONFIG)
+    pair = _Pair(0, 1, np.zeros((2, 6)))
+    assert _better(right, other, pair, CONFIG.crossed) and not _better(other, right, pair, CONFIG.crossed)
+    seen = replace(right, counts=(10, 10))
+    assert not _better(seen, other, pair, CONFIG.crossed)
+    assert not _better(right, right, pair, CONFIG.crossed)
 
 
 def test_pairs_that_photos_do_not_tell_from_the_others_hold_both(photos: Photos) -> None:
-    unsure = replace(CONFIG, crossed=replace(CONFIG.crossed, least_more=1e3))
+    unsure = replace(CONFIG, crossed=replace(CONFIG.crossed, least_more=1e3, least_unlike=1e3))
     for fit in (refine_wires(photos, TRUE, CONFIG), refine_wires(photos, crossed(photos), CONFIG)):
         found = uncrossed(photos, fit, unsure)
         for one, before in zip(found.wires, fit.wires, strict=True):
@@ -69,8 +76,9 @@ def test_pairs_whose_other_corners_are_each_others_places_are_not_in_doubt(photo
     """Where wires are above each other as one sees them from both sides, they only change their names."""
     right = refine_wires(photos, TRUE, CONFIG)
     swapped = replace(right, wires=right.wires[::-1], counts=right.counts[::-1])
-    assert _differ(right, swapped, _Pair(0, 1, np.zeros(2))) == 0
-    assert _differ(right, refine_wires(photos, crossed(photos), CONFIG), _Pair(0, 1, np.zeros(2))) > 5 * PIXEL
+    pair = _Pair(0, 1, np.zeros((2, 6)))
+    assert _differ(right, swapped, pair) == 0
+    assert _differ(right, refine_wires(photos, crossed(photos), CONFIG), pair) > 5 * PIXEL
 
 
 def test_photos_from_all_around_or_from_one_side_pair_none(photos: Photos) -> None:
@@ -79,6 +87,13 @@ def test_photos_from_all_around_or_from_one_side_pair_none(photos: Photos) -> No
     assert not _pairs(photos, TRUE, replace(CONFIG.crossed, distinct=1e3))  # as if they filled the gap
     assert not _pairs(photos, TRUE[:1], CONFIG.crossed)
     assert not _pairs(photos, TRUE, replace(CONFIG.crossed, near_m=PIXEL))
+
+
+def test_places_that_are_seen_from_one_side_each_tell_directions_together(photos: Photos) -> None:
+    """As where a flight passes the one half of a span on the one side, and comes back along the other."""
+    x = photos.cameras.centre.numpy()[:, 0]  # along the span; its first eight photos are the one pass
+    halves = tuple(i for i in photos.train if (i < 8) == (x[i] < 0))
+    assert len(_pairs(replace(photos, train=halves), TRUE, CONFIG.crossed)) == 1
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:

@@ -98,18 +98,24 @@ class CrossedConfig:
     """which counts as so much at least."""
     least_photos: int = 3
     """Fewer say nothing of directions."""
+    parallel_m: float = 0.1
+    """To which two wires side by side hang alike in the middle, where lines of sight do not tell."""
     least_more: float = 1.06
     """So many times as much must be seen of the one pair than of the other for it to be the right one."""
-    rounds: int = 4
-    """Of the refit by which both are compared."""
+    least_unlike: float = 2.0
+    """Where about as much is seen of both: how far the middles of its two wires are from hanging alike must
+    be so many times as much of the wrong pair,"""
+    alike_m: float = 0.01
+    """and counts as so much at least."""
     same_m: float = 0.05
     """Places that are nearer to each other are the same."""
 
     def __post_init__(self) -> None:
-        if min(self.near_m, self.distinct, self.least_deg, self.same_m) <= 0 or self.least_more < 1:
+        metres = self.near_m, self.parallel_m, self.alike_m, self.same_m
+        if min(*metres, self.distinct, self.least_deg) <= 0 or min(self.least_more, self.least_unlike) < 1:
             raise ConfigError(
-                "Crossed pairs need near_m, distinct, least_deg and same_m above 0 and least_more of 1 or "
-                f"more, but got {self}."
+                "Crossed pairs need near_m, distinct, least_deg, parallel_m, alike_m and same_m above 0 and "
+                f"least_more and least_unlike of 1 or more, but got {self}."
             )
 
 

@@ -8,16 +8,18 @@ normals of the two directions, the other pair of corners is at +-h', where
 
     n_1 . h' = n_1 . h,    n_2 . h' = -n_2 . h
 
-All that tells both apart is that no photo looks quite as the others of its direction: of the right pair more
-is seen.  Where that does not tell, the intervals of both wires hold both places.
+No photo looks quite as the others of its direction: of the right pair more is seen.  Lines of sight turn as
+the wires sag, so that a wrong pair hangs less alike in the middle than wires side by side do.  Where neither
+tells, the intervals of both wires hold both places.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from plnerf.line.curve import curve_at
 from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
@@ -27,37 +29,61 @@ from plnerf.survey.refine.refine import Refinement, refine_wires
 HALF_TURN = 180.0
 SHARES = np.linspace(0.1, 0.9, 9)
 """Places along wires that are compared."""
+BY_THETA = np.column_stack([1 - SHARES, SHARES, 4 * SHARES * (1 - SHARES)])
+"""There, of y as of z, by their values at both ends and by the middle's offset from the chord."""
+LINE_RAD = 1e-3
+"""To about which angle lines of sight are known to which wires were fitted."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Two wires by their indices, and what moves the first one to its other corner, y and z; the second
-    moves by the opposite."""
+    """Two wires by their indices, and theta of each at its other corner."""
 
     one: int
     other: int
-    move: Float[np.ndarray, "2"]
+    thetas: Float[np.ndarray, "2 6"]
 
 
 def uncrossed(photos: Photos, refined: Refinement, config: RefineConfig) -> Refinement:
-    """The wires of a span with the pairs at their other corners of which the photos show more there, and with
-    intervals that hold both places where they show about as much.
+    """The wires of a span with the pairs at their other corners that the photos show better there, and with
+    intervals that hold both places where they show them about as well.
 
     refined: of the span, on one common base; photos: those that show it, at their full size.
     """
     pairs = _pairs(photos, refined.wires, config.crossed)
     if not pairs:
         return refined
-    rounds = config.crossed.rounds  # it begins near to where it ends
-    few = replace(config, least_rounds=min(config.least_rounds, rounds), most_rounds=rounds)
-    crossed = refine_wires(photos, _moved(refined.wires, pairs), few)
+    crossed = _refitted(photos, refined, pairs, config)
     pairs = [pair for pair in pairs if _differ(refined, crossed, pair) > config.crossed.same_m]
-    more = config.crossed.least_more
-    better = [pair for pair in pairs if _seen(crossed, pair) > more * _seen(refined, pair)]
-    sure = [pair for pair in pairs if _seen(refined, pair) >= more * _seen(crossed, pair)]
-    doubted = [pair for pair in pairs if pair not in better and pair not in sure]
-    found = refine_wires(photos, _moved(refined.wires, better), config) if better else refined
+    better = [pair for pair in pairs if _better(crossed, refined, pair, config.crossed)]
+    doubted = [
+        pair for pair in pairs if pair not in better and not _better(refined, crossed, pair, config.crossed)
+    ]
+    found = _refitted(photos, refined, better, config) if 0 < len(better) < len(pairs) else crossed
+    found = found if better else refined
     return _doubted(found, doubted) if doubted else found
+
+
+def _better(one: Refinement, other: Refinement, pair: _Pair, config: CrossedConfig) -> bool:
+    """Whether more is seen of a pair in one fit than in the other, or about as much, and it hangs alike."""
+    seen, seen_there = (fit.counts[pair.one] + fit.counts[pair.other] for fit in (one, other))
+    if max(seen, seen_there) > config.least_more * min(seen, seen_there):
+        return seen > seen_there
+    unlike, unlike_there = (
+        max(float(np.linalg.norm(_hang(fit.wires[pair.one]) - _hang(fit.wires[pair.other]))), config.alike_m)
+        for fit in (one, other)
+    )
+    return unlike_there >= config.least_unlike * unlike
+
+
+def _refitted(
+    photos: Photos, refined: Refinement, pairs: Sequence[_Pair], config: RefineConfig
+) -> Refinement:
+    """With pairs at their other corners.
+
+    It begins with the widths that are learnt: a bar of the assumed one may leave the wire on which it is put.
+    """
+    return refine_wires(photos, _moved(refined.wires, pairs), config, widths=refined.widths)
 
 
 def _differ(one: Refinement, other: Refinement, pair: _Pair) -> float:
@@ -72,29 +98,22 @@ def _doubted(refined: Refinement, pairs: Sequence[_Pair]) -> Refinement:
     """With intervals that hold the other corner, and a note."""
     wires = list(refined.wires)
     for pair in pairs:
-        away = float(np.linalg.norm(pair.move))
-        covariance = np.zeros((6, 6))
-        covariance[:4, :4] = np.kron(np.outer(pair.move, pair.move), np.ones((2, 2))) / TWO_SIDED_95**2
-        text = (
-            "Photos see it and the wire beside it from two directions only: it may as well be "
-            f"{away:.2f} m away, where the same lines of sight cross."
-        )
-        for k in (pair.one, pair.other):
-            one = wires[k]
+        for k, theta in zip((pair.one, pair.other), pair.thetas, strict=True):
+            one, covariance, move = wires[k], np.zeros((6, 6)), theta[:4] - wires[k].theta[:4]
+            covariance[:4, :4] = np.outer(move, move) / TWO_SIDED_95**2
+            away = float(np.linalg.norm(move)) / np.sqrt(2)  # of both ends, the root of the mean square
+            text = (
+                "Photos see it and the wire beside it from two directions only: it may as well be "
+                f"{away:.2f} m away, where the same lines of sight cross."
+            )
             wires[k] = replace(one, covariance=one.covariance + covariance, notes=(*one.notes, text))
     return replace(refined, wires=tuple(wires))
-
-
-def _seen(refined: Refinement, pair: _Pair) -> int:
-    return refined.counts[pair.one] + refined.counts[pair.other]
 
 
 def _moved(wires: Sequence[Wire], pairs: Sequence[_Pair]) -> list[Wire]:
     found = list(wires)
     for pair in pairs:
-        for k, sign in ((pair.one, 1.0), (pair.other, -1.0)):
-            theta = wires[k].theta.copy()
-            theta[:4] += sign * np.repeat(pair.move, 2)  # y and z at both ends
+        for k, theta in zip((pair.one, pair.other), pair.thetas, strict=True):
             found[k] = replace(wires[k], theta=theta)
     return found
 
@@ -111,40 +130,89 @@ def _pairs(photos: Photos, wires: Sequence[Wire], config: CrossedConfig) -> list
     found = []
     for i, j in enumerate(nearest.tolist()):
         if i < j and nearest[j] == i and apart[i, j] <= config.near_m:
-            move = _other_corner(photos, wires[i], places[i] - places[j], places[[i, j]].mean(0), config)
-            if move is not None:
-                found.append(_Pair(i, j, move))
+            thetas = _other_corners(photos, (wires[i], wires[j]), places[[i, j]], config)
+            if thetas is not None:
+                found.append(_Pair(i, j, thetas))
     return found
 
 
-def _other_corner(
-    photos: Photos,
-    wire: Wire,
-    between: Float[np.ndarray, "k 3"],
-    middles: Float[np.ndarray, "k 3"],
-    config: CrossedConfig,
-) -> Float[np.ndarray, "2"] | None:
-    """What moves the first of two wires to the other corner; None where photos see them from more than two
-    directions, or from one."""
-    n = wire.base.n
-    half = np.median(np.column_stack([between[:, :2] @ n, between[:, 2]]), axis=0) / 2
-    rays = middles[len(middles) // 2] - photos.cameras.centre.numpy()[list(photos.train)]
-    rays = rays[np.isfinite(photos.distances(middles[[len(middles) // 2]])[:, 0])]
-    if len(rays) < config.least_photos:
+def _other_corners(
+    photos: Photos, wires: tuple[Wire, Wire], places: Float[np.ndarray, "2 k 3"], config: CrossedConfig
+) -> Float[np.ndarray, "2 6"] | None:
+    """theta of two wires at the other corners; None where photos see them from more than two directions, or
+    from one.
+
+    places: on both wires, at SHARES of their length.
+    """
+    centres = photos.cameras.centre.numpy()[list(photos.train)]
+    sees = np.isfinite(photos.distances(places.mean(0)))
+    centres, sees = centres[sees.any(1)], sees[sees.any(1)]
+    if len(centres) < config.least_photos:
         return None
-    angles = np.sort(np.degrees(np.arctan2(rays[:, 2], rays[:, :2] @ n)) % HALF_TURN)
+    base = wires[0].base
+    # From each photo to the middle of both: how they sag turns the lines of sight of all photos alike.
+    rays = places.mean((0, 1)) - centres
+    second = _second_direction(np.degrees(np.arctan2(rays[:, 2], rays[:, :2] @ base.n)), config)
+    if second is None:
+        return None
+    eyes = np.stack([(centres[:, :2] - base.a) @ base.n, centres[:, 2]], -1)
+    across = np.array([base.local(one)[:, 1:] for one in places])
+    thetas = []
+    for k in (0, 1):
+        targets = np.where(second[:, None, None], across[1 - k], across[k])
+        thetas.append(_crossing(wires[k], wires[1 - k], eyes, sees, targets, config))
+    at = np.array([curve_at(theta, base.length_m, SHARES * base.length_m) for theta in thetas])
+    moved = min(np.linalg.norm(at - other, axis=2).max() for other in (across, across[::-1]))
+    if np.linalg.norm(at[0] - at[1], axis=1).max() > 2 * config.near_m or moved <= config.same_m:
+        return None  # too far to be meant, the same places, or each other's
+    return np.array(thetas)
+
+
+def _second_direction(
+    angles_deg: Float[np.ndarray, " t"], config: CrossedConfig
+) -> Bool[np.ndarray, " t"] | None:
+    """Which photos look from the second of two directions, where there are two that are distinct."""
+    order = np.argsort(angles_deg % HALF_TURN)
+    angles = angles_deg[order] % HALF_TURN
     gaps = np.diff(angles, append=angles[0] + HALF_TURN)
     widest = int(gaps.argmax())
     fan = np.concatenate([angles[widest + 1 :], angles[: widest + 1] + HALF_TURN])  # without a jump
     steps = np.diff(fan)
     cut = int(steps.argmax())
-    groups = fan[: cut + 1], fan[cut + 1 :]
-    if steps[cut] < config.distinct * max(np.ptp(groups[0]), np.ptp(groups[1]), config.least_deg):
+    widths = np.ptp(fan[: cut + 1]), np.ptp(fan[cut + 1 :])
+    if steps[cut] < config.distinct * max(*widths, config.least_deg):
         return None
-    turned = np.radians([np.median(group) for group in groups])
-    normals = np.column_stack([-np.sin(turned), np.cos(turned)])
-    other = np.linalg.solve(normals, np.array([1.0, -1.0]) * (normals @ half))
-    moved = min(np.linalg.norm(other - half), np.linalg.norm(other + half))  # the latter: each other's place
-    if np.linalg.norm(other) > config.near_m or moved <= config.same_m:
-        return None
-    return np.asarray(other - half)
+    beyond = np.zeros(len(order), bool)
+    beyond[np.roll(order, -widest - 1)[cut + 1 :]] = True
+    return beyond
+
+
+def _crossing(
+    wire: Wire,
+    beside: Wire,
+    eyes: Float[np.ndarray, "t 2"],
+    sees: Bool[np.ndarray, "t k"],
+    targets: Float[np.ndarray, "t k 2"],
+    config: CrossedConfig,
+) -> Float[np.ndarray, "6"]:
+    """theta of the curve through the lines from eyes to targets, across the base, by least squares of angles.
+
+    Its sag and its swing, of which each piece tells little, are near to the mean of both wires'.
+    """
+    to = (targets - eyes[:, None])[sees]
+    normals = np.column_stack([-to[:, 1], to[:, 0]]) / (to**2).sum(1, keepdims=True) / LINE_RAD
+    by_theta = np.broadcast_to(BY_THETA, (*sees.shape, 3))[sees]
+    rows = (normals[:, :, None] * by_theta[:, None]).reshape(-1, 6)
+    values = (normals * targets[sees]).sum(1)
+    near = np.array([[0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]]) / config.parallel_m
+    hang = (_hang(wire) + _hang(beside)) / 2
+    (y_a, y_b, y), (z_a, z_b, z) = np.linalg.lstsq(
+        np.concatenate([rows, near]), np.concatenate([values, hang / config.parallel_m]), rcond=None
+    )[0].reshape(2, 3)
+    return np.array([y_a, y_b, z_a, z_b, np.hypot(y, z), np.arctan2(y, -z)])
+
+
+def _hang(wire: Wire) -> Float[np.ndarray, "2"]:
+    """y and z of its middle, from the chord's."""
+    *_, bend, swing = wire.theta
+    return bend * np.array([np.sin(swing), -np.cos(swing)])

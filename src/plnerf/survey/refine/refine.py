@@ -27,6 +27,8 @@ from plnerf.survey.refine.projection import Projection, project_wire
 
 Stretches = tuple[tuple[float, float], ...]
 """From where to where along a wire, metres."""
+Widths = tuple[tuple[float, ...], float]
+"""The diameters of wires, metres, and the blur of the images, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,8 @@ class Refinement:
     of it; true where nothing can be measured."""
     counts: tuple[int, ...] = ()
     """At how many places, of all images, each wire stands out near to its curve."""
+    widths: Widths | None = None
+    """As they were learnt on the way."""
 
 
 def refine_wires(
@@ -50,8 +54,11 @@ def refine_wires(
     wires: Sequence[Wire],
     config: RefineConfig,
     progress: Callable[[int, int], None] | None = None,
+    widths: Widths | None = None,
 ) -> Refinement:
     """Refits wires that run side by side to the training images.
+
+    widths: those to begin with, where they are known better than by assumption.
 
     What a wire may be off by before is its `evidence.reach_m`; one that moves more than `most_moved` times as
     far is refused.
@@ -67,11 +74,12 @@ def refine_wires(
     state = State(before, np.zeros((N, 3)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
     prior = Prior(before, trust, config.pose_sd_px)
-    diameters, blur_px = _first_diameters(cameras, base, before, s, config), config.blur_px
+    diameters, blur_px = widths or (_first_diameters(cameras, base, before, s, config), config.blur_px)
+    first_blur_px = blur_px if widths else config.first_blur_px
     found: list[list[ProfileMeasurements]] = []
     report = progress or (lambda done, of: None)
     for k in range(config.most_rounds):
-        blur = blur_px if k else config.first_blur_px
+        blur = blur_px if k else first_blur_px
 
         def measure(
             n: int, state: State = state, blur: float = blur, across: tuple[float, ...] = diameters
@@ -104,7 +112,7 @@ def refine_wires(
         often = len(step.off_px[w]) >= config.least_visible * count
         shown.append(often or bool(wire.evidence.seen_m))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
-    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown), counts)
+    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown), counts, (diameters, blur_px))
 
 
 def common_base(wires: Sequence[Wire]) -> Base:
