@@ -7,12 +7,15 @@ of the `BenchConfig` that returns a `SuiteResult`; a new one is an entry of `_RU
 
 import json
 import multiprocessing
+import os
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -153,7 +156,7 @@ def in_fresh_process(function: Callable[[T], U], task: T) -> U:
     """
     try:
         spawn = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(1, mp_context=spawn, initializer=_warn_in_a_line) as pool:
+        with ProcessPoolExecutor(1, mp_context=spawn, initializer=_begin) as pool:
             return pool.submit(function, task).result()
     except BrokenProcessPool as error:
         raise PlnerfError(
@@ -162,10 +165,19 @@ def in_fresh_process(function: Callable[[T], U], task: T) -> U:
         ) from error
 
 
-def _warn_in_a_line() -> None:
-    """Has a process say its warnings as the command line does, each once."""
+def _begin() -> None:
+    """Has a process end with the one that began it, even where that is killed, and say its warnings as the
+    command line does, each once."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
     warnings.simplefilter("once", UserWarning)
     warnings.showwarning = lambda message, *_, **__: print(f"note: {message}", file=sys.stderr)
+
+
+def _end_after(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)  # nobody is left to hear of an error
 
 
 def _heading(about: Mapping[str, Any]) -> str:

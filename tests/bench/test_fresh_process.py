@@ -1,0 +1,44 @@
+"""A process of a suite ends with the one that began it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from plnerf.bench.suites import in_fresh_process
+
+
+def wait_for_ever(told: Path) -> None:
+    told.write_text(str(os.getpid()))
+    time.sleep(600)
+
+
+def running(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux which processes run")
+def test_it_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
+    told = tmp_path / "pid"
+    parent = subprocess.Popen([sys.executable, __file__, str(told)])
+    until = time.monotonic() + 60
+    while not (told.exists() and told.read_text()):
+        assert time.monotonic() < until and parent.poll() is None
+        time.sleep(0.05)
+    child = int(told.read_text())
+    assert child != parent.pid and running(child)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    until = time.monotonic() + 20
+    while running(child):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+if __name__ == "__main__":
+    in_fresh_process(wait_for_ever, Path(sys.argv[1]))
