@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 from tests.support.drawn import FOCAL, HALF, pinhole_cameras, scene_of, two_passes
 from tests.support.lit_wires import draw_lit
 
@@ -20,7 +21,7 @@ from plnerf.survey.refine.adjust import Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
-from plnerf.survey.refine.projection import Projection, crossings, project_wire
+from plnerf.survey.refine.projection import MOVES, Projection, crossings, project_wire
 from plnerf.survey.refine.refine import refine_wires
 
 PIXEL = 0.45 / FOCAL
@@ -31,6 +32,8 @@ CONFIG = RefineConfig(diameter_m=2 * PIXEL)
 LIGHT = np.array([0.0, 0.6, 0.8])
 OFF = np.array([1.2, -0.8, -1.2, 0.8, 0.6, 0.0]) * PIXEL
 END_ON, CROSSING = CONFIG.profile.end_on, CONFIG.profile.least_crossing
+STILL = np.zeros(MOVES)
+"""The pose residual of an image whose pose is right."""
 
 
 def hung(y: float, z: float, sag: float = 0.04, *, askew: float = 0.0, climb: float = 0.0) -> Wire:
@@ -109,6 +112,38 @@ def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) ->
         assert not refused(one) and np.sqrt((off(one, wire) ** 2).mean()) < 0.5
 
 
+def test_cameras_that_are_moved_do_not_reach_the_wires(tmp_path: Path) -> None:
+    """Each by a share of a hundredth of its distance: near wires move by more pixels than far ones."""
+    told, random = two_passes(8), np.random.default_rng(4)
+    moved = torch.from_numpy(random.normal(size=told.centre.shape) * 1.5 * PIXEL).to(told.centre)
+    pictures = lit(replace(told, centre=told.centre + moved), *WIRES)
+    found = refine_wires(photos_of(scene_of(tmp_path, told, pictures)), MOVED, CONFIG)
+    assert 0.5 < found.pose_residual_px < 3
+    s = np.linspace(0.05, 0.95, 60) * BASE.length_m
+    for one, wire in zip(found.wires, WIRES, strict=True):
+        assert not refused(one) and (np.abs(off(one, wire)) * PIXEL < 4 * one.sigma_at(s)).all()
+        assert one.worst_sigma() < 3 * PIXEL
+
+
+def test_what_is_refitted_stands_out_more_than_what_is_beside_it(tmp_path: Path) -> None:
+    """On ground full of short lines, a curve that is on no wire gathers as many as its neighbourhood."""
+    cameras, random = two_passes(8), np.random.default_rng(5)
+    pictures = lit(cameras, *WIRES)
+    for picture in pictures:
+        low = np.array([0, 0])
+        for start, along in zip(
+            random.uniform(low, picture.shape[1::-1], (400, 2)), random.normal(0, 12, (400, 2)), strict=True
+        ):
+            ends = (tuple(np.round(one).astype(int).tolist()) for one in (start, start + along))
+            cv2.line(picture, *ends, (60, 60, 60), 2)
+    photos = photos_of(scene_of(tmp_path, cameras, pictures))
+    absent = replace(hung(0.14, -0.1, 0.02), covariance=np.diag([1e-4 * PIXEL] * 6))
+    found = refine_wires(photos, [*MOVED, absent], replace(CONFIG, least_near=0.0, most_moved=1e9)).wires
+    assert not any(refused(one) for one in found[:3])
+    assert "times as often as what is beside it" in refused(found[3])
+    assert found[3].worst_sigma() >= absent.evidence.reach_m
+
+
 def test_what_one_image_shows_makes_a_wire_no_more_certain(tmp_path: Path) -> None:
     """All show the first half of each wire; beside its second half one shows something else."""
     cameras = two_passes(8)
@@ -118,10 +153,10 @@ def test_what_one_image_shows_makes_a_wire_no_more_certain(tmp_path: Path) -> No
     pictures[3] = lit(cameras[[3]], *beside)[0]
     found = refine_wires(photos_of(scene_of(tmp_path / "beside", cameras, pictures)), WIRES, CONFIG).wires
     end = np.array([BASE.length_m])
-    for one, other, wire in zip(found, bare, WIRES, strict=True):
+    for one, other in zip(found, bare, strict=True):
         assert not refused(one) and not refused(other)
         assert (one.sigma_at(end) > 0.9 * other.sigma_at(end)).all()
-        assert (np.abs(one.at(end) - wire.at(end)) < 3 * one.sigma_at(end)).all()
+        assert (np.abs(one.at(end) - other.at(end)) < 3 * one.sigma_at(end)).all()
 
 
 def test_one_that_goes_too_far_stays(photos: Photos) -> None:
@@ -153,11 +188,10 @@ def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
     known = np.array([wire.theta for wire in WIRES])
     config = AdjustConfig()
     moved = random.normal(size=(3, 6)) * [*[PIXEL] * 5, 0.1]
-    state = State(
-        known + moved, *(random.normal(size=shape) for shape in ((4, 3), (3, config.views), (3, 2), 2)), 0.1
-    )
+    shapes = ((4, MOVES), (3, config.views), (3, 2), 2)
+    state = State(known + moved, *(random.normal(size=shape) for shape in shapes), 0.1)
     nothing = ProfileMeasurements.none()
-    prior = Prior(known, np.array([4 * PIXEL] * 3), 0.1)
+    prior = Prior(known, np.array([4 * PIXEL] * 3), np.full(MOVES, 0.1))
     for _ in range(3):  # a curve does not depend linearly on its swing
         step = adjust(BASE, state, prior, [[nothing] * 3] * 4, config)
         state = step.state
@@ -215,9 +249,9 @@ def test_a_moved_wire_is_measured_by_the_profile() -> None:
         for n in range(len(cameras)):
             camera = doubled(cameras[[n]])
             grey = cv2.cvtColor(pictures[n], cv2.COLOR_RGB2GRAY).astype(np.float32)
-            others = [project_wire(camera, BASE, wire.theta, s, np.zeros(3), END_ON) for wire in WIRES[1:]]
+            others = [project_wire(camera, BASE, wire.theta, s, STILL, 1.0, END_ON) for wire in WIRES[1:]]
             theta = WIRES[0].theta + np.array([away, away, 0, 0, 0, 0]) * PIXEL
-            moved = project_wire(camera, BASE, theta, s, np.zeros(3), END_ON)
+            moved = project_wire(camera, BASE, theta, s, STILL, 1.0, END_ON)
             one = measure_profiles(grey, None, moved, others, 0.6, CONFIG.diameter_m, ProfileConfig())
             clear = np.abs(one.A) > 5 * np.sqrt(one.variance_A)
             if clear.sum() > 30:
@@ -276,7 +310,7 @@ def test_diameters_are_learnt_where_wires_are_wider_than_their_blur() -> None:
     seen, grey = [], []
     for wire, diameter in zip(WIRES[:2], true.tolist(), strict=True):
         picture = draw_lit(two_passes(8)[[3]], [polyline(wire)], diameter, np.zeros(3))[0]
-        seen.append(project_wire(camera, BASE, wire.theta, s, np.zeros(3), END_ON))
+        seen.append(project_wire(camera, BASE, wire.theta, s, STILL, 1.0, END_ON))
         grey.append(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32))
     config = replace(CONFIG, diameter_m=5.5 * PIXEL)
     learnt, blur_px = (config.diameter_m, config.diameter_m), config.blur_px
@@ -316,5 +350,5 @@ def _flat(pixel: np.ndarray) -> Projection:
     tangent = np.gradient(pixel, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
-    s, yes, still = np.linspace(0, 1, len(pixel)), np.ones(len(pixel), bool), np.zeros((len(pixel), 3))
+    s, yes, still = np.linspace(0, 1, len(pixel)), np.ones(len(pixel), bool), np.zeros((len(pixel), MOVES))
     return Projection(s, pixel, tangent, normal, normal, still, yes, yes)

@@ -17,7 +17,7 @@ from plnerf.survey.posed_photos import photos_of
 from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
-from plnerf.survey.refine.projection import project_wire
+from plnerf.survey.refine.projection import MOVES, project_wire
 from plnerf.survey.refine.refine import refine_wires
 
 PIXEL = 0.45 / FOCAL
@@ -125,7 +125,7 @@ class Trial:
     def profile(self, state: State, k: int, w: int) -> ProfileMeasurements:
         """What the profiles of a wire in an image would say, where a state has it."""
         s = np.linspace(0, self.base.length_m, self.noise.shape[2])
-        seen = project_wire(self.cameras[[k]], self.base, state.theta[w], s, state.pose[k], 0.15)
+        seen = project_wire(self.cameras[[k]], self.base, state.theta[w], s, state.pose[k], 6.0, 0.15)
         good, L, A = seen.good, self.base.length_m, 40.0
         by_yz, by_pose, config = seen.by_yz[good], seen.by_pose[good], AdjustConfig()
         off = curve_at(self.theta[w], L, s[good]) - curve_at(state.theta[w], L, s[good])
@@ -161,7 +161,7 @@ def _trial(random: np.random.Generator, wind_deg: float, sags: tuple[float, ...]
         Base(np.zeros(2), L * u),
         theta,
         Cameras(*(one.double() if one.is_floating_point() else one for one in views)),
-        0.2 * random.normal(size=(N, 3)),
+        0.2 * random.normal(size=(N, MOVES)),
         SHIFT_PX * random.normal(size=(W, config.directions, config.stretches)),
         NOISE_PX * random.normal(size=(N, W, 40)),
     )
@@ -173,8 +173,8 @@ def _refitted(made: Trial) -> list[tuple[float, float, np.ndarray]]:
     started = made.theta.copy()
     started[:, SWING] = 0.0
     reach = 0.1 + np.abs(made.theta[:, 4] * np.sin(made.theta[:, SWING]))
-    state = State(started, np.zeros((N, 3)), np.zeros((W, config.views)), np.zeros((W, 2)), np.zeros(2))
-    prior = Prior(started, reach, 0.2)
+    state = State(started, np.zeros((N, MOVES)), np.zeros((W, config.views)), np.zeros((W, 2)), np.zeros(2))
+    prior = Prior(started, reach, np.full(MOVES, 0.2))
     for _ in range(4):
         found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
         step = adjust(made.base, state, prior, found, config)

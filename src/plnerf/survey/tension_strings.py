@@ -24,7 +24,7 @@ from plnerf.line.line import Line, Span
 from plnerf.line.wire import Wire
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.refine.projection import project_wire
+from plnerf.survey.refine.projection import MOVES, project_wire
 
 _End = tuple[Wire, int]
 """A wire, and which of its ends."""
@@ -220,7 +220,7 @@ def _measure(
     config: TensionStringConfig,
 ) -> Float[np.ndarray, " k"]:
     """q at places along a wire in one image; NaN where it does not show them well."""
-    seen = project_wire(photos.cameras[[i]], wire.base, wire.theta, s, np.zeros(3), config.end_on)
+    seen = project_wire(photos.cameras[[i]], wire.base, wire.theta, s, np.zeros(MOVES), 1.0, config.end_on)
     by_m = np.linalg.norm(seen.by_yz, axis=1)
     d = np.arange(-config.far_m[1], config.far_m[1] + config.sample_m / 2, config.sample_m)
     pixel = seen.pixel[:, None] + (d * by_m[:, None])[..., None] * seen.normal[:, None]

@@ -31,11 +31,14 @@ from plnerf.line.base import Base
 from plnerf.line.curve import curve_at, curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
+from plnerf.survey.refine.projection import MOVES
 
 FREE = 6
 """Numbers of theta."""
 SWING = 5
 """The swing's place in theta."""
+TURNED, MOVED = slice(0, 2), slice(3, 5)
+"""Where in a pose residual the image is turned, right and down, and where it is moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +46,8 @@ class State:
     """What is sought."""
 
     theta: Float[np.ndarray, "w 6"]
-    pose: Float[np.ndarray, "n 3"]
-    """Pose residuals (du, dv, roll)."""
+    pose: Float[np.ndarray, "n 6"]
+    """Pose residuals, see `Projection.by_pose`."""
     bias: Float[np.ndarray, "w v"]
     """Brightness of a wire's edge beyond what the light explains, from each direction over each stretch; grey
     levels."""
@@ -61,8 +64,8 @@ class Prior:
     theta: Float[np.ndarray, "w 6"]
     trust_m: Float[np.ndarray, " w"]
     """Standard deviation of a wire's place."""
-    pose_sd_px: float
-    """Standard deviation of an image's pose residual."""
+    pose_sd_px: Float[np.ndarray, "6"]
+    """Standard deviations of an image's pose residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +96,17 @@ class Step:
         along = root @ axes * np.sqrt(np.maximum(larger, 1.0))
         return along @ along.T
 
-    def pose_residual_px(self) -> float:
-        """Standard deviation of the images' pose residuals: what they are, and what is not known of them."""
-        W, N = len(self.state.theta), len(self.state.pose)
-        unknown = np.diag(self.covariance)[FREE * W : FREE * W + 3 * N].reshape(N, 3)[:, :2]
-        return float(np.sqrt((self.state.pose[:, :2] ** 2 + unknown).mean()))
+    def pose_sd_px(self) -> Float[np.ndarray, "6"]:
+        """Standard deviations of the images' pose residuals: what they are, and what is not known of them.
+
+        Images are turned by as much to the right as down, and as much about their axis; likewise moved.
+        """
+        W, N = self.state.theta.shape[0], len(self.state.pose)
+        unknown = np.diag(self.covariance)[FREE * W : FREE * W + MOVES * N].reshape(N, MOVES)
+        turned, moved = (
+            float(np.sqrt((self.state.pose[:, two] ** 2 + unknown[:, two]).mean())) for two in (TURNED, MOVED)
+        )
+        return np.repeat([turned, moved], 3)
 
 
 class Layout:
@@ -105,7 +114,7 @@ class Layout:
 
     def __init__(self, W: int, N: int, views: int) -> None:
         self.pose = FREE * W
-        self.bias = self.pose + 3 * N
+        self.bias = self.pose + MOVES * N
         self.shading = self.bias + W * views
         self.common = self.shading + 2 * W
         self.common_swing = self.common + 2
@@ -116,7 +125,7 @@ class Layout:
         """Those that a measurement of wire w in image n depends on."""
         return np.concatenate([
             FREE * w + np.arange(FREE),
-            self.pose + 3 * n + np.arange(3),
+            self.pose + MOVES * n + np.arange(MOVES),
             self.bias + self.views * w + np.arange(self.views),
             self.shading + 2 * w + np.arange(2),
         ])
@@ -164,7 +173,7 @@ def adjust(
     spread = covariance @ (scores.T @ scores * N / max(N - 5, 1) + P) @ covariance
     after = State(
         state.theta + change[: at.pose].reshape(W, FREE),
-        state.pose + change[at.pose : at.bias].reshape(N, 3),
+        state.pose + change[at.pose : at.bias].reshape(N, MOVES),
         state.bias + change[at.bias : at.shading].reshape(W, at.views),
         state.shading + change[at.shading : at.common].reshape(W, 2),
         state.common_shading + change[at.common : at.common_swing],
@@ -204,8 +213,8 @@ def _prior(
     P[bias, bias] = 1 / config.uneven_grey**2
     pull[bias] = -state.bias.ravel() / config.uneven_grey**2
     pose = np.arange(at.pose, at.bias)
-    P[pose, pose] = 1 / prior.pose_sd_px**2
-    pull[pose] = -state.pose.ravel() / prior.pose_sd_px**2
+    P[pose, pose] = np.tile(prior.pose_sd_px**-2, N)
+    pull[pose] = -(state.pose / prior.pose_sd_px**2).ravel()
     tie = 1 / (config.own_shading * config.shading_grey) ** 2
     for k in range(2):
         own_shading = at.shading + 2 * np.arange(W) + k

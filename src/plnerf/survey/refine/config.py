@@ -168,7 +168,7 @@ class RefineConfig:
     wires that hang upright, 11 of 16 swings and sags lay in their 95 % intervals without this, and all with
     it."""
     undescribed: float = 0.3
-    """Share of an image's pose residual that one motion for near and far wires does not describe."""
+    """Share of an image's pose residual that a turn and a move of it do not describe."""
     least_visible: float = 0.03
     """Share of its measurements at which a wire must stand out; of noise, a hundredth does."""
     least_views: int = 3
@@ -179,6 +179,12 @@ class RefineConfig:
     """A measurement this near to the wire supports it."""
     least_near: float = 0.5
     """Share of the visible measurements that must support it."""
+    beside_every: int = 3
+    """Of so many places along a wire one is compared with what is beside it, where a wire must stand out"""
+    least_beside: float = 1.4
+    """so many times as often.  One that does not is left as it was, and is none"""
+    least_seen: float = 0.1
+    """where enough images show less than this share of it."""
     no_news: float = 0.7
     """The views do not fix a wire whose standard deviation stays above this share of what it was."""
     most_moved: float = 2.0
@@ -194,6 +200,11 @@ class RefineConfig:
             raise ConfigError(
                 "The refit needs diameter_m > 0, samples >= 10 and most_rounds >= 1, but got "
                 f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
+            )
+        if self.beside_every < 1 or self.least_beside < 0:
+            raise ConfigError(
+                "The refit needs beside_every of 1 or more and least_beside of 0 or more, but got "
+                f"{self.beside_every} and {self.least_beside}."
             )
         if self.thin_px < 0 or not 0 < self.thin_share <= 1:
             raise ConfigError(

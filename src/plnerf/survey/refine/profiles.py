@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from scipy.special import ndtr
 
+from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import ProfileConfig
 from plnerf.survey.refine.projection import Projection, crossings
 
@@ -32,7 +33,7 @@ class ProfileMeasurements:
 
     s: Float[np.ndarray, " k"]
     by_yz: Float[np.ndarray, "k 2"]
-    by_pose: Float[np.ndarray, "k 3"]
+    by_pose: Float[np.ndarray, "k 6"]
     """As `Projection` has them."""
     by_slope: Float[np.ndarray, " k"]
     """What B gains for each grey level by which the wire's edge towards the normal is brighter than its
@@ -60,10 +61,19 @@ class ProfileMeasurements:
     @classmethod
     def none(cls) -> "ProfileMeasurements":
         """No measurements: the image does not show the wire."""
-        pairs = {"by_yz": 2, "by_pose": 3}
+        pairs = {"by_yz": 2, "by_pose": 6}
         return cls(**{
             one.name: np.zeros((0, pairs[one.name]) if one.name in pairs else 0) for one in fields(cls)
         })
+
+
+def grey_picture(
+    photos: Photos, i: int
+) -> tuple[Float32[np.ndarray, "h w"], Bool[np.ndarray, "h w"] | None]:
+    """Of an image; and which of its pixels no mask ignores, where there are masks."""
+    # Of bytes, interpolation gives bytes.
+    grey = cv2.cvtColor(photos.images.image(i), cv2.COLOR_RGB2GRAY).astype(np.float32)
+    return grey, photos.images.valid(i) if photos.images.has_masks else None
 
 
 def measure_profiles(

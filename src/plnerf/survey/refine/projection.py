@@ -16,6 +16,9 @@ from plnerf.line.base import Base
 from plnerf.line.curve import curve_at
 from plnerf.scene.cameras import Cameras, project
 
+MOVES = 6
+"""Numbers of an image's pose residual."""
+
 
 @dataclass(frozen=True, eq=False)
 class Projection:
@@ -29,9 +32,11 @@ class Projection:
     """Unit vectors in the image."""
     by_yz: Float[np.ndarray, "k 2"]
     """How far the curve moves along its normal when the wire moves along y, and along z: pixels per metre."""
-    by_pose: Float[np.ndarray, "k 3"]
-    """How far it moves along its normal by a unit of each pose residual (du, dv, roll): the image moves by a
-    pixel right, by one down, and turns by one at the focal length from its middle."""
+    by_pose: Float[np.ndarray, "k 6"]
+    """How far it moves along its normal by a unit of each pose residual (du, dv, roll, mu, mv, mw): the image
+    moves by a pixel right, by one down, and turns by one at the focal length from its middle; what is at the
+    usual distance in it moves by a pixel right, by one down, and outwards by one at the focal length from the
+    middle, and what is farther by less."""
     front: Bool[np.ndarray, " k"]
     """In front of the camera."""
     good: Bool[np.ndarray, " k"]
@@ -43,10 +48,12 @@ def project_wire(
     base: Base,
     theta: Float[np.ndarray, "6"],
     s: Float[np.ndarray, " k"],
-    pose_residual: Float[np.ndarray, "3"],
+    pose_residual: Float[np.ndarray, "6"],
+    usual_m: float,
     end_on: float,
 ) -> Projection:
-    """Projects a wire.  camera: one, in float64.  pose_residual: of its image (du, dv, roll)."""
+    """Projects a wire.  camera: one, in float64.  pose_residual: of its image; usual_m: distance, see
+    `Projection.by_pose`."""
     L = base.length_m
     step = 1e-4 * L
     here = curve_at(theta, L, s)
@@ -62,10 +69,13 @@ def project_wire(
     focal = float(camera.focal_px[0, 0])
     u = (pixel - camera.principal_px[0].numpy()) / focal
     turn = np.stack([-u[:, 1], u[:, 0]], 1)
+    nearness = (usual_m / np.where(front, depth[0], np.inf))[:, None]
     pixel = pixel + pose_residual[:2] + pose_residual[2] * turn
+    pixel += nearness * (pose_residual[3:5] + pose_residual[5] * u)
     inside = ((pixel > 0) & (pixel < camera.size_px[0].numpy())).all(1)
     square_on = focal * step / np.where(front, depth[0], 1.0)
-    by_pose = np.concatenate([normal, (normal * turn).sum(1, keepdims=True)], 1)
+    rolled, outwards = ((normal * by).sum(1, keepdims=True) for by in (turn, u))
+    by_pose = np.concatenate([normal, rolled, normal * nearness, outwards * nearness], 1)
     good = front & inside & (length > end_on * square_on)
     return Projection(s, pixel, tangent, normal, by_yz, by_pose, front, good)
 

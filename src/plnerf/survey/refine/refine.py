@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -20,10 +19,11 @@ from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.adjust import SWING, Prior, State, Step, adjust
+from plnerf.survey.refine.beside import stands_out
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
-from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
-from plnerf.survey.refine.projection import Projection, project_wire
+from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
+from plnerf.survey.refine.projection import MOVES, Projection, project_wire
 
 Stretches = tuple[tuple[float, float], ...]
 """From where to where along a wire, metres."""
@@ -42,7 +42,7 @@ class Refinement:
     """Standard deviation of what the images' poses are off by, as their wires show it."""
     shown: tuple[bool, ...]
     """Of each wire whether it stands out in the images more often than noise, or enough of them show a piece
-    of it; true where nothing can be measured."""
+    of it, a good piece where what is beside it stands out as often; true where nothing can be measured."""
     counts: tuple[int, ...] = ()
     """At how many places, of all images, each wire stands out near to its curve."""
     widths: Widths | None = None
@@ -71,22 +71,26 @@ def refine_wires(
     views, N, W = list(photos.train), len(photos.train), len(wires)
     cameras = [photos.cameras[[i]] for i in views]
     v = config.adjust.views
-    state = State(before, np.zeros((N, 3)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
+    state = State(before, np.zeros((N, MOVES)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
-    prior = Prior(before, trust, config.pose_sd_px)
+    prior = Prior(before, trust, np.full(MOVES, config.pose_sd_px))
+    usual_m = _usual_distance(photos, started, s)
     diameters, blur_px = widths or (_first_diameters(cameras, base, before, s, config), config.blur_px)
     first_blur_px = blur_px if widths else config.first_blur_px
     found: list[list[ProfileMeasurements]] = []
     report = progress or (lambda done, of: None)
+
+    def project(n: int, state: State, s: Float[np.ndarray, " k"]) -> list[Projection]:
+        end_on = config.profile.end_on
+        return [project_wire(cameras[n], base, one, s, state.pose[n], usual_m, end_on) for one in state.theta]
+
     for k in range(config.most_rounds):
         blur = blur_px if k else first_blur_px
 
         def measure(
             n: int, state: State = state, blur: float = blur, across: tuple[float, ...] = diameters
         ) -> list[ProfileMeasurements]:
-            end_on = config.profile.end_on
-            seen = [project_wire(cameras[n], base, one, s, state.pose[n], end_on) for one in state.theta]
-            return _of_image(photos, views[n], seen, blur, across, config)
+            return _of_image(photos, views[n], project(n, state, s), blur, across, config)
 
         with ThreadPoolExecutor() as pool:
             found = list(pool.map(measure, range(N)))
@@ -94,7 +98,7 @@ def refine_wires(
         if k:
             diameters, blur_px = likelier_widths(diameters, blur_px, found, config)
         last, state = state, _hanging(step.state, config.adjust)
-        prior = replace(prior, pose_sd_px=max(step.pose_residual_px(), config.least_pose_sd_px))
+        prior = replace(prior, pose_sd_px=np.maximum(step.pose_sd_px(), config.least_pose_sd_px))
         report(k + 1, config.most_rounds)
         moved = max(_between(base, *both, s) for both in zip(last.theta, state.theta, strict=True))
         if k + 1 >= config.least_rounds and moved * step.pixels_per_m < config.settled_px:
@@ -103,16 +107,21 @@ def refine_wires(
     step = replace(step, state=state)
     seen = [_seen(step, w, base.length_m, config) for w in range(W)]
     sure = adjust(base, state, prior, _on(seen, found), config.adjust)
+    few = s[:: config.beside_every]
+    more = stands_out(photos, lambda n: project(n, state, few), diameters, blur_px, config)
     judged = [
-        _judged(wire, prior, (step, sure), w, found, seen[w], s, config) for w, wire in enumerate(started)
+        _judged(wire, prior, (step, sure), w, found, seen[w], float(more[w]), config)
+        for w, wire in enumerate(started)
     ]
     shown = []
-    for w, wire in enumerate(judged):
+    for w in range(W):
         count = sum(len(row[w]) for row in found)
         often = len(step.off_px[w]) >= config.least_visible * count
-        shown.append(often or bool(wire.evidence.seen_m))
+        told = more[w] >= config.least_beside
+        long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
+        shown.append((often or bool(seen[w])) and bool(told or long))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
-    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown), counts, (diameters, blur_px))
+    return Refinement(tuple(judged), _pose_residual_px(step), tuple(shown), counts, (diameters, blur_px))
 
 
 def common_base(wires: Sequence[Wire]) -> Base:
@@ -123,14 +132,27 @@ def common_base(wires: Sequence[Wire]) -> Base:
     return first.cut(float(s.min()), float(s.max()))
 
 
+def _usual_distance(photos: Photos, wires: Sequence[Wire], s: Float[np.ndarray, " k"]) -> float:
+    """Of the wires from the photos in which they are."""
+    apart = np.concatenate([photos.distances(wire.points(s)).ravel() for wire in wires])
+    seen = apart[np.isfinite(apart)]
+    return float(np.median(seen)) if len(seen) else 1.0
+
+
+def _pose_residual_px(step: Step) -> float:
+    """Of a wire at the usual distance."""
+    turned, *_, moved = step.pose_sd_px()
+    return float(np.hypot(turned, moved))
+
+
 def _first_diameters(
     cameras: Sequence[Cameras], base: Base, theta: Float[np.ndarray, "w 6"], s: Float[np.ndarray, " k"],
     config: RefineConfig,
 ) -> tuple[float, ...]:  # fmt: skip
     """The assumed diameter of wires that are wide by it in most images, and a share of it of others."""
-    still, first = np.zeros(3), []
+    still, first = np.zeros(MOVES), []
     for one in theta:
-        seen = [project_wire(camera, base, one, s, still, config.profile.end_on) for camera in cameras]
+        seen = [project_wire(camera, base, one, s, still, 1.0, config.profile.end_on) for camera in cameras]
         px_per_m = np.concatenate([np.linalg.norm(view.by_yz, axis=1)[view.good] for view in seen])
         wide = len(px_per_m) > 0 and config.diameter_m * float(np.median(px_per_m)) >= config.thin_px
         first.append(config.diameter_m * (1.0 if wide else config.thin_share))
@@ -158,9 +180,7 @@ def _of_image(
     config: RefineConfig,
 ) -> list[ProfileMeasurements]:  # fmt: skip
     """The measurements of each wire in one image."""
-    # Of bytes, interpolation gives bytes.
-    grey = cv2.cvtColor(photos.images.image(i), cv2.COLOR_RGB2GRAY).astype(np.float32)
-    valid = photos.images.valid(i) if photos.images.has_masks else None
+    grey, valid = grey_picture(photos, i)
     return [
         measure_profiles(grey, valid, mine, seen[:w] + seen[w + 1 :], blur_px, across[w], config.profile)
         for w, mine in enumerate(seen)
@@ -174,12 +194,13 @@ def _judged(
     w: int,
     found: Sequence[Sequence[ProfileMeasurements]],
     seen: Stretches,
-    s: Float[np.ndarray, " k"],
+    more: float,
     config: RefineConfig,
 ) -> Wire:
     """The refitted wire if it is to be believed, else the wire as it was and why.
 
-    steps: by all measurements, and by those on what enough images show.  What lies beside a wire that is
+    steps: by all measurements, and by those on what enough images show.  more: how many times as often the
+    wire stands out as what is beside it.  What lies beside a wire that is
     hardly seen pulls at the others: they help to find it, and do not make it certain.
     """
     step, sure = steps
@@ -187,6 +208,7 @@ def _judged(
     views, count = sum(len(row) > 0 for row in rows), sum(len(row) for row in rows)
     off, theta = step.off_px[w], step.state.theta[w]
     trust, base = prior.trust_m[w], wire.base
+    s = np.linspace(0, base.length_m, config.samples)
     moved, own = _between(base, prior.theta[w], theta, s), step.of_wire(w)
     J = curve_by_theta(theta, base.length_m, s)
     sigma = float(np.sqrt(np.linalg.eigvalsh(J @ own @ J.transpose(0, 2, 1))[:, -1].min()))
@@ -200,17 +222,20 @@ def _judged(
         refused = f"it stands out at {len(off) / count:.1%} of the places where it was measured"
     elif near < config.least_near:
         refused = f"{near:.0%} of its measurements lie within a pixel of it"
+    elif more < config.least_beside:
+        refused = f"it stands out {more:.1f} times as often as what is beside it"
     elif moved > config.most_moved * trust:
         refused = f"it moved {moved / trust:.1f} times as far as its detection may be off"
     evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
     if refused is not None:
-        # A detection states its least certain point: that stands for all of them, and for the bow.
-        sigma = wire.worst_sigma()
+        # A detection states its least certain point: that stands for all of them, and for the bow.  Of one
+        # that full-size images do not show, it is all that it may be off by.
+        sigma = max(wire.worst_sigma(), trust if more < config.least_beside else 0.0)
         swing = min(np.radians(config.adjust.swing_deg), sigma / max(float(wire.theta[4]), LEAST_BEND_M))
         held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
         notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
         return replace(wire, covariance=held, evidence=evidence, notes=notes)
-    off_px = float(np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()))
+    off_px = float(np.hypot(config.systematic_px, config.undescribed * _pose_residual_px(step)))
     common = off_px / step.pixels_per_m
     by_yz = np.concatenate([row.by_yz for row in rows])
     systematic = _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
