@@ -29,7 +29,7 @@ def stands_out(
     config: RefineConfig,
 ) -> Float[np.ndarray, " w"]:
     """How many times as often each wire stands out near to its curve as what is beside it; infinite where
-    nothing can be measured.
+    less can be measured to both of its sides together than on it.
 
     project: all wires in the n-th training image.
     """
@@ -46,9 +46,10 @@ def stands_out(
     with ThreadPoolExecutor() as pool:
         counts = sum(pool.map(count, range(len(photos.train))))
     near, measured = np.moveaxis(np.asarray(counts), 2, 0)
+    sides = measured[:, 1:].sum(1)
     own = near[:, 0] / np.maximum(measured[:, 0], 1)
-    beside = (near[:, 1:].sum(1) + 1) / np.maximum(measured[:, 1:].sum(1), 1)
-    return np.where(measured[:, 0] > 0, own / beside, np.inf)
+    beside = (near[:, 1:].sum(1) + 1) / np.maximum(sides, 1)  # one more, so that none is not infinitely less
+    return np.where(sides >= np.maximum(measured[:, 0], 1), own / beside, np.inf)
 
 
 def _beside(
