@@ -47,6 +47,17 @@ def test_pairs_come_to_the_corners_of_which_more_is_seen(photos: Photos) -> None
     assert worst(uncrossed(photos, stuck, CONFIG).wires) < 0.5
 
 
+def test_other_corners_are_in_the_same_lines_of_sight(photos: Photos) -> None:
+    """In every photo, either wire at its other corner hides one of the two."""
+    s = np.linspace(0.2, 0.8, 7) * TRUE[0].base.length_m
+    true, other = (np.array([wire.points(s) for wire in wires]) for wires in (TRUE, crossed(photos)))
+    for eye in photos.cameras.centre.numpy()[list(photos.train)]:
+        across, there = ((places - eye)[..., 1:] for places in (true, other))
+        turns, turns_there = (np.arctan2(one[..., 0], one[..., 1]) for one in (across, there))
+        off = np.abs(turns_there[:, None] - turns[None]) * np.linalg.norm(across, axis=-1)[None]
+        assert off.min(1).max() < 3 * PIXEL  # the photos weave, so that no place is in all lines exactly
+
+
 def test_pairs_that_are_right_stay(photos: Photos) -> None:
     right = refine_wires(photos, TRUE, CONFIG)
     assert uncrossed(photos, right, CONFIG) is right

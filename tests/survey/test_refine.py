@@ -112,6 +112,25 @@ def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) ->
         assert not refused(one) and np.sqrt((off(one, wire) ** 2).mean()) < 0.5
 
 
+def test_pose_residuals_turn_and_move_what_is_seen() -> None:
+    """By what a camera that turns, or moves, sees of the same wire; mu and mv are of a pixel at `usual`."""
+    camera, s, usual, small = doubled(two_passes(8)[[3]]), np.linspace(0.6, 1.0, 7), 0.5, 1e-4
+    seen = project_wire(camera, BASE, WIRES[0].theta, s, STILL, usual, END_ON)
+    assert seen.good.all()
+    for k, unit in enumerate(np.eye(MOVES) * small):
+        moved = project_wire(camera, BASE, WIRES[0].theta, s, unit, usual, END_ON)
+        across = ((moved.pixel - seen.pixel) * seen.normal).sum(1)
+        np.testing.assert_allclose(across, small * seen.by_pose[:, k], atol=1e-12)
+    R, focal = camera.R_scene_camera[0].numpy(), float(camera.focal_px[0, 0])
+    # What is seen moves against the camera, and outwards where it comes nearer.
+    for axis, sign in enumerate((-1.0, -1.0, 1.0)):
+        there = replace(camera, centre=camera.centre + torch.from_numpy(small * R[:, axis]))
+        shift = project_wire(there, BASE, WIRES[0].theta, s, STILL, usual, END_ON).pixel - seen.pixel
+        residual = sign * focal * small / usual * np.eye(MOVES)[3 + axis]
+        told = project_wire(camera, BASE, WIRES[0].theta, s, residual, usual, END_ON).pixel - seen.pixel
+        np.testing.assert_allclose(told, shift, atol=2e-3 * np.abs(shift).max())
+
+
 def test_cameras_that_are_moved_do_not_reach_the_wires(tmp_path: Path) -> None:
     """Each by a share of a hundredth of its distance: near wires move by more pixels than far ones."""
     told, random = two_passes(8), np.random.default_rng(4)

@@ -38,7 +38,7 @@ FREE = 6
 SWING = 5
 """The swing's place in theta."""
 TURNED, MOVED = slice(0, 2), slice(3, 5)
-"""Where in a pose residual the image is turned, right and down, and where it is moved."""
+"""The numbers of a pose residual by which an image is turned, right and down, and by which it is moved."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,7 @@ class CrossedConfig:
     """When images of two wires may be paired crosswise."""
 
     near_m: float = 1.0
-    """Wires that are farther from each other are told apart by where they are."""
+    """Wires farther apart than this are not confused."""
     distinct: float = 2.0
     """Photos look from two directions if the angle between these is so many times what either of them
     spans,"""
@@ -180,11 +180,12 @@ class RefineConfig:
     least_near: float = 0.5
     """Share of the visible measurements that must support it."""
     beside_every: int = 3
-    """Of so many places along a wire one is compared with what is beside it, where a wire must stand out"""
+    """Every such place along a wire is compared with what is beside the wire."""
     least_beside: float = 1.4
-    """so many times as often.  One that does not is left as it was, and is none"""
+    """A wire is refitted if it stands out so many times as often as what is beside it; else it stays as it
+    was detected."""
     least_seen: float = 0.1
-    """where enough images show less than this share of it."""
+    """A wire that does not stand out so is left out where enough images show less than this share of it."""
     no_news: float = 0.7
     """The views do not fix a wire whose standard deviation stays above this share of what it was."""
     most_moved: float = 2.0
@@ -201,10 +202,10 @@ class RefineConfig:
                 "The refit needs diameter_m > 0, samples >= 10 and most_rounds >= 1, but got "
                 f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
             )
-        if self.beside_every < 1 or self.least_beside < 0:
+        if self.beside_every < 1 or self.least_beside < 0 or not 0 <= self.least_seen <= 1:
             raise ConfigError(
-                "The refit needs beside_every of 1 or more and least_beside of 0 or more, but got "
-                f"{self.beside_every} and {self.least_beside}."
+                "The refit needs beside_every of 1 or more, least_beside of 0 or more and least_seen from 0 "
+                f"to 1, but got {self.beside_every}, {self.least_beside} and {self.least_seen}."
             )
         if self.thin_px < 0 or not 0 < self.thin_share <= 1:
             raise ConfigError(

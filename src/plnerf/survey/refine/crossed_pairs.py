@@ -10,7 +10,7 @@ normals of the two directions, the other pair of corners is at +-h', where
 
 No photo looks quite as the others of its direction: of the right pair more is seen.  Lines of sight turn as
 the wires sag, so that a wrong pair hangs less alike in the middle than wires side by side do.  Where neither
-tells, the intervals of both wires hold both places.
+decides, the intervals of both wires hold both places.
 """
 
 from collections.abc import Sequence
@@ -87,7 +87,7 @@ def _refitted(
 
 
 def _differ(one: Refinement, other: Refinement, pair: _Pair) -> float:
-    """How far the two wires of a pair are in one fit from where they are in the other, whichever is which."""
+    """How far the two wires of a pair move between two fits; wires that change places do not move."""
     s, both = SHARES * one.wires[0].base.length_m, (pair.one, pair.other)
     here, there = (np.array([fit.wires[k].points(s) for k in both]) for fit in (one, other))
     apart = [np.linalg.norm(here - wires, axis=2) for wires in (there, there[::-1])]

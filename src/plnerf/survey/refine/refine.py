@@ -199,9 +199,9 @@ def _judged(
 ) -> Wire:
     """The refitted wire if it is to be believed, else the wire as it was and why.
 
-    steps: by all measurements, and by those on what enough images show.  more: how many times as often the
-    wire stands out as what is beside it.  What lies beside a wire that is
-    hardly seen pulls at the others: they help to find it, and do not make it certain.
+    steps: by all measurements, and by those on what enough images show; what lies beside a wire that is
+    hardly seen pulls at the others, which help to find it and do not make it certain.  more: how many times
+    as often the wire stands out as what is beside it.
     """
     step, sure = steps
     rows = [row[w] for row in found]
