@@ -152,9 +152,13 @@ def test_a_film_is_downloaded_and_one_is_made_at_a_time(
     frames = iio.imread(download.value.path(), extension=".mp4")
     assert len(frames) == 4 and frames.shape[2] == pytest.approx(320, abs=2)
     assert np.abs(frames[0].astype(float) - frames[-1]).mean() > 1  # it moves
+    page.text("The processors limit it").wait_for(state="hidden")  # what is read next is of the next film
     monkeypatch.setattr(film_panel, "FPS", 1000)
     page.press("Film along the way")
     page.text("The processors limit it").wait_for()
+    films = server._shared.films
+    assert films is not None
+    drawn(page, lambda: films.progress is not None)
     other = Page(browser, server.address)
     other.unfold("Save")
     other.press("Film along the way")
