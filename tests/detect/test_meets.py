@@ -144,3 +144,15 @@ def test_a_view_that_sees_what_no_other_does_has_no_partner() -> None:
     targets = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.1, 9.0]])
     found = partners(views_of(pinhole_cameras(centres, targets)), (-1.0, *LOW), (1.0, *HIGH), CONFIG)
     assert found[:, 0].tolist() == [1, 0, -1] and (found[:, 1:] == -1).all()
+
+
+def test_partners_are_of_all_parts_of_a_flight() -> None:
+    """A long track far away comes first: those beside the wire have others beside it among their partners."""
+    far = [(at, y, 0.6) for y in (-1.2, 1.2) for at in np.linspace(-0.8, 0.8, 20)]
+    near = [(at, y, 0.1) for y in (-0.3, 0.3) for at in np.linspace(-0.5, 0.5, 8)]
+    centres = np.array(far + near)
+    views = views_of(pinhole_cameras(centres, centres * (1, 0, 0)))
+    found = partners(views, (-1.0, *LOW), (1.0, *HIGH), CONFIG)
+    beside = np.arange(len(far), len(centres))
+    assert set(found[found >= 0].tolist()) == set(range(len(centres)))
+    assert np.isin(found[beside], beside).any(1).mean() > 0.8

@@ -26,6 +26,8 @@ LEAST = 3
 """A curve needs so many of these places to be cut."""
 PLACES = (24, 16, 12)
 """Places along, across and upwards that views may have in common: a long lens shows few metres at a time."""
+GOLDEN = (5**0.5 - 1) / 2
+"""Multiples of it, less their whole parts, are spread evenly, however many are taken."""
 STEPS = 3
 """Steps of Newton's method from the middle of a chain: few, because chains are nearly straight."""
 
@@ -64,11 +66,13 @@ def partners(
 
     low, high: x, y and z between which the places lie.
 
-    One after another, each the first in the order of the images that shows what those before it show too
-    seldom: surfaces of two views meet at a small angle in a line that runs between them, and no one partner
-    serves all places.  Those that share most places with a view are its neighbours, at the smallest angles
-    that count as good, and find fewer wires than the first that come.
+    One after another, each the first that shows what those before it show too seldom: surfaces of two views
+    meet at a small angle in a line that runs between them, and no one partner serves all places.  Those that
+    share most places with a view are its neighbours, at the smallest angles that count as good, and find
+    fewer wires.  Each takes the others in an order of its own, in which neighbours of a flight are far apart:
+    the first images of a long flight would all be of a part that shows a wire elsewhere too thin.
     """
+    scattered = np.argsort(np.arange(len(views.R)) * GOLDEN % 1.0)
     axes = [np.linspace(*side) for side in zip(low, high, PLACES, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen = seen_places(views, places)
@@ -79,10 +83,10 @@ def partners(
         own = np.flatnonzero(seen[n])
         sine = y[n, own] * z[:, own] - z[n, own] * y[:, own]
         shown = seen[:, own] & (np.abs(sine) >= config.good_angle)
-        wanted = np.full(len(own), config.often)
+        wanted, order = np.full(len(own), config.often), (scattered + n) % len(seen)
         for k in range(config.partners):
             gains = (shown & (wanted > 0)).any(1)
-            first = int(gains.argmax())
+            first = int(order[gains[order].argmax()])
             if not gains[first]:
                 break
             found[k] = first

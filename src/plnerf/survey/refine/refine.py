@@ -11,22 +11,21 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from plnerf.line.base import Base
-from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
+from plnerf.line.curve import LEAST_BEND_M
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.refine.adjust import SWING, Prior, State, Step, adjust
+from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
 from plnerf.survey.refine.beside import stands_out
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
+from plnerf.survey.refine.judge import believed, between, on_stretches, pose_residual_px, stretches_seen
 from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Projection, project_wire
 
-Stretches = tuple[tuple[float, float], ...]
-"""From where to where along a wire, metres."""
 Widths = tuple[tuple[float, ...], float]
 """The diameters of wires, metres, and the blur of the images, pixels."""
 
@@ -100,17 +99,17 @@ def refine_wires(
         last, state = state, _hanging(step.state, config.adjust)
         prior = replace(prior, pose_sd_px=np.maximum(step.pose_sd_px(), config.least_pose_sd_px))
         report(k + 1, config.most_rounds)
-        moved = max(_between(base, *both, s) for both in zip(last.theta, state.theta, strict=True))
+        moved = max(between(base, *both, s) for both in zip(last.theta, state.theta, strict=True))
         if k + 1 >= config.least_rounds and moved * step.pixels_per_m < config.settled_px:
             break
     report(config.most_rounds, config.most_rounds)
     step = replace(step, state=state)
-    seen = [_seen(step, w, base.length_m, config) for w in range(W)]
-    sure = adjust(base, state, prior, _on(seen, found), config.adjust)
+    seen = [stretches_seen(step, w, base.length_m, config) for w in range(W)]
+    sure = adjust(base, state, prior, on_stretches(seen, found), config.adjust)
     few = s[:: config.beside_every]
     more = stands_out(photos, lambda n: project(n, state, few), diameters, blur_px, config)
     judged = [
-        _judged(wire, prior, (step, sure), w, found, seen[w], float(more[w]), config)
+        believed(wire, prior, (step, sure), w, found, seen[w], float(more[w]), config)
         for w, wire in enumerate(started)
     ]
     shown = []
@@ -121,7 +120,7 @@ def refine_wires(
         long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
         shown.append((often or bool(seen[w])) and bool(told or long))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
-    return Refinement(tuple(judged), _pose_residual_px(step), tuple(shown), counts, (diameters, blur_px))
+    return Refinement(tuple(judged), pose_residual_px(step), tuple(shown), counts, (diameters, blur_px))
 
 
 def common_base(wires: Sequence[Wire]) -> Base:
@@ -137,12 +136,6 @@ def _usual_distance(photos: Photos, wires: Sequence[Wire], s: Float[np.ndarray, 
     apart = np.concatenate([photos.distances(wire.points(s)).ravel() for wire in wires])
     seen = apart[np.isfinite(apart)]
     return float(np.median(seen)) if len(seen) else 1.0
-
-
-def _pose_residual_px(step: Step) -> float:
-    """Of a wire at the usual distance."""
-    turned, *_, moved = step.pose_sd_px()
-    return float(np.hypot(turned, moved))
 
 
 def _first_diameters(
@@ -167,14 +160,6 @@ def _hanging(state: State, config: AdjustConfig) -> State:
     return replace(state, theta=theta)
 
 
-def _between(
-    base: Base, one: Float[np.ndarray, "6"], other: Float[np.ndarray, "6"], s: Float[np.ndarray, " k"]
-) -> float:
-    """Greatest distance between two curves."""
-    apart = curve_at(one, base.length_m, s) - curve_at(other, base.length_m, s)
-    return float(np.linalg.norm(apart, axis=1).max())
-
-
 def _of_image(
     photos: Photos, i: int, seen: list[Projection], blur_px: float, across: Sequence[float],
     config: RefineConfig,
@@ -185,108 +170,3 @@ def _of_image(
         measure_profiles(grey, valid, mine, seen[:w] + seen[w + 1 :], blur_px, across[w], config.profile)
         for w, mine in enumerate(seen)
     ]
-
-
-def _judged(
-    wire: Wire,
-    prior: Prior,
-    steps: tuple[Step, Step],
-    w: int,
-    found: Sequence[Sequence[ProfileMeasurements]],
-    seen: Stretches,
-    more: float,
-    config: RefineConfig,
-) -> Wire:
-    """The refitted wire if it is to be believed, else the wire as it was and why.
-
-    steps: by all measurements, and by those on what enough images show; what lies beside a wire that is
-    hardly seen pulls at the others, which help to find it and do not make it certain.  more: how many times
-    as often the wire stands out as what is beside it.
-    """
-    step, sure = steps
-    rows = [row[w] for row in found]
-    views, count = sum(len(row) > 0 for row in rows), sum(len(row) for row in rows)
-    off, theta = step.off_px[w], step.state.theta[w]
-    trust, base = prior.trust_m[w], wire.base
-    s = np.linspace(0, base.length_m, config.samples)
-    moved, own = _between(base, prior.theta[w], theta, s), step.of_wire(w)
-    J = curve_by_theta(theta, base.length_m, s)
-    sigma = float(np.sqrt(np.linalg.eigvalsh(J @ own @ J.transpose(0, 2, 1))[:, -1].min()))
-    near = float((np.abs(off) <= config.near_px).mean()) if len(off) else 0.0
-    refused = None
-    if views < config.least_views or not len(off):
-        refused = f"{views} images show it"
-    elif sigma > config.no_news * trust:
-        refused = "the views do not fix it better than its detection did"
-    elif len(off) < config.least_visible * count:
-        refused = f"it stands out at {len(off) / count:.1%} of the places where it was measured"
-    elif near < config.least_near:
-        refused = f"{near:.0%} of its measurements lie within a pixel of it"
-    elif more < config.least_beside:
-        refused = f"it stands out {more:.1f} times as often as what is beside it"
-    elif moved > config.most_moved * trust:
-        refused = f"it moved {moved / trust:.1f} times as far as its detection may be off"
-    evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
-    if refused is not None:
-        # A detection states its least certain point: that stands for all of them, and for the bow.  Of one
-        # that full-size images do not show, it is all that it may be off by.
-        sigma = max(wire.worst_sigma(), trust if more < config.least_beside else 0.0)
-        swing = min(np.radians(config.adjust.swing_deg), sigma / max(float(wire.theta[4]), LEAST_BEND_M))
-        held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
-        notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
-        return replace(wire, covariance=held, evidence=evidence, notes=notes)
-    off_px = float(np.hypot(config.systematic_px, config.undescribed * _pose_residual_px(step)))
-    common = off_px / step.pixels_per_m
-    by_yz = np.concatenate([row.by_yz for row in rows])
-    systematic = _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
-    covariance = sure.of_wire(w) + systematic
-    return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
-
-
-def _systematic(
-    theta: Float[np.ndarray, "6"], common_m: float, bow_px: float, by_yz: Float[np.ndarray, "k 2"],
-    config: AdjustConfig,
-) -> Float[np.ndarray, "6 6"]:  # fmt: skip
-    """Covariance of what displaces all of a wire alike, and of what displaces its middle against its ends.
-
-    The latter is so many pixels in every view: in metres it is most in the direction that views show least.
-    """
-    alike = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
-    views = by_yz.T @ by_yz / len(by_yz)
-    of_bow = bow_px**2 / 2 * np.linalg.pinv(views, hermitian=True)
-    bend, swing = float(theta[4]), float(theta[SWING])
-    # A wire too taut to show its swing swings no further for it than wind does.
-    arm = max(bend, float(np.sqrt(of_bow[0, 0])) / np.radians(config.swing_deg))
-    s, c = np.sin(swing), np.cos(swing)
-    by_bow = np.array([[s, c], [c / arm, -s / arm]])  # b and swing, by y and z of the middle
-    systematic = np.zeros((6, 6))
-    systematic[:4, :4], systematic[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
-    return systematic
-
-
-def _on(
-    seen: Sequence[Stretches], found: Sequence[Sequence[ProfileMeasurements]]
-) -> list[list[ProfileMeasurements]]:
-    """Of every image, the measurements of each wire on the stretches that are seen of it."""
-
-    def within(s: Float[np.ndarray, " k"], some: Stretches) -> Bool[np.ndarray, " k"]:
-        inside = np.zeros(len(s), np.bool_)
-        for low, high in some:
-            inside |= (s >= low) & (s <= high)
-        return inside
-
-    return [
-        [one.only(within(one.s, some)) for one, some in zip(row, seen, strict=True)] for row in found
-    ]
-
-
-def _seen(step: Step, w: int, length_m: float, config: RefineConfig) -> Stretches:
-    """Stretches of a wire on which enough images show it near to its curve."""
-    count = max(1, round(length_m / config.piece_m))
-    near = np.abs(step.off_px[w]) <= config.near_px
-    piece = np.clip((step.s[w][near] / length_m * count).astype(int), 0, count - 1)
-    shown = np.zeros((count, len(step.state.pose)), np.bool_)
-    shown[piece, step.image[w][near]] = True
-    enough = shown.sum(1) >= config.least_views
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], enough.astype(np.int8), [0]]))) * length_m / count
-    return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))

@@ -1,0 +1,140 @@
+"""Whether a refitted wire is to be believed, and what it may be off by.
+
+One that few images show, that stands out no more than what is beside it, or that moved farther than its
+detection may be off stays where it was detected, with what that may be off by.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from plnerf.line.base import Base
+from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
+from plnerf.line.wire import Wire
+from plnerf.survey.refine.adjust import SWING, Prior, Step
+from plnerf.survey.refine.config import AdjustConfig, RefineConfig
+from plnerf.survey.refine.profiles import ProfileMeasurements
+
+Stretches = tuple[tuple[float, float], ...]
+"""From where to where along a wire, metres."""
+
+
+def believed(
+    wire: Wire,
+    prior: Prior,
+    steps: tuple[Step, Step],
+    w: int,
+    found: Sequence[Sequence[ProfileMeasurements]],
+    seen: Stretches,
+    more: float,
+    config: RefineConfig,
+) -> Wire:
+    """The refitted wire if it is to be believed, else the wire as it was and why.
+
+    steps: by all measurements, and by those on what enough images show; what lies beside a wire that is
+    hardly seen pulls at the others, which help to find it and do not make it certain.  more: how many times
+    as often the wire stands out as what is beside it.
+    """
+    step, sure = steps
+    rows = [row[w] for row in found]
+    views, count = sum(len(row) > 0 for row in rows), sum(len(row) for row in rows)
+    off, theta = step.off_px[w], step.state.theta[w]
+    trust, base = prior.trust_m[w], wire.base
+    s = np.linspace(0, base.length_m, config.samples)
+    moved, own = between(base, prior.theta[w], theta, s), step.of_wire(w)
+    J = curve_by_theta(theta, base.length_m, s)
+    sigma = float(np.sqrt(np.linalg.eigvalsh(J @ own @ J.transpose(0, 2, 1))[:, -1].min()))
+    near = float((np.abs(off) <= config.near_px).mean()) if len(off) else 0.0
+    refused = None
+    if views < config.least_views or not len(off):
+        refused = f"{views} images show it"
+    elif sigma > config.no_news * trust:
+        refused = "the views do not fix it better than its detection did"
+    elif len(off) < config.least_visible * count:
+        refused = f"it stands out at {len(off) / count:.1%} of the places where it was measured"
+    elif near < config.least_near:
+        refused = f"{near:.0%} of its measurements lie within a pixel of it"
+    elif more < config.least_beside:
+        refused = f"it stands out {more:.1f} times as often as what is beside it"
+    elif moved > config.most_moved * trust:
+        refused = f"it moved {moved / trust:.1f} times as far as its detection may be off"
+    evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
+    if refused is not None:
+        # A detection states its least certain point: that stands for all of them, and for the bow.  Of one
+        # that full-size images do not show, it is all that it may be off by.
+        sigma = max(wire.worst_sigma(), trust if more < config.least_beside else 0.0)
+        swing = min(np.radians(config.adjust.swing_deg), sigma / max(float(wire.theta[4]), LEAST_BEND_M))
+        held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
+        notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
+        return replace(wire, covariance=held, evidence=evidence, notes=notes)
+    off_px = float(np.hypot(config.systematic_px, config.undescribed * pose_residual_px(step)))
+    common = off_px / step.pixels_per_m
+    by_yz = np.concatenate([row.by_yz for row in rows])
+    systematic = _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
+    covariance = sure.of_wire(w) + systematic
+    return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
+
+
+def _systematic(
+    theta: Float[np.ndarray, "6"], common_m: float, bow_px: float, by_yz: Float[np.ndarray, "k 2"],
+    config: AdjustConfig,
+) -> Float[np.ndarray, "6 6"]:  # fmt: skip
+    """Covariance of what displaces all of a wire alike, and of what displaces its middle against its ends.
+
+    The latter is so many pixels in every view: in metres it is most in the direction that views show least.
+    """
+    alike = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
+    views = by_yz.T @ by_yz / len(by_yz)
+    of_bow = bow_px**2 / 2 * np.linalg.pinv(views, hermitian=True)
+    bend, swing = float(theta[4]), float(theta[SWING])
+    # A wire too taut to show its swing swings no further for it than wind does.
+    arm = max(bend, float(np.sqrt(of_bow[0, 0])) / np.radians(config.swing_deg))
+    s, c = np.sin(swing), np.cos(swing)
+    by_bow = np.array([[s, c], [c / arm, -s / arm]])  # b and swing, by y and z of the middle
+    systematic = np.zeros((6, 6))
+    systematic[:4, :4], systematic[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
+    return systematic
+
+
+def on_stretches(
+    seen: Sequence[Stretches], found: Sequence[Sequence[ProfileMeasurements]]
+) -> list[list[ProfileMeasurements]]:
+    """Of every image, the measurements of each wire on the stretches that are seen of it."""
+
+    def within(s: Float[np.ndarray, " k"], some: Stretches) -> Bool[np.ndarray, " k"]:
+        inside = np.zeros(len(s), np.bool_)
+        for low, high in some:
+            inside |= (s >= low) & (s <= high)
+        return inside
+
+    return [
+        [one.only(within(one.s, some)) for one, some in zip(row, seen, strict=True)] for row in found
+    ]
+
+
+def stretches_seen(step: Step, w: int, length_m: float, config: RefineConfig) -> Stretches:
+    """Stretches of a wire on which enough images show it near to its curve."""
+    count = max(1, round(length_m / config.piece_m))
+    near = np.abs(step.off_px[w]) <= config.near_px
+    piece = np.clip((step.s[w][near] / length_m * count).astype(int), 0, count - 1)
+    shown = np.zeros((count, len(step.state.pose)), np.bool_)
+    shown[piece, step.image[w][near]] = True
+    enough = shown.sum(1) >= config.least_views
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], enough.astype(np.int8), [0]]))) * length_m / count
+    return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))
+
+
+def between(
+    base: Base, one: Float[np.ndarray, "6"], other: Float[np.ndarray, "6"], s: Float[np.ndarray, " k"]
+) -> float:
+    """Greatest distance between two curves."""
+    apart = curve_at(one, base.length_m, s) - curve_at(other, base.length_m, s)
+    return float(np.linalg.norm(apart, axis=1).max())
+
+
+def pose_residual_px(step: Step) -> float:
+    """Of a wire at the usual distance."""
+    turned, *_, moved = step.pose_sd_px()
+    return float(np.hypot(turned, moved))
