@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.support.catenary_surveys import fitted
+from tests.support.catenary_surveys import fitted, line_of
 from tests.survey.test_clearance import WIRE, survey_of
 
 from plnerf.errors import ConfigError
 from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NOISE, NOT_JUDGED, Cloud
 from plnerf.line.ends import Open
 from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig, FloatingConfig, ObstacleConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
@@ -153,6 +154,31 @@ def test_a_plant_where_a_wire_is_seen_last_may_be_a_structure(is_open: bool) -> 
     least = found.wires[0].least("vegetation")
     assert least is not None and least.distance_m == pytest.approx(4.0 if is_open else 1.5, abs=0.05)
     assert [one.at_open_end for one in found.possible] == [True] * is_open
+
+
+@pytest.mark.parametrize(("seen_to_m", "beside_m", "counts"), [
+    (70.0, None, False), (73.0, None, False), (74.0, None, True), (70.0, 73.0, False), (70.0, 74.0, True),
+])  # fmt: skip
+def test_what_a_wire_of_the_span_is_seen_to_pass_is_no_structure(
+    seen_to_m: float, beside_m: float | None, counts: bool
+) -> None:
+    """A plant at 72 m: it counts where that wire, or the one beside it, is seen for 1.5 m beyond it."""
+
+    def seen_to(wire: Wire, end_m: float) -> Wire:
+        evidence = replace(wire.evidence, seen_m=((0.0, end_m),))
+        return replace(wire, ends=(wire.ends[0], Open("nothing")), evidence=evidence)
+
+    wire = fitted(WIRE)
+    beside = replace(wire, id=2, theta=wire.theta + np.array([6.0, 6.0, 0.0, 0.0, 0.0, 0.0]))
+    wires = [seen_to(wire, seen_to_m)] + [seen_to(beside, end_m) for end_m in [beside_m] if end_m]
+    plants = wire.points(np.array([72.0, 40.0])) - np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 4.0]])
+    survey = replace(survey_of({HIGH_VEGETATION: plants}), lines=(line_of(wires),))
+    nine, none = np.array([9, 9]), np.array([0, 0])
+    survey = replace(survey, cloud=replace(survey.cloud, sigma_m=np.full(2, 0.05), seen=nine, past=none))
+    found, _ = measure_clearances(survey, ClearanceConfig())
+    least = found.wires[0].least("vegetation")
+    assert least is not None and least.distance_m == pytest.approx(1.5 if counts else 4.0, abs=0.05)
+    assert [one.at_open_end for one in found.possible] == [True] * (not counts)
 
 
 def test_what_is_no_nearer_than_what_counts_is_not_listed() -> None:

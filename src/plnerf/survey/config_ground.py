@@ -136,6 +136,8 @@ class ObstacleConfig:
     plant_support_m: float = 4.0
     """The same for vegetation in clouds that state standard deviations, those from images: in them a lattice
     is as scattered as a crown."""
+    passes_m: float = 1.5
+    """A wire that is seen so far beyond a place is held by no structure there: half of a body's width."""
     max_sigma_m: float = 1.0
     """Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the
     nearest to the wire is always a wrong one."""
@@ -150,12 +152,16 @@ class ObstacleConfig:
     max_possible: int = 8
     """Possible obstacles that are listed, the nearest to a wire first."""
 
+    @property
+    def _lengths(self) -> tuple[float, ...]:
+        return self.support_m, self.plant_support_m, self.passes_m, self.own_m
+
     def __post_init__(self) -> None:
-        if not self.reach_m > 0 or min(self.support_m, self.plant_support_m, self.own_m) < 0:
+        if not self.reach_m > 0 or min(self._lengths) < 0:
             raise ConfigError(
-                "Obstacles need reach_m > 0, and support_m, plant_support_m and own_m of 0 or more, but got "
-                f"reach_m={self.reach_m}, support_m={self.support_m}, "
-                f"plant_support_m={self.plant_support_m}, own_m={self.own_m}."
+                "Obstacles need reach_m > 0, and support_m, plant_support_m, passes_m and own_m from 0, "
+                f"but got reach_m={self.reach_m}, support_m={self.support_m}, plant_support_m="
+                f"{self.plant_support_m}, passes_m={self.passes_m}, own_m={self.own_m}."
             )
         if self.min_seen < 1 or self.max_possible < 0:
             raise ConfigError(

@@ -33,6 +33,7 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ObstacleConfig
 from plnerf.survey.floating import floats
+from plnerf.survey.open_ends import at_open_end, open_ends
 
 WATER, RAIL, ROAD = 9, 10, 11
 OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)
@@ -69,8 +70,9 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         "ends of a wire rather than beside it, which may be a structure that is not seen, but not where the "
         "line goes on in another span; in clouds from images also what fewer than "
         f"{config.min_seen} images see, or no more than see past it, vegetation within "
-        f"{config.plant_support_m:g} m of where a wire with an open end is seen last, and vegetation in the "
-        f"air within {config.floating.thin_m:g} m of a straight line: all of it is listed as possible",
+        f"{config.plant_support_m:g} m of where a wire with an open end is seen last, unless a wire of its "
+        f"span is seen to go on for {config.passes_m:g} m, and vegetation in the air within "
+        f"{config.floating.thin_m:g} m of a straight line: all of it is listed as possible",
     }
 
 
@@ -103,7 +105,7 @@ def obstacles(
     too thin to be a plant in the air.
     """
     cloud, all_wires = survey.cloud, survey.wires
-    held, loose = _ends(survey)
+    held, loose = _held_ends(survey), [one.place for one in open_ends(survey)]
     every = cKDTree(np.array(held + loose)) if held or loose else None
     wires = cKDTree(np.concatenate([wire.polyline() for wire in all_wires])) if all_wires else None
     found: dict[Group, Int[np.ndarray, " _"]] = {}
@@ -129,29 +131,13 @@ def obstacles(
     return found
 
 
-def at_open_end(
-    survey: Survey, index: Int[np.ndarray, " m"], config: ObstacleConfig
-) -> Bool[np.ndarray, " m"]:
-    """Which of the indexed points of a cloud from images are so near to where a wire is no longer seen that
-    they may be a structure that was not found."""
-    if survey.cloud.sigma_m is None:
-        return np.zeros(len(index), np.bool_)
-    return _within(_tree(_ends(survey)[1]), survey.cloud.xyz[:, :2], index, config.plant_support_m)
-
-
-def _ends(survey: Survey) -> tuple[list[Float[np.ndarray, "2"]], list[Float[np.ndarray, "2"]]]:
-    """Feet of structures and the ends of wires that they hold; and open ends, where the curve ends and where
-    images see the last of it."""
-    held, loose = [one.foot[:2] for one in survey.structures], []
+def _held_ends(survey: Survey) -> list[Float[np.ndarray, "2"]]:
+    """Feet of structures, and the ends of wires that they hold."""
+    held = [one.foot[:2] for one in survey.structures]
     for wire in survey.wires:
-        length, seen = wire.base.length_m, wire.evidence.seen_m
-        last = ((0.0, seen[0][0]), (length, seen[-1][1])) if seen else ((0.0,), (length,))
-        for end, s in zip(wire.ends, last, strict=True):
-            if isinstance(end, Attached):
-                held.append(wire.points(np.array(s[:1]))[0, :2])
-            else:
-                loose += [one[:2] for one in wire.points(np.array(s))]
-    return held, loose
+        curve = wire.points(np.array([0.0, wire.base.length_m]))
+        held += [at[:2] for end, at in zip(wire.ends, curve, strict=True) if isinstance(end, Attached)]
+    return held
 
 
 def _tree(places: list[Float[np.ndarray, "2"]]) -> cKDTree | None:

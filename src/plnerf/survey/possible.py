@@ -14,7 +14,8 @@ from plnerf.findings import Finding, harms
 from plnerf.line.clearances import GROUPS, SIGMAS, Group, Place, Possible, WireClearance
 from plnerf.line.survey import Survey
 from plnerf.survey.config_ground import ClearanceConfig
-from plnerf.survey.obstacles import at_open_end, is_shown, obstacles
+from plnerf.survey.obstacles import is_shown, obstacles
+from plnerf.survey.open_ends import at_open_end
 
 POSSIBLE = "possible obstacles"
 """Kind of the finding."""

@@ -1,0 +1,68 @@
+"""Where wires are no longer seen: what stands there may be a structure that was not found.
+
+A structure holds all wires of a span.  Where one of them is seen to go on past a thing, as the same curve,
+the thing is none.  LineFrame, metres.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from plnerf.line.ends import Attached
+from plnerf.line.line import Span
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.survey.config_ground import ObstacleConfig
+
+
+@dataclass(frozen=True, eq=False)
+class OpenEnd:
+    """A place in plan at which a wire is seen last, or its curve ends, and no structure is known."""
+
+    place: Float[np.ndarray, "2"]
+    outwards: Float[np.ndarray, "2"]
+    """Unit vector along the span."""
+    last_m: float
+    """How far along it any wire of the span is seen, from the frame's origin."""
+
+
+def open_ends(survey: Survey) -> list[OpenEnd]:
+    """Those of all wires."""
+    spans = [span for line in survey.lines for span in line.spans]
+    return [end for span in spans for wire in span.wires for end in _of_wire(wire, span)]
+
+
+def at_open_end(
+    survey: Survey, index: Int[np.ndarray, " m"], config: ObstacleConfig
+) -> Bool[np.ndarray, " m"]:
+    """Which of the indexed points of a cloud from images are so near to where a wire is no longer seen that
+    they may be a structure that was not found."""
+    near = np.zeros(len(index), np.bool_)
+    if survey.cloud.sigma_m is None:
+        return near
+    places = survey.cloud.xyz[index, :2]
+    for end in open_ends(survey):
+        close = np.linalg.norm(places - end.place, axis=1) < config.plant_support_m
+        near |= close & (places @ end.outwards > end.last_m - config.passes_m)
+    return near
+
+
+def _of_wire(wire: Wire, span: Span) -> Iterator[OpenEnd]:
+    length, seen = wire.base.length_m, wire.evidence.seen_m
+    last = ((0.0, seen[0][0]), (length, seen[-1][1])) if seen else ((0.0,), (length,))
+    for end, at, sign in zip(wire.ends, last, (-1.0, 1.0), strict=True):
+        if isinstance(end, Attached):
+            continue
+        outwards = sign * wire.base.u
+        last_m = max(float(place @ outwards) for one in span.wires for place in _seen(one))
+        for place in wire.points(np.array(at))[:, :2]:
+            yield OpenEnd(place, outwards, last_m)
+
+
+def _seen(wire: Wire) -> Float[np.ndarray, "k 2"]:
+    """Where images see it first and last; where that is not known, its ends."""
+    seen = wire.evidence.seen_m
+    s = (seen[0][0], seen[-1][1]) if seen else (0.0, wire.base.length_m)
+    return wire.points(np.array(s))[:, :2]
