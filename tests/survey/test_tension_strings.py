@@ -1,5 +1,6 @@
 """Tension strings drawn into pictures are found with their length; wires without one stay as they are."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -17,12 +18,8 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.tension_strings import (
-    _end_of_string,
-    _spread,
-    with_possible_strings,
-    with_tension_strings,
-)
+from plnerf.survey.string_profiles import _end_of_string, _spread
+from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
 
 CONFIG = TensionStringConfig()
 THICK_M, STRING_M = 0.03, 0.2
@@ -31,11 +28,16 @@ PHASES = 2.0
 """Distance between wires."""
 
 
-def wires(kind: Kind = "phase") -> list[Wire]:
-    """Two side by side, whose first end structure 1 holds."""
+PAIR = ((-PHASES / 2, 10.0), (PHASES / 2, 10.0))
+ONE_ABOVE = (*PAIR, (1.5 * PHASES, 10.0), (0.0, 11.2))
+"""y and z of wires."""
+
+
+def wires(kind: Kind = "phase", places: Sequence[tuple[float, float]] = PAIR) -> list[Wire]:
+    """Side by side, whose first end structure 1 holds."""
     found = []
-    for k, y in enumerate((-PHASES / 2, PHASES / 2)):
-        wire = hang((0.0, y, 10.0), (30.0, y, 10.0), 0.6)
+    for k, (y, z) in enumerate(places):
+        wire = hang((0.0, y, z), (30.0, y, z), 0.6)
         a, b = wire.points(np.array([0.0, 30.0]))
         found.append(replace(wire, id=k + 1, kind=kind, ends=(Attached(1, a, 0.05), Attached(2, b, 0.05))))
     return found
@@ -46,8 +48,8 @@ def line_with(kind: StructureKind = "unknown", of: Kind = "phase") -> Line:
     return Line(1, tuple(both), (Span(1, (1, 2), tuple(wires(of))),))
 
 
-def filmed(string_m: float, count: int = 12) -> Photos:
-    """The first five metres from both sides, over ground with some texture."""
+def filmed(string_m: float, count: int = 12, above: Sequence[Wire] = ()) -> Photos:
+    """The first five metres from both sides, over ground with some texture.  above: wires without strings."""
     random = np.random.default_rng(3)
     x = np.linspace(0.5, 4.0, count)
     centres = np.stack([x, np.where(np.arange(count) % 2, 3.5, -3.5), np.full(count, 11.5)], 1)
@@ -57,8 +59,8 @@ def filmed(string_m: float, count: int = 12) -> Photos:
     for i in range(count):
         w, h = (int(side) for side in cameras.size_px[i])
         picture = cv2.resize(random.uniform(110, 170, (h // 6, w // 6)).astype(np.float32), (w, h))
-        for wire in wires():
-            for low, high, thick in ((string_m, 12.0, THICK_M), (0.0, string_m, STRING_M)):
+        for wire, own_m in [(one, string_m) for one in wires()] + [(one, 0.0) for one in above]:
+            for low, high, thick in ((own_m, 12.0, THICK_M), (0.0, own_m, STRING_M)):
                 if high > low:
                     _bar(picture, cameras[[i]], wire.points(np.linspace(low, high, 100)), thick)
         noisy = np.clip(picture + random.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
@@ -97,6 +99,19 @@ def test_wires_end_at_the_clamps_of_tension_strings_that_images_show() -> None:
         assert wire.points(np.array([wire.base.length_m]))[0, 0] == pytest.approx(30.0)
         assert any("tension string of about" in text for text in wire.notes)
     assert [one.kind for one in found.structures] == ["strain", "unknown"]
+
+
+def test_a_wire_that_hangs_alone_above_the_others_may_be_a_shield() -> None:
+    """What holds the phases says nothing of it: images show that it goes up to the structure, or do not."""
+    every = wires(places=ONE_ABOVE)
+    line = replace(line_with(), spans=(Span(1, (1, 2), tuple(every)),))
+    (found,) = with_tension_strings([line], filmed(0.9, 20, every[3:]), CONFIG)
+    *phases, top = first_ends(found)
+    assert [end.point[0] for end in phases[:2]] == pytest.approx([0.9, 0.9], abs=0.2)
+    assert top.point[0] == pytest.approx(0.0) and top.sigma_m == 0.05
+    unseen = replace(CONFIG, least_px_per_m=1e4)
+    (found,) = with_tension_strings([line], filmed(0.9), unseen)
+    assert all(TWO_SIDED_95 * end.sigma_m > 1.2 for end in first_ends(found))
 
 
 def test_so_they_do_where_their_last_end_is_held() -> None:

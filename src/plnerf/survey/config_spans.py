@@ -167,6 +167,8 @@ class TensionStringConfig:
     other structures, above the next arm."""
     bundle_m: float = 0.65
     """Wires so near to each other are one phase."""
+    alone_m: float = 0.6
+    """Wires that hang so far above all others may be shields, and are judged without these."""
     longest_m: float = 5.0
     """Greatest length of a string of any voltage."""
     turned_deg: float = 5.0

@@ -1,0 +1,137 @@
+"""Whether tension strings hold wires at a structure, as images show it, and how long these are.
+
+A string is an order of magnitude thicker than the wire, and lies where the wire would go on.  With g the grey
+values across it, less the straight line through those at `far_m` on both sides,
+
+    q = |g(near)| / (|g(core) - g(near)| + |g(far)| + noise)
+
+is small of a wire, which has a core only, and large of a string.  Its median is taken over images and
+conductors that are held alike; where it falls, the string ends.
+
+Letters: k places from the structure inwards, d offsets across the wire, r rows, one of each wire in each
+image.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from plnerf.line.wire import Wire
+from plnerf.survey.config_spans import TensionStringConfig
+from plnerf.survey.posed_photos import Photos
+from plnerf.survey.refine.projection import MOVES, project_wire
+
+End = tuple[Wire, int]
+"""A wire, and which of its ends."""
+MEDIAN_OF_NORMAL = 1.858
+"""Standard deviation of the median of n normal variables, times sqrt(n), over their median deviation:
+sqrt(pi / 2) / 0.6745."""
+
+
+@dataclass(frozen=True)
+class Strings:
+    """What images show of a structure's tension strings."""
+
+    length_m: float | None
+    """0 where they show the wires up to the structure; None where they do not show which it is."""
+    longest_m: float
+    """No string there is longer."""
+
+
+def shown_strings(
+    ends: Sequence[End], photos: Photos, longest_m: float, config: TensionStringConfig
+) -> Strings:
+    """What images show of the strings of one structure; photos at their full size."""
+    shortest = min(wire.base.length_m for wire, _ in ends)
+    reach_m = min(longest_m + config.beyond_m, shortest / 2)
+    at = np.arange(0.0, reach_m + config.step_m / 2, config.step_m)
+    places = [at if k == 0 else wire.base.length_m - at for wire, k in ends]
+    near = photos.of(np.concatenate([wire.points(s) for (wire, _), s in zip(ends, places, strict=True)]))
+    rows = []
+    for i in near.train:
+        image = near.images.image(i).astype(np.float32)
+        valid = near.images.valid(i) if near.images.has_masks else None
+        for (wire, _), s in zip(ends, places, strict=True):
+            rows.append(_measure(image, valid, near, i, wire, s, config))
+    every = np.array(rows).reshape(-1, len(at))
+    inside = (at >= config.window_m[0]) & (at <= config.window_m[1])
+    beyond = at > longest_m + config.step_m
+    samples = np.isfinite(every).sum(0)
+    if samples[inside].sum() < config.min_samples:
+        return Strings(None, longest_m)
+    here = float(np.nanmedian(every[:, inside]))
+    if here <= config.bare_q:
+        return Strings(0.0, longest_m)
+    if samples[beyond].sum() < config.min_samples:
+        return Strings(None, longest_m)
+    ratio = here / float(np.nanmedian(every[:, beyond]))
+    if ratio <= config.bare_ratio:
+        return Strings(0.0, longest_m)
+    sure = np.log(ratio) - config.sigmas * np.hypot(_spread(every[:, inside]), _spread(every[:, beyond]))
+    if ratio < config.string_ratio or here < config.string_q or sure < np.log(config.bare_ratio):
+        return Strings(None, longest_m)
+    good = samples >= config.min_samples / inside.sum()
+    return Strings(_end_of_string(at[good], np.nanmedian(every[:, good], 0), longest_m, config), longest_m)
+
+
+def _spread(q: Float[np.ndarray, "r k"]) -> float:
+    """Standard deviation of the logarithm of the median of q, by how rows differ: the places of one
+    conductor in one image see the same background, and count once."""
+    rows = q[np.isfinite(q).any(1)]
+    x = np.log(np.maximum(np.nanmedian(rows, 1), 1e-6))
+    off = float(np.median(np.abs(x - np.median(x))))
+    return MEDIAN_OF_NORMAL * off / float(np.sqrt(len(x)))
+
+
+def _end_of_string(
+    at: Float[np.ndarray, " k"], q: Float[np.ndarray, " k"], longest_m: float, config: TensionStringConfig
+) -> float | None:
+    """The place at which a step downwards describes the logarithm of q best; None where none does."""
+    x = np.log(np.maximum(q, 1e-6))
+    inner = np.flatnonzero((at >= config.window_m[1]) & (at <= longest_m + config.step_m))
+    falls = [k for k in inner if np.median(x[1:k]) > np.median(x[k:])]
+    best = min(falls, key=lambda k: _misfit(x[1:k]) + _misfit(x[k:]), default=None)
+    return None if best is None else float(at[best])
+
+
+def _misfit(x: Float[np.ndarray, " k"]) -> float:
+    return float(np.abs(x - np.median(x)).sum())
+
+
+def _measure(
+    image: Float[np.ndarray, "h w c"],
+    valid: Bool[np.ndarray, "h w"] | None,
+    photos: Photos,
+    i: int,
+    wire: Wire,
+    s: Float[np.ndarray, " k"],
+    config: TensionStringConfig,
+) -> Float[np.ndarray, " k"]:
+    """q at places along a wire in one image; NaN where it does not show them well."""
+    seen = project_wire(photos.cameras[[i]], wire.base, wire.theta, s, np.zeros(MOVES), 1.0, config.end_on)
+    by_m = np.linalg.norm(seen.by_yz, axis=1)
+    d = np.arange(-config.far_m[1], config.far_m[1] + config.sample_m / 2, config.sample_m)
+    pixel = seen.pixel[:, None] + (d * by_m[:, None])[..., None] * seen.normal[:, None]
+    size = np.array(image.shape[1::-1])
+    good = seen.good & (by_m >= config.least_px_per_m) & ((pixel > 0) & (pixel < size)).all((1, 2))
+    q = np.full(len(s), np.nan)
+    if not good.any():
+        return q
+    x, y = np.moveaxis((pixel[good] - 0.5).astype(np.float32), 2, 0)
+    if valid is not None:
+        column, row = np.clip(seen.pixel[good], 0, size - 1).astype(int).T
+        good[good] = valid[row, column]
+        x, y = x[valid[row, column]], y[valid[row, column]]
+    grey = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(*x.shape, -1)
+    away = np.abs(d)
+    near, far = (away >= config.near_m[0]) & (away <= config.near_m[1]), away >= config.far_m[0]
+    line = np.stack([np.ones(len(d)), d], 1)
+    g = grey - np.einsum("dc,cf,kfb->kdb", line, np.linalg.pinv(line[far]), grey[:, far])
+    aside = g[:, near].mean(1)
+    core = np.sqrt(((g[:, away <= config.core_m] - aside[:, None]) ** 2).mean((1, 2)))
+    around = np.sqrt((g[:, far] ** 2).mean((1, 2)))
+    q[good] = np.sqrt((aside**2).mean(1)) / (core + around + config.noise)
+    return q
