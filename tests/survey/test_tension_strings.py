@@ -48,8 +48,9 @@ def line_with(kind: StructureKind = "unknown", of: Kind = "phase") -> Line:
     return Line(1, tuple(both), (Span(1, (1, 2), tuple(wires(of))),))
 
 
-def filmed(string_m: float, count: int = 12, above: Sequence[Wire] = ()) -> Photos:
-    """The first five metres from both sides, over ground with some texture.  above: wires without strings."""
+def filmed(count: int, held: Sequence[tuple[Wire, float]]) -> Photos:
+    """The first five metres from both sides, over ground with some texture.  held: wires, each with its
+    string's length."""
     random = np.random.default_rng(3)
     x = np.linspace(0.5, 4.0, count)
     centres = np.stack([x, np.where(np.arange(count) % 2, 3.5, -3.5), np.full(count, 11.5)], 1)
@@ -59,7 +60,7 @@ def filmed(string_m: float, count: int = 12, above: Sequence[Wire] = ()) -> Phot
     for i in range(count):
         w, h = (int(side) for side in cameras.size_px[i])
         picture = cv2.resize(random.uniform(110, 170, (h // 6, w // 6)).astype(np.float32), (w, h))
-        for wire, own_m in [(one, string_m) for one in wires()] + [(one, 0.0) for one in above]:
+        for wire, own_m in held:
             for low, high, thick in ((own_m, 12.0, THICK_M), (0.0, own_m, STRING_M)):
                 if high > low:
                     _bar(picture, cameras[[i]], wire.points(np.linspace(low, high, 100)), thick)
@@ -69,6 +70,10 @@ def filmed(string_m: float, count: int = 12, above: Sequence[Wire] = ()) -> Phot
     box = np.array([[-5.0, -5.0, 0.0], [35.0, 5.0, 15.0]])
     names = tuple(str(i) for i in every)
     return Photos(frame, cameras, images, images, cameras.size_px.numpy(), names, every, box)
+
+
+def film_of_pair(string_m: float, count: int = 12) -> Photos:
+    return filmed(count, [(wire, string_m) for wire in wires()])
 
 
 def _bar(picture: np.ndarray, camera: Cameras, line: np.ndarray, thick_m: float) -> None:
@@ -92,7 +97,7 @@ def first_ends(line: Line) -> list[Attached]:
 
 
 def test_wires_end_at_the_clamps_of_tension_strings_that_images_show() -> None:
-    (found,) = with_tension_strings([line_with()], filmed(0.9), CONFIG)
+    (found,) = with_tension_strings([line_with()], film_of_pair(0.9), CONFIG)
     for end, wire in zip(first_ends(found), found.wires, strict=True):
         assert end.point[0] == pytest.approx(0.9, abs=0.2) and end.sigma_m == pytest.approx(0.158, abs=0.001)
         assert wire.points(np.zeros(1))[0] == pytest.approx(end.point)  # the curve ends there too
@@ -101,17 +106,22 @@ def test_wires_end_at_the_clamps_of_tension_strings_that_images_show() -> None:
     assert [one.kind for one in found.structures] == ["strain", "unknown"]
 
 
-def test_a_wire_that_hangs_alone_above_the_others_may_be_a_shield() -> None:
-    """What holds the phases says nothing of it: images show that it goes up to the structure, or do not."""
+@pytest.mark.parametrize(("string_m", "own_m", "known"), [
+    (0.9, 0.0, True), (0.9, 0.9, False), (0.0, 0.9, True), (0.0, 0.0, True),
+])  # fmt: skip
+def test_a_wire_that_hangs_alone_above_the_others_may_be_a_shield(
+    string_m: float, own_m: float, known: bool
+) -> None:
+    """It has no string where phases have none, or where its images show it up to the structure; else nothing
+    is known of it."""
     every = wires(places=ONE_ABOVE)
     line = replace(line_with(), spans=(Span(1, (1, 2), tuple(every)),))
-    (found,) = with_tension_strings([line], filmed(0.9, 20, every[3:]), CONFIG)
+    photos = filmed(20, [(one, string_m) for one in every[:3]] + [(every[3], own_m)])
+    (found,) = with_tension_strings([line], photos, CONFIG)
     *phases, top = first_ends(found)
-    assert [end.point[0] for end in phases[:2]] == pytest.approx([0.9, 0.9], abs=0.2)
-    assert top.point[0] == pytest.approx(0.0) and top.sigma_m == 0.05
-    unseen = replace(CONFIG, least_px_per_m=1e4)
-    (found,) = with_tension_strings([line], filmed(0.9), unseen)
-    assert all(TWO_SIDED_95 * end.sigma_m > 1.2 for end in first_ends(found))
+    assert [end.point[0] for end in phases] == pytest.approx([string_m] * 3, abs=0.2)
+    assert top.point[0] == pytest.approx(0.0)
+    assert top.sigma_m == 0.05 if known else TWO_SIDED_95 * top.sigma_m > 1.2
 
 
 def test_so_they_do_where_their_last_end_is_held() -> None:
@@ -120,7 +130,7 @@ def test_so_they_do_where_their_last_end_is_held() -> None:
         a, b = wire.points(np.array([0.0, 30.0]))
         held.append(replace(wire, base=hang(tuple(b), tuple(a), 0.6).base, ends=wire.ends[::-1]))
     line = replace(line_with(), spans=(Span(1, (2, 1), tuple(held)),))
-    (found,) = with_tension_strings([line], filmed(0.9), CONFIG)
+    (found,) = with_tension_strings([line], film_of_pair(0.9), CONFIG)
     for wire in found.wires:
         first, last = wire.points(np.array([0.0, wire.base.length_m]))
         end = wire.ends[1]
@@ -129,7 +139,7 @@ def test_so_they_do_where_their_last_end_is_held() -> None:
 
 
 def test_wires_that_are_thin_up_to_the_structure_end_there() -> None:
-    (found,) = with_tension_strings([line_with()], filmed(0.0), CONFIG)
+    (found,) = with_tension_strings([line_with()], film_of_pair(0.0), CONFIG)
     for end, wire in zip(first_ends(found), wires(), strict=True):
         held = wire.ends[0]
         assert isinstance(held, Attached) and end.sigma_m == held.sigma_m
@@ -138,8 +148,8 @@ def test_wires_that_are_thin_up_to_the_structure_end_there() -> None:
 
 def test_where_images_do_not_show_it_the_interval_holds_a_tension_string() -> None:
     """Of the second structure there is no image."""
-    (found,) = with_tension_strings([line_with()], filmed(0.9), CONFIG)
-    (other,) = with_tension_strings([line_with()], filmed(0.9, count=1), CONFIG)
+    (found,) = with_tension_strings([line_with()], film_of_pair(0.9), CONFIG)
+    (other,) = with_tension_strings([line_with()], film_of_pair(0.9, 1), CONFIG)
     longest = CONFIG.spacing_share * PHASES
     for wire, k in [(wire, 1) for wire in found.wires] + [(wire, 0) for wire in other.wires]:
         end = wire.ends[k]
@@ -162,7 +172,7 @@ def test_the_places_of_one_wire_in_one_image_count_once() -> None:
 
 
 def test_shields_and_suspension_structures_have_none() -> None:
-    photos = filmed(0.9)
+    photos = film_of_pair(0.9)
     for line in (line_with("suspension"), line_with(of="shield")):
         (found,) = with_tension_strings([line], photos, CONFIG)
         assert [one.kind for one in found.structures] == [one.kind for one in line.structures]

@@ -58,9 +58,9 @@ Kind = Literal["phase", "shield", "neutral", "communication"]
 class KindsConfig:
     """How shields, neutrals and communication cables are told from phases."""
 
-    level_m: float = 2.0
+    level_m: float = 1.5
     """Wires so little below the highest, in their middles, are level with it (metres)."""
-    below_m: float = 2.0
+    below_m: float = 1.5
     """Least height of shields above all other wires, in metres."""
     max_shields: int = 2
     """Most shields of a span."""

@@ -2,7 +2,9 @@
 
 The curves of adjacent spans meet at the structure, but a tension string ends short of it, and so does the
 wire.  One structure holds all phases alike (`string_profiles.py` tells how images show it).  Shield wires are
-clamped to it; a wire that hangs alone above all others may be one, and is judged alone.
+clamped to it; a wire that hangs alone above all others may be one.  It has no string where phases have none,
+or where its own images show it up to the structure; else nothing is known of it: at the peak of a tower its
+own images mistake what stands behind it for a string.
 """
 
 from collections.abc import Mapping, Sequence
@@ -67,21 +69,25 @@ def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
         if id_ in hanging:
             continue
         longest_m = longest_string_m(line.spans, ends, config)
-        for some in _held_alike(ends, config):
-            shown = shown_strings(some, photos, longest_m, config)
-            strings |= {(id_, wire.id): shown for wire, _ in some}
+        phases, above = _held_alike(ends, config)
+        shown = shown_strings(phases, photos, longest_m, config)
+        strings |= {(id_, wire.id): shown for wire, _ in phases}
+        if above:
+            bare = shown.length_m == 0 or shown_strings(above, photos, longest_m, config).length_m == 0
+            strings |= {(id_, wire.id): Strings(0.0 if bare else None, longest_m) for wire, _ in above}
     return _with_strings(line, strings, config)
 
 
-def _held_alike(ends: Sequence[End], config: TensionStringConfig) -> list[list[End]]:
-    """Those of a structure's ends that are held alike: of wires that hang above all others, each above a
-    circuit's phases or more, which may be shields, and of those others."""
+def _held_alike(ends: Sequence[End], config: TensionStringConfig) -> tuple[list[End], list[End]]:
+    """Those of a structure's ends that are held alike, and those of wires that hang above all others, each
+    above a circuit's phases or more, which may be shields."""
     height = np.array([wire.points(np.array([0.0, wire.base.length_m]))[k, 2] for wire, k in ends])
     top = height >= height.max() - config.alone_m
     gap_m = height[top].min() - height[~top].max(initial=-np.inf)
     if (~top).sum() < PHASES * top.sum() or gap_m <= config.alone_m:
-        return [list(ends)]
-    return [[end for end, mine in zip(ends, top, strict=True) if mine == which] for which in (False, True)]
+        return list(ends), []
+    below, above = ([end for end, high in zip(ends, top, strict=True) if high == which] for which in (0, 1))
+    return below, above
 
 
 def _with_strings(line: Line, strings: Held, config: TensionStringConfig) -> Line:
