@@ -77,6 +77,21 @@ def test_a_crown_that_hides_the_ground_is_no_ground() -> None:
     assert fooled is not None and abs(float(fooled.above(np.array([[4.0, 4.0, 0.0]]))[0])) > 0.2
 
 
+def test_an_arm_far_from_all_ground_that_is_seen_is_no_ground() -> None:
+    """It is all that is seen at a wire's end, and lies no higher than a hill might."""
+    random = np.random.default_rng(0)
+    xy = random.uniform(-18, 2, (9000, 2))
+    floor = np.column_stack([xy, random.normal(0, 0.03, len(xy))])
+    arm = random.uniform(-0.2, 0.2, (60, 3)) + np.array([32.0, -10.0, 9.4])
+    wire = hang((-5.0, -10.0, 10.0), (30.0, -10.0, 10.0), 0.8)
+    surface, below = seen(np.concatenate([floor, arm]), 0.02), np.array([[32.0, -10.0, 0.0]])
+    none = np.zeros(len(surface.xyz), bool)
+    ground = ground_of(surface, [wire], none, CONFIG)
+    assert ground is not None and abs(float(ground.above(below)[0])) < 0.2
+    fooled = ground_of(surface, [wire], none, ClassifyConfig(clear_beside_m=0.0))
+    assert fooled is not None and float(fooled.above(below)[0]) < -9.0
+
+
 def test_ground_that_is_known_to_a_metre_only_is_no_crown() -> None:
     random = np.random.default_rng(0)
     xyz = np.column_stack([random.uniform(-20, 20, (9000, 2)), random.normal(0, 0.8, 9000)])

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter, uniform_filter
+from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms, note
 from plnerf.line.cloud import (
@@ -42,15 +43,30 @@ def ground_of(
 ) -> Ground | None:
     """The ground that the surface shows; None where it shows none.
 
-    Points of structures, on wires, in crowns and of uncertain height do not take part.
+    Points of structures, on wires and at their height, in crowns and of uncertain height do not take part.
     """
     nearest, _ = on_wires(surface, wires, config.on_wires)
     upright = surface.upright_sigma_m
     firm = (upright <= config.max_sigma_m) & ~of_structure & (nearest == NONE)
+    firm[firm] = ~_at_wires(surface.xyz[firm], wires, config)
     firm[firm] = ~_in_crowns(surface.xyz[firm], upright[firm], config)
     points, upright = surface.xyz[firm], upright[firm]
     ground = find_ground(points, config.ground) if len(points) else None
     return None if ground is None else settled(ground, points, _near_ground(upright, config), ROUNDS)
+
+
+def _at_wires(
+    points: Float[np.ndarray, "n 3"], wires: Sequence[Wire], config: ClassifyConfig
+) -> Bool[np.ndarray, " n"]:
+    """Points beside a wire or beyond its end that are hardly lower than it: arms and strings, say, which
+    would be the lowest where nothing else is seen around."""
+    found = np.zeros(len(points), np.bool_)
+    for line in (wire.polyline() for wire in wires):
+        high = np.flatnonzero(points[:, 2] > line[:, 2].min() - config.clear_m)
+        apart, at = cKDTree(line[:, :2]).query(points[high, :2], distance_upper_bound=config.clear_beside_m)
+        near, at = high[np.isfinite(apart)], at[np.isfinite(apart)]
+        found[near] |= points[near, 2] > line[at, 2] - config.clear_m
+    return found
 
 
 def _near_ground(upright_sigma_m: Float[np.ndarray, " n"], config: ClassifyConfig) -> Float[np.ndarray, " n"]:

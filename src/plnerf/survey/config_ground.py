@@ -244,12 +244,18 @@ class ClassifyConfig:
     seen from the side."""
     grounded_m: float = 1.0
     """A curve of which half is less than this above the ground, or below it, is no wire."""
+    clear_m: float = 2.0
+    """Nothing is ground that is less than this below a wire, or above it,"""
+    clear_beside_m: float = 4.0
+    """within this horizontal distance of it: arms reach so far beyond the ends of tension strings."""
 
     def __post_init__(self) -> None:
-        if not self.max_sigma_m > 0 or self.near_sigmas < 0 or self.crown_cells < 1:
+        least = min(self.near_sigmas, self.clear_m, self.clear_beside_m)
+        if not self.max_sigma_m > 0 or least < 0 or self.crown_cells < 1:
             raise ConfigError(
-                "Classes need max_sigma_m > 0, near_sigmas >= 0 and crown_cells >= 1, but got "
-                f"max_sigma_m={self.max_sigma_m}, near_sigmas={self.near_sigmas}, "
+                "Classes need max_sigma_m > 0, near_sigmas, clear_m and clear_beside_m >= 0 and crown_cells "
+                f">= 1, but got max_sigma_m={self.max_sigma_m}, near_sigmas={self.near_sigmas}, "
+                f"clear_m={self.clear_m}, clear_beside_m={self.clear_beside_m}, "
                 f"crown_cells={self.crown_cells}."
             )
 

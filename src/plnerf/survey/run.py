@@ -210,7 +210,8 @@ def _of_images(
     if residual_px > config.refine.loose_poses_px:
         surface, sights = inflate_sigma(surface, sights, residual_px, config.stereo)
         findings = (*findings, _loose(residual_px))
-    ground = ground_of(surface, wires_of(hung), supports.points, config.classify)
+    classify = config.classify if photos.frame.unit == "m" else replace(config.classify, clear_beside_m=0.0)
+    ground = ground_of(surface, wires_of(hung), supports.points, classify)
     lines = lines_of(hung, supports, standing_on(ground, supports.seen))
     lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
     lines = with_tension_strings(lines, photos, config.strings)
