@@ -158,19 +158,21 @@ def test_a_plant_where_a_wire_is_seen_last_may_be_a_structure(is_open: bool) -> 
 
 @pytest.mark.parametrize(("seen_to_m", "beside_m", "counts"), [
     (70.0, None, False), (73.0, None, False), (74.0, None, True), (70.0, 73.0, False), (70.0, 74.0, True),
+    (70.0, 0.0, False),
 ])  # fmt: skip
 def test_what_a_wire_of_the_span_is_seen_to_pass_is_no_structure(
     seen_to_m: float, beside_m: float | None, counts: bool
 ) -> None:
-    """A plant at 72 m: it counts where that wire, or the one beside it, is seen for 1.5 m beyond it."""
+    """A plant at 72 m: it counts where that wire, or the one beside it, is seen for 1.5 m beyond it; of a
+    wire that no image is known to show (0) the curve goes on, but says nothing."""
 
     def seen_to(wire: Wire, end_m: float) -> Wire:
-        evidence = replace(wire.evidence, seen_m=((0.0, end_m),))
+        evidence = replace(wire.evidence, seen_m=((0.0, end_m),) if end_m else ())
         return replace(wire, ends=(wire.ends[0], Open("nothing")), evidence=evidence)
 
     wire = fitted(WIRE)
     beside = replace(wire, id=2, theta=wire.theta + np.array([6.0, 6.0, 0.0, 0.0, 0.0, 0.0]))
-    wires = [seen_to(wire, seen_to_m)] + [seen_to(beside, end_m) for end_m in [beside_m] if end_m]
+    wires = [seen_to(wire, seen_to_m)] + [seen_to(beside, end_m) for end_m in [beside_m] if end_m is not None]
     plants = wire.points(np.array([72.0, 40.0])) - np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 4.0]])
     survey = replace(survey_of({HIGH_VEGETATION: plants}), lines=(line_of(wires),))
     nine, none = np.array([9, 9]), np.array([0, 0])

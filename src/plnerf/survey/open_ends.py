@@ -56,13 +56,14 @@ def _of_wire(wire: Wire, span: Span) -> Iterator[OpenEnd]:
         if isinstance(end, Attached):
             continue
         outwards = sign * wire.base.u
-        last_m = max(float(place @ outwards) for one in span.wires for place in _seen(one))
-        for place in wire.points(np.array(at))[:, :2]:
+        places = wire.points(np.array(at))[:, :2]
+        seen_at = np.concatenate([places[-1:], *(_seen(one) for one in span.wires)])
+        last_m = float((seen_at @ outwards).max())
+        for place in places:
             yield OpenEnd(place, outwards, last_m)
 
 
 def _seen(wire: Wire) -> Float[np.ndarray, "k 2"]:
-    """Where images see it first and last; where that is not known, its ends."""
+    """Where images see it first and last; nothing where that is not known."""
     seen = wire.evidence.seen_m
-    s = (seen[0][0], seen[-1][1]) if seen else (0.0, wire.base.length_m)
-    return wire.points(np.array(s))[:, :2]
+    return wire.points(np.array((seen[0][0], seen[-1][1]) if seen else ()))[:, :2]
