@@ -129,17 +129,30 @@ def test_a_kink_far_from_the_others_does_not_count() -> None:
     assert together.own[0, 0][1] >= CONFIG.arms_m
 
 
-def test_curves_that_miss_each_other_state_more() -> None:
-    junction = junction_of(true_spans(attachments(bend(25.0))), None)
-    (first, *_) = find_kinks(junction, CONFIG)
+def moved(junction: Junction, sideways: float, upwards: float) -> Junction:
+    """With all curves after it elsewhere."""
     assert junction.after is not None
-    higher = [
-        replace(wire, theta=wire.theta + np.array([0.1, 0.1, 0.1, 0.1, 0, 0]))
-        for wire in junction.after.wires
-    ]
-    (missed, *_) = find_kinks(replace(junction, after=replace(junction.after, wires=tuple(higher))), CONFIG)
+    by = np.array([sideways, sideways, upwards, upwards, 0, 0])
+    wires = tuple(replace(wire, theta=wire.theta + by) for wire in junction.after.wires)
+    return replace(junction, after=replace(junction.after, wires=wires))
+
+
+def test_curves_that_miss_each_other_state_more() -> None:
+    """Where the line does not bend, they miss each other in plan."""
+    junction = junction_of(true_spans(attachments(bend(0.0))), None)
+    (first, *_) = find_kinks(junction, CONFIG)
+    (missed, *_) = find_kinks(moved(junction, 0.1, 0.0), CONFIG)
     assert missed.gap_m > 0.05
     assert missed.along(junction.axis)[1] > 2 * first.along(junction.axis)[1]
+
+
+def test_where_the_line_bends_heights_do_not_move_what_plan_shows() -> None:
+    """Tension strings hang otherwise than the wires would go on."""
+    junction = junction_of(true_spans(attachments(bend(18.0))), None)
+    raised = find_kinks(moved(junction, 0.0, 0.05), CONFIG)
+    assert len(raised) == 4
+    for kink, one in zip(find_kinks(junction, CONFIG), raised, strict=True):
+        assert one.along(junction.axis) == pytest.approx(kink.along(junction.axis), abs=0.004)
 
 
 def test_what_else_shows_the_place_takes_part_by_its_deviation() -> None:

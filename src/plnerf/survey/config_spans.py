@@ -54,6 +54,12 @@ class KinkConfig:
     misfit_m: float = 0.005
     """Standard deviation of what a wire departs from its catenary near a clamp, and of what the covariances
     of its curve leave out."""
+    strings_m: float = 0.1
+    """The same of heights, where tension strings may hold the wire: by so much do strings of a few metres
+    hang otherwise than the wire would go on."""
+    plan_share: float = 1.5
+    """Where the line bends so much that a kink, with heights as uncertain as this, has at most so many times
+    the deviation that it has with exact ones, they count for no more."""
     least_turn: float = 0.02
     """Least change of direction, as a slope: curves of a wire that goes on unheld differ by their errors."""
     least_turn_sigmas: float = 4.0
@@ -75,10 +81,10 @@ class KinkConfig:
     """Least standard deviation of a structure's place: the errors of a span's wires are not independent."""
 
     def __post_init__(self) -> None:
-        if min(self.misfit_m, self.arms_m, self.least_sigma_m) <= 0:
+        if min(self.misfit_m, self.strings_m, self.arms_m, self.least_sigma_m) <= 0:
             raise ConfigError(
-                "Kinks need misfit_m, arms_m and least_sigma_m above 0, but got "
-                f"{self.misfit_m}, {self.arms_m} and {self.least_sigma_m}."
+                "Kinks need misfit_m, strings_m, arms_m and least_sigma_m above 0, but got "
+                f"{self.misfit_m}, {self.strings_m}, {self.arms_m} and {self.least_sigma_m}."
             )
 
 

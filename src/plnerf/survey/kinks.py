@@ -6,12 +6,14 @@ z, of covariance C (the curve's at that place, and `misfit_m`): four equations f
     minimise  sum over both curves of r^T C^-1 r,      covariance of P = (sum J^T C^-1 J)^-1,  J = dr/dP
 
 Where the line does not bend, a jump d of the slope gives an uncertainty along the line of sigma(z) / d; with
-a bend, the curves in plan fix P as well.
+a bend, the curves in plan fix P as well.  Tension strings between the curves hang otherwise than these would
+go on, yet in the same upright planes: where these fix P about as well by themselves, heights do not count.
 
 All conductors of a structure are held at about one place t along the line (the axis between the directions of
 both spans, so that crossarms lie across it), but each at its own, `arms_m` apart: t_k = t + N(0, arms_m).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,20 +62,13 @@ def find_kinks(junction: Junction, config: KinkConfig) -> tuple[Kink, ...]:
 def _kink(junction: Junction, pair: tuple[int, int], config: KinkConfig) -> Kink | None:
     """Where two curves meet; None where they do not, go on in one another, or turn upwards."""
     both = [wires[k] for wires, k in zip(junction.sides, pair, strict=True)]
-    start = np.mean([_at(wire, junction.axis, junction.meet_m) for wire in both], axis=0)
-    point, normal = start, np.eye(3)
-    for _ in range(ROUNDS):
-        parts = [_equations(wire, point, config) for wire in both]
-        normal = sum((J.T @ W @ J for _, J, W in parts), np.eye(3) / LOOSE_M**2)
-        step = np.linalg.solve(normal, sum(J.T @ W @ r for r, J, W in parts))
-        point = point - step
-        if abs((point - start)[:2] @ junction.axis.u) > config.around_m:
-            return None
-        if np.abs(step).max() < SETTLED_M:
-            break
-    residuals = [(r, W) for r, _, W in (_equations(wire, point, config) for wire in both)]
-    misses = float(sum(r @ W @ r for r, W in residuals))  # chi squared of one degree of freedom
-    covariance = np.linalg.inv(normal) * (misses if misses > config.gap_sigmas**2 else 1.0)
+    met = _meet(both, junction, config.misfit_m, config)
+    in_plan = _meet(both, junction, config.strings_m, config)
+    if met is None or in_plan is None:
+        return None
+    if in_plan.sigma_along(junction.axis) <= config.plan_share * met.sigma_along(junction.axis):
+        met = in_plan
+    point = met.point
     turn, spread = _turn(both[0], both[1], point)
     spread += EXACT**2 * np.eye(2)
     if turn @ turn < config.least_turn**2:
@@ -82,8 +77,42 @@ def _kink(junction: Junction, pair: tuple[int, int], config: KinkConfig) -> Kink
         return None
     if turn[1] < -config.uplift_sigmas * np.sqrt(spread[1, 1]):
         return None
-    gap = sum(float(np.linalg.norm(r)) for r, _ in residuals)
-    return Kink(pair, point, covariance, gap, float(turn[1]))
+    return Kink(pair, point, met.covariance, met.gap_m, float(turn[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """Where two curves come nearest to each other, in their standard deviations."""
+
+    point: Float[np.ndarray, "3"]
+    covariance: Float[np.ndarray, "3 3"]
+    misses: float
+    """By how much, as chi squared of one degree of freedom."""
+    gap_m: float
+
+    def sigma_along(self, axis: Base) -> float:
+        u = np.append(axis.u, 0.0)
+        return float(np.sqrt(u @ self.covariance @ u))
+
+
+def _meet(both: Sequence[Wire], junction: Junction, upward_m: float, config: KinkConfig) -> _Meeting | None:
+    """None where that is far from where the span's other curves meet.  upward_m: standard deviation of the
+    heights, beside what the curves state."""
+    start = np.mean([_at(wire, junction.axis, junction.meet_m) for wire in both], axis=0)
+    misfits, point, normal = np.array([config.misfit_m, upward_m]), start, np.eye(3)
+    for _ in range(ROUNDS):
+        parts = [_equations(wire, point, misfits) for wire in both]
+        normal = sum((J.T @ W @ J for _, J, W in parts), np.eye(3) / LOOSE_M**2)
+        step = np.linalg.solve(normal, sum(J.T @ W @ r for r, J, W in parts))
+        point = point - step
+        if abs((point - start)[:2] @ junction.axis.u) > config.around_m:
+            return None
+        if np.abs(step).max() < SETTLED_M:
+            break
+    residuals = [(r, W) for r, _, W in (_equations(wire, point, misfits) for wire in both)]
+    misses = float(sum(r @ W @ r for r, W in residuals))
+    covariance = np.linalg.inv(normal) * (misses if misses > config.gap_sigmas**2 else 1.0)
+    return _Meeting(point, covariance, misses, sum(float(np.linalg.norm(r)) for r, _ in residuals))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,15 +185,18 @@ def _at(wire: Wire, axis: Base, t: float) -> Float[np.ndarray, "3"]:
 
 
 def _equations(
-    wire: Wire, point: Float[np.ndarray, "3"], config: KinkConfig
+    wire: Wire, point: Float[np.ndarray, "3"], misfits: Float[np.ndarray, "2"]
 ) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2 3"], Float[np.ndarray, "2 2"]]:
-    """r, its derivatives by P, and the inverse of its covariance."""
+    """r, its derivatives by P, and the inverse of its covariance.
+
+    misfits: standard deviations across and upwards of what that of the curve leaves out.
+    """
     s, *yz = wire.base.local(point[None])[0]
     r = np.array(yz) - wire.at(np.array([s]))[0]
     slope_y, slope_z = slope_at(wire, s)
     u, n = np.append(wire.base.u, 0.0), np.append(wire.base.n, 0.0)
     by_theta = wire.by_theta(np.array([s]))[0]
-    C = by_theta @ wire.covariance @ by_theta.T + config.misfit_m**2 * np.eye(2)
+    C = by_theta @ wire.covariance @ by_theta.T + np.diag(misfits**2)
     J = np.stack([n - slope_y * u, np.array([0.0, 0.0, 1.0]) - slope_z * u])
     return r, J, np.linalg.inv(C)
 

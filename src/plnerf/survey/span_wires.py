@@ -150,9 +150,9 @@ def span_of(wires: Sequence[Wire]) -> SpanWires:
     """Wires as one span, in the direction of the longest."""
     longest = max(wires, key=lambda wire: wire.base.length_m)
     same = [wire if wire.base.u @ longest.base.u > 0 else turned(wire) for wire in wires]
-    u = np.sum([wire.base.length_m * wire.base.u for wire in same], axis=0)
-    u = u / np.linalg.norm(u)
     ends = np.array([wire.points(np.array([0.0, wire.base.length_m]))[:, :2] for wire in same])
+    u = (ends[:, 1] - ends[:, 0]).sum(0)  # the bases' own directions are those that were searched
+    u = u / np.linalg.norm(u)
     middle = ends.mean((0, 1))
     s = (ends - middle) @ u
     lines = [Base.along(middle, u, low, high) for low, high in s]
