@@ -22,6 +22,7 @@ from plnerf.corridor.tasks import SURVEY
 from plnerf.errors import SurveyError
 from plnerf.scene.only_writer import only_writer
 from plnerf.survey.config_names import NamesConfig
+from plnerf.survey.like_strings import with_like_strings
 from plnerf.survey.names import with_names
 from plnerf.train.settings import to_json
 
@@ -56,7 +57,11 @@ def survey_corridor(
             raise SurveyError(f"No block of {source} could be surveyed. {failed[0][0]}: {failed[0][1]}")
         blocks = read_blocks(folders)
         survey = merged(blocks, found.planned, found.frame, str(source), {"input": found.about})
-        survey = replace(survey, findings=(*survey.findings, *found.findings))
+        survey = replace(
+            survey,
+            lines=with_like_strings(survey.lines, config.survey.strings),
+            findings=(*survey.findings, *found.findings),
+        )
         # Names are matched over the whole line: a phase that is named in one span goes through all of them,
         # and another list of names changes no block.
         survey = with_names(survey, config.survey.names, config.survey.kinds)

@@ -70,7 +70,7 @@ def attachment_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
                     row: Row = {
                         "line": line.id, "structure": end.structure, "structure_name":
                         names.get(end.structure), "span": span.id, "wire": wire.id, "kind": wire.kind,
-                        "name": wire.name, "circuit": wire.circuit,
+                        "name": wire.name, "circuit": wire.circuit, "string_m": end.string_m,
                         "along_95_m": Quantity(0.0, end.sigma_m).half_95,
                         "across_95_m": Quantity(0.0, across).half_95, "up_95_m": Quantity(0.0, up).half_95,
                     }  # fmt: skip

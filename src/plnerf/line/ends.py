@@ -32,6 +32,8 @@ class Attached:
     """The attachment, LineFrame."""
     sigma_m: float
     """Standard deviation of its place along the wire."""
+    string_m: float | None = None
+    """Length of the tension string that leads from there to the structure; 0: none; None: not known."""
 
 
 @dataclass(frozen=True)

@@ -243,13 +243,15 @@ def _wire(row: Mapping[str, Any]) -> Wire:
 def _end_row(end: End) -> dict[str, Any]:
     if isinstance(end, Open):
         return {"open": end.reason}
-    return {"structure": end.structure, "point": end.point, "sigma": end.sigma_m}
+    return {"structure": end.structure, "point": end.point, "sigma": end.sigma_m, "string": end.string_m}
 
 
 def _end(row: Mapping[str, Any]) -> End:
     if "open" in row:
         return Open(str(row["open"]))
-    return Attached(int(row["structure"]), _array(row["point"], 3), float(row["sigma"]))
+    string = row.get("string")
+    string_m = None if string is None else float(string)
+    return Attached(int(row["structure"]), _array(row["point"], 3), float(row["sigma"]), string_m)
 
 
 def _quantity_row(one: Quantity | None) -> dict[str, float] | None:

@@ -28,7 +28,9 @@ def move_wire(wire: Wire, old: LineFrame, new: LineFrame) -> Wire:
     def end(one: End) -> End:
         if not isinstance(one, Attached):
             return one
-        return replace(one, point=factor * R @ one.point + shift, sigma_m=factor * one.sigma_m)
+        string = None if one.string_m is None else factor * one.string_m
+        point = factor * R @ one.point + shift
+        return replace(one, point=point, sigma_m=factor * one.sigma_m, string_m=string)
 
     return replace(
         wire,

@@ -161,13 +161,17 @@ class TensionStringConfig:
     """Up to this ratio the wire goes on up to the structure."""
     sigmas: float = 2.0
     """And by so many standard deviations it must exceed `bare_ratio`: of a few images, some show a tower's
-    edge behind a wire."""
+    edge behind a wire.  One that is below `string_ratio` by as many is a wire's."""
     string_q: float = 0.4
     """Least q of strings, whatever it is beyond: of a wire that stands out well there it is less."""
     bare_q: float = 0.3
     """Up to this q it is a wire."""
     sigma_m: float = 0.15
     """Standard deviation of the length of a string that images show."""
+    alike_m: float = 0.1
+    """Standard deviation of the strings of one line from each other."""
+    placed_m: float = 0.2
+    """Structures whose place has a greater standard deviation are placed by their strings."""
     spacing_share: float = 0.8
     """Greatest length of a string as a share of the least distance between phases: strings as long hang at
     other structures, above the next arm."""

@@ -45,6 +45,7 @@ from plnerf.survey.kinds import with_kinds
 from plnerf.survey.known_kinds import with_stated
 from plnerf.survey.lidar.find import Found, find_lines
 from plnerf.survey.lidar.point_cloud import PointCloud
+from plnerf.survey.like_strings import with_like_strings
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.names import with_names
 from plnerf.survey.no_wires import why_none
@@ -214,7 +215,7 @@ def _of_images(
     ground = ground_of(surface, wires_of(hung), supports.points, classify)
     lines = lines_of(hung, supports, standing_on(ground, supports.seen))
     lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
-    lines = with_tension_strings(lines, photos, config.strings)
+    lines = with_like_strings(with_tension_strings(lines, photos, config.strings), config.strings)
     every = [wire for line in lines for wire in line.wires]
     as_detected = tuple(
         replace(one, kind=wire.kind) for one, wire in zip(wires_of(before), every, strict=True)

@@ -68,10 +68,10 @@ def shown_strings(
     if samples[beyond].sum() < config.min_samples:
         return Strings(None, longest_m)
     ratio = here / float(np.nanmedian(every[:, beyond]))
-    if ratio <= config.bare_ratio:
+    sure = config.sigmas * np.hypot(_spread(every[:, inside]), _spread(every[:, beyond]))
+    if ratio <= config.bare_ratio or ratio * np.exp(sure) < config.string_ratio:
         return Strings(0.0, longest_m)
-    sure = np.log(ratio) - config.sigmas * np.hypot(_spread(every[:, inside]), _spread(every[:, beyond]))
-    if ratio < config.string_ratio or here < config.string_q or sure < np.log(config.bare_ratio):
+    if min(ratio / config.string_ratio, here / config.string_q, ratio / config.bare_ratio / np.exp(sure)) < 1:
         return Strings(None, longest_m)
     good = samples >= config.min_samples / inside.sum()
     return Strings(_end_of_string(at[good], np.nanmedian(every[:, good], 0), longest_m, config), longest_m)

@@ -22,6 +22,7 @@ from plnerf.survey.string_profiles import End, Strings, shown_strings
 
 Held = Mapping[tuple[int, int], Strings]
 """The strings by which structures hold wires, by the ids of both."""
+END_NAMES = ("first", "last")
 
 
 def with_tension_strings(
@@ -112,25 +113,30 @@ def _with_strings(line: Line, strings: Held, config: TensionStringConfig) -> Lin
 
 def _ended(wire: Wire, k: int, end: Attached, strings: Strings, config: TensionStringConfig) -> Wire:
     """A wire that its structure's tension strings hold at one end."""
-    name = ("first", "last")[k]
     if strings.length_m == 0:
-        return wire
-    if strings.length_m is None:
+        moved, sigma, note = wire, end.sigma_m, None
+    elif strings.length_m is None:
         sigma = float(np.hypot(end.sigma_m, strings.longest_m / TWO_SIDED_95))
         note = (
-            f"Nothing shows whether a tension string holds its {name} end: its attachment may lie up to "
-            f"{strings.longest_m:.1f} m nearer."
+            f"Nothing shows whether a tension string holds its {END_NAMES[k]} end: its attachment may lie up "
+            f"to {strings.longest_m:.1f} m nearer."
         )
         moved = wire
     else:
         sigma = float(np.hypot(end.sigma_m, config.sigma_m))
-        note = f"A tension string of about {strings.length_m:.1f} m holds its {name} end."
+        note = about_string(strings.length_m, k)
         L = wire.base.length_m
         moved = wire.between(*((strings.length_m, L) if k == 0 else (0.0, L - strings.length_m)))
     point = moved.points(np.array([0.0, moved.base.length_m]))[k]
     ends = list(moved.ends)
-    ends[k] = replace(end, point=point, sigma_m=sigma)
-    return replace(moved, ends=(ends[0], ends[1]), notes=(*wire.notes, note))
+    ends[k] = replace(end, point=point, sigma_m=sigma, string_m=strings.length_m)
+    notes = wire.notes if note is None else (*wire.notes, note)
+    return replace(moved, ends=(ends[0], ends[1]), notes=notes)
+
+
+def about_string(length_m: float, k: int) -> str:
+    """What is noted of a wire that a tension string holds at one end."""
+    return f"A tension string of about {length_m:.1f} m holds its {END_NAMES[k]} end."
 
 
 def longest_string_m(spans: Sequence[Span], ends: Sequence[End], config: TensionStringConfig) -> float:
