@@ -157,7 +157,12 @@ def test_what_is_refitted_stands_out_more_than_what_is_beside_it(tmp_path: Path)
             cv2.line(picture, *ends, (60, 60, 60), 2)
     photos = photos_of(scene_of(tmp_path, cameras, pictures))
     absent = replace(hung(0.14, -0.1, 0.02), covariance=np.diag([1e-4 * PIXEL] * 6))
-    found = refine_wires(photos, [*MOVED, absent], replace(CONFIG, least_near=0.0, most_moved=1e9)).wires
+    config = replace(CONFIG, least_near=0.0, most_moved=1e9)
+    sharp = replace(config, doubtful_diameters=1e9)
+    assert refine_wires(photos, [*MOVED, absent], sharp).shown == (True,) * 4
+    blunt = refine_wires(photos, [*MOVED, absent], replace(config, doubtful_diameters=0.0))
+    assert blunt.shown == (True, True, True, False)
+    found = blunt.wires
     assert not any(refused(one) for one in found[:3])
     assert "times as often as what is beside it" in refused(found[3])
     assert found[3].worst_sigma() >= absent.evidence.reach_m

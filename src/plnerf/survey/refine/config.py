@@ -186,6 +186,8 @@ class RefineConfig:
     was detected."""
     least_seen: float = 0.1
     """A wire that does not stand out so is left out where enough images show less than this share of it."""
+    doubtful_diameters: float = 8.0
+    """So is one that may be farther off than so many assumed diameters as it was detected."""
     no_news: float = 0.7
     """The views do not fix a wire whose standard deviation stays above this share of what it was."""
     most_moved: float = 2.0
@@ -202,10 +204,12 @@ class RefineConfig:
                 "The refit needs diameter_m > 0, samples >= 10 and most_rounds >= 1, but got "
                 f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
             )
-        if self.beside_every < 1 or self.least_beside < 0 or not 0 <= self.least_seen <= 1:
+        least = min(self.least_beside, self.doubtful_diameters)
+        if self.beside_every < 1 or least < 0 or not 0 <= self.least_seen <= 1:
             raise ConfigError(
-                "The refit needs beside_every of 1 or more, least_beside of 0 or more and least_seen from 0 "
-                f"to 1, but got {self.beside_every}, {self.least_beside} and {self.least_seen}."
+                "The refit needs beside_every of 1 or more, least_beside and doubtful_diameters of 0 or more "
+                f"and least_seen from 0 to 1, but got {self.beside_every}, {self.least_beside}, "
+                f"{self.doubtful_diameters} and {self.least_seen}."
             )
         if self.thin_px < 0 or not 0 < self.thin_share <= 1:
             raise ConfigError(

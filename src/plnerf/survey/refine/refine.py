@@ -41,7 +41,8 @@ class Refinement:
     """Standard deviation of what the images' poses are off by, as their wires show it."""
     shown: tuple[bool, ...]
     """Of each wire whether it stands out in the images more often than noise, or enough of them show a piece
-    of it, a good piece where what is beside it stands out as often; true where nothing can be measured."""
+    of it, a good piece where what is beside it stands out as often, and then only if it was detected sharply;
+    true where nothing can be measured."""
     counts: tuple[int, ...] = ()
     """At how many places, of all images, each wire stands out near to its curve."""
     widths: Widths | None = None
@@ -117,8 +118,9 @@ def refine_wires(
         count = sum(len(row[w]) for row in found)
         often = len(step.off_px[w]) >= config.least_visible * count
         told = more[w] >= config.least_beside
+        sharp = trust[w] <= config.doubtful_diameters * config.diameter_m
         long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
-        shown.append((often or bool(seen[w])) and bool(told or long))
+        shown.append((often or bool(seen[w])) and bool(told or (sharp and long)))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
     return Refinement(tuple(judged), pose_residual_px(step), tuple(shown), counts, (diameters, blur_px))
 
