@@ -4,10 +4,10 @@ r"""The race on a CPU against 3D Gaussian splatting: OpenSplat and plnerf in tur
 
 OpenSplat (AGPL-3.0) is a program of its own, built for the CPU; nothing of it is linked or kept.  Both have
 the scene's true poses and every 8th image held out.  It begins with points that pycolmap triangulates with
-these poses, whose seconds count for neither.  plnerf trains with its defaults for --seconds; how long its
-whole process took is OpenSplat's time, of which the last that it saved counts.  It trains at the photos' size
-from the start (--num-downscales 0).  A held-out image is rendered by itself after up to ten more steps, which
-it takes for that.
+these poses, whose seconds count for neither.  plnerf trains for --seconds, of which its search for wires is a
+part; how long its whole process took is OpenSplat's time, of which the last that it saved counts.  It trains
+at the photos' size from the start (--num-downscales 0).  A held-out image is rendered by itself after ten
+more steps, which it takes for that.
 
 Over the held-out images: PSNR, SSIM, PSNR in the wires' masks.  Wires: the share of the true conductors
 within 10 cm of a wire of plnerf's, or of the centre of a Gaussian with opacity above 0.5.  Photos that are
@@ -40,7 +40,7 @@ from plnerf.train.evaluate import measure
 from plnerf.train.metrics import Lpips
 from plnerf.train.run import open_run
 
-HELD_OUT_EVERY, SAVE_EVERY, RENDER_EVERY = 8, 50, 10
+HELD_OUT_EVERY, SAVE_EVERY, RENDER_EVERY = 8, 10, 10
 NEAR_M, OPAQUE, STEP_M = 0.10, 0.5, 0.05
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 FIGURES = ("psnr_db", "ssim", "wire_psnr_db")
@@ -52,6 +52,7 @@ def main() -> None:
     parser.add_argument("--scene", type=Path, nargs="+", required=True, help="folders with transforms.json")
     parser.add_argument("-o", "--out", type=Path, required=True, help="new folder for race.json and the runs")
     parser.add_argument("--seconds", type=float, default=240.0, help="of plnerf's training (240)")
+    parser.add_argument("--preset", default="pl-nerf-wire", help="of plnerf (pl-nerf-wire)")
     parser.add_argument("--downscale", type=int, default=1, help="of photos that are undistorted (1)")
     parser.add_argument("--rounds", type=int, default=1, help="runs of each on each scene (1)")
     options = parser.parse_args()
@@ -62,7 +63,7 @@ def main() -> None:
         points = points_of(folder, options.out / given.name / "points")
         for k in range(options.rounds):
             out = options.out / given.name / str(k)
-            rows.append({"scene": given.name, "round": k, **ours(folder, out / "run", options.seconds)})
+            rows.append({"scene": given.name, "round": k, **ours(folder, out / "run", options)})
             print(rows[-1], flush=True)
             peer = theirs(options.opensplat, folder, points, out / "opensplat", rows[-1]["wall_s"])
             rows.append({"scene": given.name, "round": k, **peer})
@@ -71,12 +72,12 @@ def main() -> None:
             (options.out / "race.json").write_text(text + "\n", encoding="utf-8")
 
 
-def ours(folder: Path, out: Path, seconds: float) -> dict[str, Any]:
+def ours(folder: Path, out: Path, options: argparse.Namespace) -> dict[str, Any]:
     """What `plnerf train` makes of a scene."""
     command = [sys.executable, "-m", "plnerf.cli.main"]
     load, begin = os.getloadavg(), time.perf_counter()
-    train = ["train", str(folder), "-o", str(out), "--seconds", str(seconds), "--device", "cpu"]
-    _run([*command, *train], out.with_suffix(".log"))
+    train = ["train", str(folder), "-o", str(out), "--preset", options.preset, "--device", "cpu"]
+    _run([*command, *train, "--seconds", str(options.seconds)], out.with_suffix(".log"))
     wall_s = time.perf_counter() - begin
     _run([*command, "eval", str(out)], out.with_suffix(".eval.log"))
     mean = json.loads((out / "eval" / "metrics.json").read_text())["mean"]
@@ -100,7 +101,7 @@ def theirs(program: Path, folder: Path, points: Path, out: Path, wall_s: float) 
     train = [name for name in names if name not in held_out]
     _opensplat_scene(folder, points, out / "train", train)
     ply, log, load = out / "splats.ply", out / "train.log", os.getloadavg()
-    command = [str(program), str(out / "train"), "--cpu", "--num-downscales", "0", "--keep-crs"]
+    command = [str(program), str(out / "train"), "--cpu", "--num-downscales", "0"]
     command += ["-o", str(ply)]
     with log.open("w") as output:
         more = ["-n", "30000", "--save-every", str(SAVE_EVERY)]
