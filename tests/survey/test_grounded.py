@@ -43,3 +43,13 @@ def test_without_ground_all_stay() -> None:
     for surface in (seen(np.zeros((0, 3))), seen(np.random.default_rng(0).uniform(-18, 18, (50, 3)))):
         kept, findings = without_grounded([between(0.0)], surface, CONFIG)
         assert len(kept) == 1 and findings == ()
+
+
+def test_wires_stay_where_no_ground_is_seen_beside_them() -> None:
+    """Of a tower against the sky the arms are the lowest that is seen, at the height of the wires."""
+    xy = np.random.default_rng(1).uniform((8, -8), (18, 8), (3000, 2))
+    arms = np.column_stack([xy, 5.2 + 0.02 * xy[:, 1]])
+    wires = [between(6.0, y, number) for number, y in enumerate((-4.0, 4.0), 1)]
+    own = np.concatenate([wire.polyline(0.05) for wire in wires])
+    kept, findings = without_grounded(wires, seen(np.concatenate([arms, own])), CONFIG)
+    assert len(kept) == 2 and findings == ()

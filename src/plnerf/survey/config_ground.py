@@ -243,18 +243,21 @@ class ClassifyConfig:
     """Where a smaller share of the points in the square is low, they belong to a crown that hides the ground,
     seen from the side."""
     grounded_m: float = 1.0
-    """A curve of which half is less than this above the ground, or below it, is no wire."""
+    """A curve of which half is less than this above the ground, or below it, is no wire,"""
+    grounded_beside_m: float = 2.0
+    """where ground is seen within this horizontal distance of it."""
     clear_m: float = 2.0
     """Nothing is ground that is less than this below a wire, or above it,"""
     clear_beside_m: float = 4.0
     """within this horizontal distance of it: arms reach so far beyond the ends of tension strings."""
 
     def __post_init__(self) -> None:
-        least = min(self.near_sigmas, self.clear_m, self.clear_beside_m)
+        least = min(self.near_sigmas, self.clear_m, self.clear_beside_m, self.grounded_beside_m)
         if not self.max_sigma_m > 0 or least < 0 or self.crown_cells < 1:
             raise ConfigError(
-                "Classes need max_sigma_m > 0, near_sigmas, clear_m and clear_beside_m >= 0 and crown_cells "
-                f">= 1, but got max_sigma_m={self.max_sigma_m}, near_sigmas={self.near_sigmas}, "
+                "Classes need max_sigma_m > 0, crown_cells >= 1 and near_sigmas, grounded_beside_m, clear_m "
+                f"and clear_beside_m of 0 or more, but got max_sigma_m={self.max_sigma_m}, "
+                f"near_sigmas={self.near_sigmas}, grounded_beside_m={self.grounded_beside_m}, "
                 f"clear_m={self.clear_m}, clear_beside_m={self.clear_beside_m}, "
                 f"crown_cells={self.crown_cells}."
             )
