@@ -115,3 +115,12 @@ def test_wires_of_a_span_lie_on_one_straight_line_and_keep_their_curves() -> Non
     chains = ((span,),)
     (again,) = with_wires(chains, wires_of(chains))[0]
     assert isinstance(again.base, Base) and again.base.length_m == pytest.approx(span.base.length_m)
+
+
+@pytest.mark.parametrize("turn_deg", [-2.0, 1.0])
+def test_a_span_lies_along_its_wires_whatever_direction_they_were_searched_in(turn_deg: float) -> None:
+    wires = true_spans(attachments(FEET))[2]
+    R = turned_by(turn_deg)[:2, :2]
+    searched = [wire.on(Base(wire.base.a, wire.base.a + R @ (wire.base.b - wire.base.a))) for wire in wires]
+    assert all(abs(one.base.u @ wire.base.n) > 0.01 for one, wire in zip(searched, wires, strict=True))
+    assert abs(span_of(searched).base.u @ span_of(wires).base.n) < 1e-4

@@ -100,3 +100,11 @@ def test_a_structure_between_spans_stays_where_kinks_show_it() -> None:
     line = replace(line, structures=loose, spans=spans)
     (found,) = with_like_strings([line], CONFIG)
     assert [one.foot[0] for one in found.structures] == [0.0, SPAN_M, 2 * SPAN_M]
+
+
+def test_of_another_lines_structure_nothing_is_known_here() -> None:
+    """A line that tees off ends at a structure that it does not list."""
+    line = line_with(0.7)
+    tee = replace(line, structures=line.structures[:2])
+    (found,) = with_like_strings([tee], CONFIG)
+    assert found is tee

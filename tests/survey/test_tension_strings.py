@@ -18,7 +18,7 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.string_profiles import _end_of_string, _spread
+from plnerf.survey.string_profiles import _end_of_string, _spread, shown_strings
 from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
 
 CONFIG = TensionStringConfig()
@@ -169,6 +169,26 @@ def test_the_places_of_one_wire_in_one_image_count_once() -> None:
     assert _spread(at_places) == pytest.approx(of_median / 20, rel=0.15)
     few = np.concatenate([at_places[:25], np.full((3, 8), np.nan)])  # images that do not show it
     assert _spread(few) == pytest.approx(of_median / 5, rel=0.4)
+
+
+@pytest.mark.parametrize(("ratio", "spread", "length_m"), [
+    (1.5, 0.1, 0.0), (1.5, 3.0, None), (1.9, 0.1, 0.0), (1.2, 3.0, 0.0), (2.4, 3.0, None),
+])  # fmt: skip
+def test_a_wire_is_bare_where_no_string_fits(
+    ratio: float, spread: float, length_m: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is beside it near the structure is less than twice what is there farther out, surely."""
+    random = np.random.default_rng(2)
+    rows = np.exp(spread * np.tile([-1.0, -0.5, 0.0, 0.5, 1.0], 20))
+
+    def measured(*given: object) -> np.ndarray:
+        s = np.asarray(given[5])
+        return 0.5 * np.where(np.minimum(s, 30.0 - s) < 0.5, ratio, 1.0) * random.choice(rows)
+
+    monkeypatch.setattr("plnerf.survey.string_profiles._measure", measured)
+    ends = [(wire, 0) for wire in wires()]
+    shown = shown_strings(ends, film_of_pair(0.0, 60), 1.6, CONFIG)
+    assert shown.length_m == length_m
 
 
 def test_shields_and_suspension_structures_have_none() -> None:

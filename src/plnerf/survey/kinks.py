@@ -13,7 +13,6 @@ All conductors of a structure are held at about one place t along the line (the 
 both spans, so that crossarms lie across it), but each at its own, `arms_m` apart: t_k = t + N(0, arms_m).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,46 +59,24 @@ def find_kinks(junction: Junction, config: KinkConfig) -> tuple[Kink, ...]:
 
 
 def _kink(junction: Junction, pair: tuple[int, int], config: KinkConfig) -> Kink | None:
-    """Where two curves meet; None where they do not, go on in one another, or turn upwards."""
+    """Where two curves meet, by plan alone where that shows it about as well."""
+    exact, in_plan = (_met(junction, pair, by, config) for by in (config.misfit_m, config.strings_m))
+    if exact is None or in_plan is None:
+        return exact
+    sigma, of_plan = (one.along(junction.axis)[1] for one in (exact, in_plan))
+    return in_plan if of_plan <= config.plan_share * sigma else exact
+
+
+def _met(
+    junction: Junction, pair: tuple[int, int], heights_m: float, config: KinkConfig
+) -> Kink | None:
+    """Where two curves meet; None where they do not, go on in one another, or turn upwards.
+
+    heights_m: standard deviation of the heights, beside what the curves state.
+    """
     both = [wires[k] for wires, k in zip(junction.sides, pair, strict=True)]
-    met = _meet(both, junction, config.misfit_m, config)
-    in_plan = _meet(both, junction, config.strings_m, config)
-    if met is None or in_plan is None:
-        return None
-    if in_plan.sigma_along(junction.axis) <= config.plan_share * met.sigma_along(junction.axis):
-        met = in_plan
-    point = met.point
-    turn, spread = _turn(both[0], both[1], point)
-    spread += EXACT**2 * np.eye(2)
-    if turn @ turn < config.least_turn**2:
-        return None
-    if turn @ np.linalg.solve(spread, turn) < config.least_turn_sigmas**2:
-        return None
-    if turn[1] < -config.uplift_sigmas * np.sqrt(spread[1, 1]):
-        return None
-    return Kink(pair, point, met.covariance, met.gap_m, float(turn[1]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Meeting:
-    """Where two curves come nearest to each other, in their standard deviations."""
-
-    point: Float[np.ndarray, "3"]
-    covariance: Float[np.ndarray, "3 3"]
-    misses: float
-    """By how much, as chi squared of one degree of freedom."""
-    gap_m: float
-
-    def sigma_along(self, axis: Base) -> float:
-        u = np.append(axis.u, 0.0)
-        return float(np.sqrt(u @ self.covariance @ u))
-
-
-def _meet(both: Sequence[Wire], junction: Junction, upward_m: float, config: KinkConfig) -> _Meeting | None:
-    """None where that is far from where the span's other curves meet.  upward_m: standard deviation of the
-    heights, beside what the curves state."""
     start = np.mean([_at(wire, junction.axis, junction.meet_m) for wire in both], axis=0)
-    misfits, point, normal = np.array([config.misfit_m, upward_m]), start, np.eye(3)
+    misfits, point, normal = np.array([config.misfit_m, heights_m]), start, np.eye(3)
     for _ in range(ROUNDS):
         parts = [_equations(wire, point, misfits) for wire in both]
         normal = sum((J.T @ W @ J for _, J, W in parts), np.eye(3) / LOOSE_M**2)
@@ -110,9 +87,18 @@ def _meet(both: Sequence[Wire], junction: Junction, upward_m: float, config: Kin
         if np.abs(step).max() < SETTLED_M:
             break
     residuals = [(r, W) for r, _, W in (_equations(wire, point, misfits) for wire in both)]
-    misses = float(sum(r @ W @ r for r, W in residuals))
+    misses = float(sum(r @ W @ r for r, W in residuals))  # chi squared of one degree of freedom
     covariance = np.linalg.inv(normal) * (misses if misses > config.gap_sigmas**2 else 1.0)
-    return _Meeting(point, covariance, misses, sum(float(np.linalg.norm(r)) for r, _ in residuals))
+    turn, spread = _turn(both[0], both[1], point)
+    spread += EXACT**2 * np.eye(2)
+    if turn @ turn < config.least_turn**2:
+        return None
+    if turn @ np.linalg.solve(spread, turn) < config.least_turn_sigmas**2:
+        return None
+    if turn[1] < -config.uplift_sigmas * np.sqrt(spread[1, 1]):
+        return None
+    gap = sum(float(np.linalg.norm(r)) for r, _ in residuals)
+    return Kink(pair, point, covariance, gap, float(turn[1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,13 +27,13 @@ def with_like_strings(lines: Sequence[Line], config: TensionStringConfig) -> tup
 
 
 def _of_line(line: Line, config: TensionStringConfig) -> Line:
+    by_id = {one.id: one for one in line.structures}  # a tee ends at another line's
     found: dict[int, list[float]] = {}
     for wire in line.wires:
         for end in wire.ends:
-            if isinstance(end, Attached) and end.string_m:
+            if isinstance(end, Attached) and end.string_m and end.structure in by_id:
                 found.setdefault(end.structure, []).append(end.string_m)
     own = {id_: float(np.median(lengths)) for id_, lengths in found.items()}
-    by_id = {one.id: one for one in line.structures}
     others = [length for id_, length in own.items() if by_id[id_].sigma_m <= config.placed_m]
     if not others:
         return line

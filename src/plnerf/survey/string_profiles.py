@@ -71,7 +71,7 @@ def shown_strings(
     sure = config.sigmas * np.hypot(_spread(every[:, inside]), _spread(every[:, beyond]))
     if ratio <= config.bare_ratio or ratio * np.exp(sure) < config.string_ratio:
         return Strings(0.0, longest_m)
-    if min(ratio / config.string_ratio, here / config.string_q, ratio / config.bare_ratio / np.exp(sure)) < 1:
+    if ratio < max(config.string_ratio, config.bare_ratio * np.exp(sure)) or here < config.string_q:
         return Strings(None, longest_m)
     good = samples >= config.min_samples / inside.sum()
     return Strings(_end_of_string(at[good], np.nanmedian(every[:, good], 0), longest_m, config), longest_m)
