@@ -93,11 +93,13 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, tuple[Wire, 
     return scene, detect_wires(scene, DEFAULT)
 
 
-def assert_each_once(found: tuple[Wire, ...], true: tuple[Wire, ...] = TRUE) -> None:
+def assert_each_once(
+    found: tuple[Wire, ...], true: tuple[Wire, ...] = TRUE, close: float = CLOSE
+) -> None:
     distance = np.array([[apart(one, wire) for wire in true] for one in found])
     assert len(found) == len(true)
     assert sorted(distance.argmin(1)) == list(range(len(true)))
-    assert distance.min(1).max() < CLOSE
+    assert distance.min(1).max() < close
     for one in found:
         low, high = extent(one)
         assert one.evidence.certain and low < -0.9 * HALF and high > 0.9 * HALF
@@ -163,7 +165,13 @@ def test_the_same_pictures_give_the_same_wires_and_progress_counts_up_to_its_tot
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_and_bright_wires_change_nothing(tmp_path: Path, seed: int) -> None:
-    assert_each_once(detect_wires(drawn(tmp_path, two_passes(8), seed=seed, colour=250), DEFAULT))
+    """Eight views of each side fix one wire in nine no better than to three pixels, at an end and in depth;
+    so do its deviations say."""
+    found = detect_wires(drawn(tmp_path, two_passes(8), seed=seed, colour=250), DEFAULT)
+    assert_each_once(found, close=3 * PIXEL)
+    errors = [(min(apart(one, wire) for wire in TRUE), sigma(one)) for one in found]
+    assert all(error < 4 * own for error, own in errors)
+    assert np.median([error for error, _ in errors]) < CLOSE
 
 
 def same(some: tuple[Wire, ...], others: tuple[Wire, ...]) -> bool:

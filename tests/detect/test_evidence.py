@@ -13,7 +13,7 @@ from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
 
 from plnerf.detect import evidence
 from plnerf.detect.config_lines import EvidenceConfig
-from plnerf.detect.evidence import Vanishing, line_evidence, line_response, vanishing
+from plnerf.detect.evidence import Vanishing, line_evidence, line_response, vanishing, wire_directions
 from plnerf.detect.reduction import tiles
 from plnerf.scene.cameras import project
 from plnerf.scene.images import ImageStore
@@ -102,6 +102,42 @@ def test_responses_are_shares_and_an_even_picture_has_none() -> None:
     slope = np.repeat(np.broadcast_to(np.arange(50, dtype=np.uint8) * 4, (60, 50))[..., None], 3, -1)
     inner = line_response(np.ascontiguousarray(slope), along(90.0), CONFIG)[:, 20:30]
     assert inner.max() < 0.01  # an even slope is no line
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1))
+@settings(max_examples=20, deadline=None)
+def test_a_wire_that_sags_lies_in_the_fan_of_its_direction(steeper: float, aside: float) -> None:
+    """From aside and from a view along it, but for what that view enlarges beyond the fan's limit."""
+    cameras, direction = two_passes(2), np.array([0.8, 0.6, 0.0])
+    azimuth = np.arctan2(0.6, 0.8) + aside * np.radians(CONFIG.askew_deg)
+    slope = steeper * np.radians(CONFIG.sag_deg)
+    wire = np.array([np.cos(slope) * np.cos(azimuth), np.cos(slope) * np.sin(azimuth), np.sin(slope)])
+    for i in range(len(cameras)):
+        shape = tuple(int(side) for side in cameras.size_px[i].flip(0))
+        lines = vanishing(cameras, i, direction)
+        towards = lines.towards(shape)
+        low, high = lines.fan(towards, 1, CONFIG)
+        tangent = vanishing(cameras, i, wire).towards(shape)
+        turn = np.arctan2(
+            towards[..., 0] * tangent[..., 1] - towards[..., 1] * tangent[..., 0],
+            (towards * tangent).sum(-1),
+        )
+        most = np.radians(CONFIG.most_deg)
+        assert ((turn >= low - 1e-4) | (turn < -most)).all()
+        assert ((turn <= high + 1e-4) | (turn > most)).all()
+
+
+def test_slopes_are_a_fan_from_aside_and_none_from_above() -> None:
+    """Cameras level and looking down, both with x along the line."""
+    tilts = wire_directions(X, replace(CONFIG, askew_deg=0.0))
+    from_aside = tilts @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up is -y of the image
+    from_above = tilts @ np.diag([1, -1, -1])
+    for directions, sag_deg in ((from_aside, CONFIG.sag_deg), (from_above, 0.0)):
+        first, *rest = [tuple(float(v) for v in one) for one in directions]
+        lines = Vanishing(first, (100.0, 100.0), (48.0, 48.0), tuple(rest))
+        low, high = lines.fan(lines.towards((SIZE, SIZE)), 1, CONFIG)
+        middle = [np.degrees(side[47:49, 47:49].mean()) for side in (low, high)]
+        np.testing.assert_allclose(middle, np.array([-1, 1]) * (sag_deg + CONFIG.lens_deg), atol=0.2)
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.2), (0.6, -0.7, 0.2)])

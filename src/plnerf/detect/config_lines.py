@@ -91,8 +91,19 @@ class EvidenceConfig:
     """Half the length over which responses are averaged along the line: texture is not straight."""
     steps_along: int = 15
     """Samples of that average."""
-    sag_deg: tuple[float, ...] = (-7.0, -3.5, 0.0, 3.5, 7.0)
-    """Directions of a wire relative to that of the span's axis: sag, and supports at unequal heights."""
+    sag_deg: float = 14.0
+    """A wire's slope differs by so much from that of the direction in which it is looked for, up and down:
+    wires sag, and hang between supports of unequal heights,"""
+    askew_deg: float = 3.5
+    """and its azimuth by so much."""
+    lens_deg: float = 3.5
+    """In the image it may be turned by so much more: by the lens, say."""
+    most_deg: float = 28.0
+    """What slopes and azimuths turn a wire by in the image, at most: where a view runs along it, that is many
+    times as much as they differ in space."""
+    apart_deg: float = 5.0
+    """Of the directions that remain at a pixel so many are tried that they are no farther apart.  The nearer,
+    the stronger is the response of a wire, and of noise."""
     beside_px: int = 2
     """A ridge is the strongest pixel within this distance to both sides of the line."""
     echo_px: int = 5
@@ -118,8 +129,14 @@ class EvidenceConfig:
         lengths = (*self.scales_px, self.along_px, self.contrast_px)
         bends = (self.max_bend, self.full_response, self.min_bend)
         check(
-            bool(self.scales_px and self.sag_deg) and min(*lengths, *bends) > 0 and self.steps_along >= 1,
-            "detect.evidence needs a scale, a direction, a step along, and positive lengths and bends",
+            bool(self.scales_px) and min(*lengths, *bends) > 0 and self.steps_along >= 1,
+            "detect.evidence needs a scale, a step along, and positive lengths and bends",
+            self,
+        )
+        angles = (self.sag_deg, self.askew_deg, self.lens_deg, self.most_deg)
+        check(
+            min(angles) >= 0 and self.most_deg < 90 and self.apart_deg > 0,
+            "detect.evidence needs angles of 0 or more, a most_deg below 90, and apart_deg above 0",
             self,
         )
         check(self.most_px >= 32, "detect.evidence needs most_px of 32 or more", self)

@@ -1,8 +1,9 @@
 """Evidence of lines in a direction in each image: the response of a ridge filter in one direction per pixel.
 
 All lines in one direction of space meet in one point of an image, their vanishing point; the direction from a
-pixel to it is the only one a wire can have there, but for its sag.  A wire is a ridge across that direction:
-the second derivative of the brightness is large across it and small along it.
+pixel to it is the only one a wire can have there, but for its sag, which views along the line show many times
+enlarged.  A wire is a ridge across that direction: the second derivative of the brightness is large across it
+and small along it.
 
 Letters: images of h x w pixels, H x W blocks.
 """
@@ -12,6 +13,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -24,18 +26,22 @@ from plnerf.detect.ridges import gradient, grey_of, hessian
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
 
+EVIDENCE = EvidenceConfig()
+
 
 @dataclass(frozen=True)
 class Vanishing:
     """Which way a line along a direction of space runs at each pixel of an image.
 
-    The lens is left out: it turns directions by a degree or two, which a second derivative does not notice.
+    The lens is left out: it turns directions by a degree or two.
     """
 
     along: tuple[float, float, float]
     """The direction in camera axes."""
     focal: tuple[float, float]
     principal: tuple[float, float]
+    beside: tuple[tuple[float, float, float], ...] = ()
+    """The outermost of the directions that lines may have beside it, in camera axes."""
 
     def towards(
         self, shape: tuple[int, ...], corner: tuple[int, int] = (0, 0), k: int = 1
@@ -44,7 +50,30 @@ class Vanishing:
 
         shape: rows and columns of blocks; corner: row and column of the first pixel.
         """
-        (ax, ay, az), (fx, fy), (cx, cy) = self.along, self.focal, self.principal
+        return self._towards(self.along, shape, corner, k)
+
+    def fan(
+        self, towards: Float32[np.ndarray, "h w 2"], k: int, config: EvidenceConfig
+    ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+        """Least and largest angle by which lines may be turned from `towards` at blocks of k x k pixels.
+
+        A wire that sags is turned by its slope where it is seen from aside, not at all from straight above,
+        and by many times as much where a view runs along it.
+        """
+        low, high = (np.zeros(towards.shape[:2], np.float32) for _ in range(2))
+        ux, uy = towards[..., 0], towards[..., 1]
+        for direction in self.beside:
+            x, y = np.moveaxis(self._towards(direction, low.shape, (0, 0), k), 2, 0)
+            turn = np.arctan2(ux * y - uy * x, ux * x + uy * y)
+            np.minimum(low, turn, out=low)
+            np.maximum(high, turn, out=high)
+        most, lens = (np.float32(math.radians(one)) for one in (config.most_deg, config.lens_deg))
+        return np.maximum(low, -most) - lens, np.minimum(high, most) + lens
+
+    def _towards(
+        self, along: tuple[float, float, float], shape: tuple[int, ...], corner: tuple[int, int], k: int
+    ) -> Float32[np.ndarray, "h w 2"]:
+        (ax, ay, az), (fx, fy), (cx, cy) = along, self.focal, self.principal
         rows, columns = (at + k * (np.arange(n) + 0.5) for at, n in zip(corner, shape, strict=True))
         # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
         dx = fx * ax - (columns - cx) * az
@@ -55,12 +84,27 @@ class Vanishing:
         return out
 
 
-def vanishing(cameras: Cameras, i: int, direction: Float[np.ndarray, "3"]) -> Vanishing:
-    """For image i and a direction of the scene."""
-    ax, ay, az = (direction @ cameras.R_scene_camera[i].double().numpy()).tolist()
+def vanishing(
+    cameras: Cameras, i: int, direction: Float[np.ndarray, "3"], config: EvidenceConfig = EVIDENCE
+) -> Vanishing:
+    """For image i and a direction of the scene, and those that wires along it may have."""
+    R = cameras.R_scene_camera[i].double().numpy()
     fx, fy = (float(v) for v in cameras.focal_px[i])
     cx, cy = (float(v) for v in cameras.principal_px[i])
-    return Vanishing((ax, ay, az), (fx, fy), (cx, cy))
+    along, *beside = [(float(x), float(y), float(z)) for x, y, z in wire_directions(direction, config) @ R]
+    return Vanishing(along, (fx, fy), (cx, cy), tuple(beside))
+
+
+def wire_directions(
+    direction: Float[np.ndarray, "3"], config: EvidenceConfig
+) -> Float[np.ndarray, "d 3"]:
+    """A direction of the scene, and the outermost of those that wires have which run along it."""
+    x, y, z = direction
+    turns = np.array([(0, 0), *product((-1, 1), (-1, 1))])
+    azimuth = np.arctan2(y, x) + np.radians(config.askew_deg) * turns[:, 0]
+    slope = np.arctan2(z, np.hypot(x, y)) + np.radians(config.sag_deg) * turns[:, 1]
+    flat = np.cos(slope)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(slope)], 1)
 
 
 def line_response(
@@ -82,7 +126,7 @@ def line_response(
         rows, columns = (slice(part.start // k, -(-part.stop // k)) for part in tile.inner)
         best[rows, columns] = strongest_of_blocks(bend, k)
     towards = lines.towards(best.shape, k=k)
-    best = _average_along(best, towards, config)
+    best = _average_along(best, towards, lines.fan(towards, k, config), config)
     response = np.minimum(np.abs(best) / (config.full_response * _around(best, config)), 1)
     ridge = np.empty(best.shape, bool)
     picture = padded(best, config.echo_px)
@@ -106,14 +150,15 @@ def _bend(
 
 
 def _average_along(
-    bend: Float32[np.ndarray, "h w"], towards: Float32[np.ndarray, "h w 2"], config: EvidenceConfig
+    bend: Float32[np.ndarray, "h w"],
+    towards: Float32[np.ndarray, "h w 2"],
+    fan: tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]],
+    config: EvidenceConfig,
 ) -> Float32[np.ndarray, "h w"]:
-    """The bend averaged along the best of the directions that sag allows."""
-    best = np.zeros_like(bend)
-    angle = np.deg2rad(config.sag_deg).astype(np.float32)
-    turns = np.stack([np.cos(angle), np.sin(angle)], 1)
+    """The bend averaged along the best of the directions that wires may have."""
+    best, apart = np.zeros_like(bend), np.float32(math.radians(config.apart_deg))
     steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
-    average_along(padded(bend, math.ceil(config.along_px)), towards, turns, steps, best)
+    average_along(padded(bend, math.ceil(config.along_px)), towards, *fan, apart, steps, best)
     return best
 
 
@@ -139,7 +184,7 @@ def line_evidence(
 
     def one(i: int) -> Float32[np.ndarray, " _"]:
         picture = photos.image(i)
-        response = line_response(picture, vanishing(cameras, i, direction), config)
+        response = line_response(picture, vanishing(cameras, i, direction, config), config)
         if photos.has_masks:
             k = reduction(picture.shape[:2], config.most_px)
             response[~valid_blocks(photos.valid(i), k)] = 0

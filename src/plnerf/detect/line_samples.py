@@ -6,6 +6,7 @@ sample needs to ask where the border is.  Directions are unit vectors (x right, 
 What Numba compiles is marked no_type_check: a wrapper that checks annotations cannot be compiled.
 """
 
+import math
 from typing import no_type_check
 
 import cv2
@@ -26,11 +27,12 @@ def padded(picture: Float32[np.ndarray, "h w"], reach_px: int) -> Float32[np.nda
 
 @njit(**_FLAGS)
 @no_type_check
-def average_along(picture, towards, turns, steps, best):
+def average_along(picture, towards, low, high, apart, steps, best):
     """Into best (h, w), zeros before: the average largest in size of samples along lines.
 
-    picture: padded.  towards: (h, w, 2).  turns: (a, 2), cosine and sine of the angles by which the lines may
-    be turned from there, of which the best counts.  steps: (k,), places along the lines in pixels.
+    picture: padded.  towards: (h, w, 2).  low, high: (h, w), angles between which lines may be turned from
+    there: so many are tried that no two neighbours are farther than `apart` from each other, and the best
+    counts.  steps: (k,), places along the lines in pixels.
 
     Neighbours in a row have nearly the same direction, so that most samples of neighbours lie between
     neighbours: a run of those is read as it lies in memory, 8 at a time.
@@ -39,10 +41,15 @@ def average_along(picture, towards, turns, steps, best):
     width, flat, count = picture.shape[1], picture.reshape(-1), np.float32(len(steps))
     side, away, rows = (width - w) // 2, np.empty(w, np.int32), np.empty((5, w), np.float32)
     dx, dy, fx, fy, total = rows[0], rows[1], rows[2], rows[3], rows[4]
+    cosine, sine = np.empty(w, np.float32), np.empty(w, np.float32)
     for row in range(h):
-        start = (row + side) * width + side
-        for a in range(len(turns)):
-            turned(towards[row], turns[a, 0], turns[a, 1], dx, dy)
+        start, turns = (row + side) * width + side, 1
+        for v in range(w):
+            turns = max(turns, math.ceil((high[row, v] - low[row, v]) / apart))
+        first_line(towards[row], low[row], high[row], turns, dx, dy, cosine, sine)
+        for a in range(turns + 1):
+            if a:
+                turned(dx, dy, cosine, sine)
             for v in range(w):
                 total[v] = np.float32(0)
             for k in range(len(steps)):
@@ -61,11 +68,24 @@ def average_along(picture, towards, turns, steps, best):
 
 @inlined(fastmath=FAST, error_model="numpy")
 @no_type_check
-def turned(towards, c, s, dx, dy):
-    """Into dx, dy (w,): directions (w, 2) turned by an angle of cosine c and sine s."""
+def first_line(towards, low, high, turns, dx, dy, cosine, sine):
+    """Into dx, dy (w,): directions (w, 2) turned by the lowest angle; into cosine and sine the turn to the
+    next line, one of `turns` to the highest.
+    """
     for v in range(len(dx)):
-        x, y = towards[v, 0], towards[v, 1]
+        x, y, c, s = towards[v, 0], towards[v, 1], np.cos(low[v]), np.sin(low[v])
         dx[v], dy[v] = c * x - s * y, s * x + c * y
+        turn = (high[v] - low[v]) / np.float32(turns)
+        cosine[v], sine[v] = np.cos(turn), np.sin(turn)
+
+
+@inlined(fastmath=FAST, error_model="numpy")
+@no_type_check
+def turned(dx, dy, cosine, sine):
+    """Turns directions (w,), each by its own angle."""
+    for v in range(len(dx)):
+        x, y = dx[v], dy[v]
+        dx[v], dy[v] = cosine[v] * x - sine[v] * y, sine[v] * x + cosine[v] * y
 
 
 @inlined(fastmath=FAST, error_model="numpy")

@@ -134,7 +134,7 @@ def ridge_pixels(
     response = np.zeros(picture.shape[:2], np.float32)
     pixels = replace(config.evidence, most_px=max(picture.shape))  # all that the field was shown
     for direction in directions:
-        lines = vanishing(scene.cameras, i, direction)
+        lines = vanishing(scene.cameras, i, direction, pixels)
         np.maximum(response, line_response(picture, lines, pixels), out=response)
     response = np.where(scene.images.valid(i), response, 0)
     flat = np.flatnonzero(response > config.min_response)
