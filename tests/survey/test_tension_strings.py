@@ -183,12 +183,34 @@ def test_a_wire_is_bare_where_no_string_fits(
 
     def measured(*given: object) -> np.ndarray:
         s = np.asarray(given[5])
-        return 0.5 * np.where(np.minimum(s, 30.0 - s) < 0.5, ratio, 1.0) * random.choice(rows)
+        beside = 0.5 * np.where(np.minimum(s, 30.0 - s) < 0.5, ratio, 1.0) * random.choice(rows)
+        return np.stack([beside, np.ones_like(s)])
 
     monkeypatch.setattr("plnerf.survey.string_profiles._measure", measured)
     ends = [(wire, 0) for wire in wires()]
     shown = shown_strings(ends, film_of_pair(0.0, 60), 1.6, CONFIG)
     assert shown.length_m == length_m
+
+
+@pytest.mark.parametrize(("ratio", "seen", "longest_m"), [
+    (1.5, 0.3, 1.2), (1.1, 0.3, None), (1.5, 0.55, 1.2), (1.5, 0.9, 0.0),
+])  # fmt: skip
+def test_where_no_wire_is_seen_there_is_a_string(
+    ratio: float, seen: float, longest_m: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shells that reach as far as what is compared with them make little difference beside the axis."""
+
+    def measured(*given: object) -> np.ndarray:
+        s = np.asarray(given[5])
+        held = np.minimum(s, 30.0 - s) < 0.95
+        return np.stack([0.5 * np.where(held, ratio, 1.0), np.where(held, seen, 1.0)])
+
+    monkeypatch.setattr("plnerf.survey.string_profiles._measure", measured)
+    shown = shown_strings([(wire, 0) for wire in wires()], film_of_pair(0.0), 1.6, CONFIG)
+    if longest_m:
+        assert shown.length_m == pytest.approx(1.0, abs=0.15)
+    else:
+        assert shown.length_m == longest_m
 
 
 def test_shields_and_suspension_structures_have_none() -> None:

@@ -166,6 +166,11 @@ class TensionStringConfig:
     """Least q of strings, whatever it is beyond: of a wire that stands out well there it is less."""
     bare_q: float = 0.3
     """Up to this q it is a wire."""
+    seen_to: float = 0.6
+    """Whether the wire itself is seen is asked as far as this share of the longest string;"""
+    seen_ratio: float = 0.6
+    """it is seen from this ratio of p there and beyond on.  At structures of random scenes of even seeds
+    that is 0.88 and more where wires go on, and 0.41 and less where strings hold them."""
     sigma_m: float = 0.15
     """Standard deviation of the length of a string that images show."""
     alike_m: float = 0.1

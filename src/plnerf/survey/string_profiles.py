@@ -4,9 +4,12 @@ A string is an order of magnitude thicker than the wire, and lies where the wire
 values across it, less the straight line through those at `far_m` on both sides,
 
     q = |g(near)| / (|g(core) - g(near)| + |g(far)| + noise)
+    p = |g(core) - g(near)| / (|g(near)| + |g(far)| + noise)
 
-is small of a wire, which has a core only, and large of a string.  Its median is taken over images and
-conductors that are held alike; where it falls, the string ends.
+q is small of a wire, which has a core only, and large of a string; p is large of a wire.  Shells of a wide
+string reach as far as `far_m`, or beside the string of a bundle's next conductor: q is small of these, but no
+wire is seen where they are.  Medians are taken over images and conductors that are held alike; where q falls,
+the string ends.
 
 Letters: k places from the structure inwards, d offsets across the wire, r rows, one of each wire in each
 image.
@@ -56,25 +59,41 @@ def shown_strings(
         valid = near.images.valid(i) if near.images.has_masks else None
         for (wire, _), s in zip(ends, places, strict=True):
             rows.append(_measure(image, valid, near, i, wire, s, config))
-    every = np.array(rows).reshape(-1, len(at))
+    beside, core = np.moveaxis(np.array(rows).reshape(-1, 2, len(at)), 1, 0)
     inside = (at >= config.window_m[0]) & (at <= config.window_m[1])
     beyond = at > longest_m + config.step_m
-    samples = np.isfinite(every).sum(0)
+    samples = np.isfinite(beside).sum(0)
     if samples[inside].sum() < config.min_samples:
         return Strings(None, longest_m)
-    here = float(np.nanmedian(every[:, inside]))
+    here = float(np.nanmedian(beside[:, inside]))
     if here <= config.bare_q:
         return Strings(0.0, longest_m)
     if samples[beyond].sum() < config.min_samples:
         return Strings(None, longest_m)
-    ratio = here / float(np.nanmedian(every[:, beyond]))
-    sure = config.sigmas * np.hypot(_spread(every[:, inside]), _spread(every[:, beyond]))
-    if ratio <= config.bare_ratio or ratio * np.exp(sure) < config.string_ratio:
-        return Strings(0.0, longest_m)
-    if ratio < max(config.string_ratio, config.bare_ratio * np.exp(sure)) or here < config.string_q:
-        return Strings(None, longest_m)
-    good = samples >= config.min_samples / inside.sum()
-    return Strings(_end_of_string(at[good], np.nanmedian(every[:, good], 0), longest_m, config), longest_m)
+    along = (at >= config.window_m[0]) & (at <= config.seen_to * longest_m)
+    ratio, sure = _against(beside, inside, beyond, config)
+    seen, sure_of_it = _against(core, along, beyond, config)
+    hidden = ratio > config.bare_ratio and seen * sure_of_it < config.seen_ratio
+    if hidden or (ratio >= max(config.string_ratio, config.bare_ratio * sure) and here >= config.string_q):
+        good = samples >= config.min_samples / inside.sum()
+        x = np.nanmedian(beside[:, good], 0)
+        return Strings(_end_of_string(at[good], x, longest_m, config), longest_m)
+    bare = ratio <= config.bare_ratio or ratio * sure < config.string_ratio
+    return Strings(0.0 if bare and not seen < config.seen_ratio else None, longest_m)
+
+
+def _against(
+    x: Float[np.ndarray, "r k"],
+    here: Bool[np.ndarray, " k"],
+    beyond: Bool[np.ndarray, " k"],
+    config: TensionStringConfig,
+) -> tuple[float, float]:
+    """The median of x here as a multiple of that beyond, and the factor by which it may be larger or smaller;
+    NaN where too little is seen here."""
+    if np.isfinite(x[:, here]).sum() < config.min_samples:
+        return np.nan, np.nan
+    ratio = float(np.nanmedian(x[:, here]) / max(np.nanmedian(x[:, beyond]), 1e-6))
+    return ratio, float(np.exp(config.sigmas * np.hypot(_spread(x[:, here]), _spread(x[:, beyond]))))
 
 
 def _spread(q: Float[np.ndarray, "r k"]) -> float:
@@ -109,17 +128,17 @@ def _measure(
     wire: Wire,
     s: Float[np.ndarray, " k"],
     config: TensionStringConfig,
-) -> Float[np.ndarray, " k"]:
-    """q at places along a wire in one image; NaN where it does not show them well."""
+) -> Float[np.ndarray, "2 k"]:
+    """q and p at places along a wire in one image; NaN where it does not show them well."""
     seen = project_wire(photos.cameras[[i]], wire.base, wire.theta, s, np.zeros(MOVES), 1.0, config.end_on)
     by_m = np.linalg.norm(seen.by_yz, axis=1)
     d = np.arange(-config.far_m[1], config.far_m[1] + config.sample_m / 2, config.sample_m)
     pixel = seen.pixel[:, None] + (d * by_m[:, None])[..., None] * seen.normal[:, None]
     size = np.array(image.shape[1::-1])
     good = seen.good & (by_m >= config.least_px_per_m) & ((pixel > 0) & (pixel < size)).all((1, 2))
-    q = np.full(len(s), np.nan)
+    both = np.full((2, len(s)), np.nan)
     if not good.any():
-        return q
+        return both
     x, y = np.moveaxis((pixel[good] - 0.5).astype(np.float32), 2, 0)
     if valid is not None:
         column, row = np.clip(seen.pixel[good], 0, size - 1).astype(int).T
@@ -130,8 +149,9 @@ def _measure(
     near, far = (away >= config.near_m[0]) & (away <= config.near_m[1]), away >= config.far_m[0]
     line = np.stack([np.ones(len(d)), d], 1)
     g = grey - np.einsum("dc,cf,kfb->kdb", line, np.linalg.pinv(line[far]), grey[:, far])
-    aside = g[:, near].mean(1)
-    core = np.sqrt(((g[:, away <= config.core_m] - aside[:, None]) ** 2).mean((1, 2)))
-    around = np.sqrt((g[:, far] ** 2).mean((1, 2)))
-    q[good] = np.sqrt((aside**2).mean(1)) / (core + around + config.noise)
-    return q
+    middle = g[:, near].mean(1)
+    aside = np.sqrt((middle**2).mean(1))
+    core = np.sqrt(((g[:, away <= config.core_m] - middle[:, None]) ** 2).mean((1, 2)))
+    around = np.sqrt((g[:, far] ** 2).mean((1, 2))) + config.noise
+    both[:, good] = aside / (core + around), core / (aside + around)
+    return both
