@@ -100,6 +100,11 @@ def test_what_is_thin_and_in_the_air_is_no_plant() -> None:
     cloud = Cloud(xyz, label, np.zeros(len(xyz), np.int64))
     found = floats(cloud, np.arange(len(floor), len(xyz)), FloatingConfig()).reshape(5, 60)
     assert found.all(1).tolist() == [True, False, False, False, True] and not found[1:4].any()
+    for strays, thin in ((2, True), (30, False)):
+        above = xyz.copy()
+        above[-60 : -60 + strays, 2] += 0.8  # of the wire's
+        beside = floats(replace(cloud, xyz=above), np.arange(len(floor), len(xyz)), FloatingConfig())
+        assert beside[-60:].all() == beside[-60:].any() == thin
     assert not floats(cloud, np.arange(0), FloatingConfig()).any()
     only = Cloud(xyz[-300:], label[-300:], np.zeros(300, np.int64))
     assert not floats(only, np.arange(300), FloatingConfig()).any()  # how high they are is not known

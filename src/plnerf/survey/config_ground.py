@@ -117,9 +117,14 @@ class FloatingConfig:
     above_ground_m: float = 1.5
     """A clump whose lowest point is higher stands on nothing that is seen."""
     thin_m: float = 0.33
-    """Such a clump all of which lies so near to a straight line is a possible obstacle only."""
+    """Such a clump is a possible obstacle only that lies so near to a straight line,"""
+    share: float = 0.95
+    """this share of its points at least: of 68 and 294 points on wires of random scenes 32 and 30 that were
+    not found, a few lie 0.34 and 0.40 m off."""
 
     def __post_init__(self) -> None:
+        if not 0 < self.share <= 1:
+            raise ConfigError(f"What floats needs a share above 0 and at most 1, but got {self.share}.")
         if not 0 < self.cell_m < self.gap_m:
             raise ConfigError(
                 f"What floats needs 0 < cell_m < gap_m, but got {self.cell_m} and {self.gap_m}."

@@ -25,10 +25,9 @@ def floats(cloud: Cloud, index: Int[np.ndarray, " m"], config: FloatingConfig) -
     points = cloud.xyz[index]
     clump = _clumps(points, config)
     _, below = cKDTree(ground[:, :2]).query(points[:, :2], workers=-1)
-    count = np.bincount(clump)
-    height, wide = np.full(len(count), np.inf), np.zeros(len(count))
+    height = np.full(clump.max() + 1, np.inf)
     np.minimum.at(height, clump, points[:, 2] - ground[below, 2])
-    np.maximum.at(wide, clump, _off_axis(points, clump))
+    wide = _reached(_off_axis(points, clump), clump, config.share)
     thin: Bool[np.ndarray, " c"] = (height > config.above_ground_m) & (wide < config.thin_m)
     return thin[clump]
 
@@ -51,6 +50,16 @@ def _off_axis(points: Float[np.ndarray, "m 3"], clump: Int[np.ndarray, " m"]) ->
     axis = np.linalg.eigh(spread)[1][:, :, -1][clump]
     across: Float[np.ndarray, " m"] = np.linalg.norm(off - (off * axis).sum(1, keepdims=True) * axis, axis=1)
     return across
+
+
+def _reached(
+    values: Float[np.ndarray, " m"], of: Int[np.ndarray, " m"], share: float
+) -> Float[np.ndarray, " g"]:
+    """The value in each group up to which the share of its values lies; the largest of a few."""
+    order, count = np.lexsort((values, of)), np.bincount(of)
+    last = np.cumsum(count) - count + np.ceil(share * (count - 1)).astype(np.int64)
+    reached: Float[np.ndarray, " g"] = values[order][last]
+    return reached
 
 
 def _means(values: Float[np.ndarray, "m k"], of: Int[np.ndarray, " m"]) -> Float[np.ndarray, "g k"]:
