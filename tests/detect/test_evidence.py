@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
 
 from plnerf.detect import evidence
+from plnerf.detect.config import OddsConfig
 from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.detect.evidence import Vanishing, line_evidence, line_response, vanishing, wire_directions
 from plnerf.detect.reduction import tiles
@@ -114,10 +115,10 @@ def test_a_wire_that_sags_lies_in_the_fan_of_its_direction(steeper: float, aside
     wire = np.array([np.cos(slope) * np.cos(azimuth), np.cos(slope) * np.sin(azimuth), np.sin(slope)])
     for i in range(len(cameras)):
         shape = tuple(int(side) for side in cameras.size_px[i].flip(0))
-        lines = vanishing(cameras, i, direction)
+        lines = vanishing(cameras, i, direction, CONFIG)
         towards = lines.towards(shape)
         low, high = lines.fan(towards, 1, CONFIG)
-        tangent = vanishing(cameras, i, wire).towards(shape)
+        tangent = vanishing(cameras, i, wire, CONFIG).towards(shape)
         turn = np.arctan2(
             towards[..., 0] * tangent[..., 1] - towards[..., 1] * tangent[..., 0],
             (towards * tangent).sum(-1),
@@ -125,6 +126,15 @@ def test_a_wire_that_sags_lies_in_the_fan_of_its_direction(steeper: float, aside
         most = np.radians(CONFIG.most_deg)
         assert ((turn >= low - 1e-4) | (turn < -most)).all()
         assert ((turn <= high + 1e-4) | (turn > most)).all()
+
+
+def test_lines_respond_to_the_side_on_which_the_fan_is() -> None:
+    first, other = along(30.0), along(52.0)
+    lines = replace(first, beside=(other.along,))
+    inner, ridge = np.s_[12:-12, 12:-12], OddsConfig().min_response
+    assert line_response(line_picture(52.0), lines, CONFIG)[inner].max() > 2 * ridge
+    assert line_response(line_picture(52.0), first, CONFIG)[inner].max() < ridge
+    assert line_response(line_picture(8.0), lines, CONFIG)[inner].max() < ridge
 
 
 def test_slopes_are_a_fan_from_aside_and_none_from_above() -> None:
@@ -146,7 +156,7 @@ def test_vanishing_directions_are_where_points_move_along_a_line(direction: tupl
     cameras = two_passes(2)
     for i in range(len(cameras)):
         w, h = (int(side) for side in cameras.size_px[i])
-        towards = vanishing(cameras, i, np.array(direction)).towards((h, w))
+        towards = vanishing(cameras, i, np.array(direction), CONFIG).towards((h, w))
         assert towards.shape == (h, w, 2)
         np.testing.assert_allclose(np.linalg.norm(towards, axis=-1), 1, atol=1e-5)
         for u, v in ((20, 30), (200, 100), (120, 170)):

@@ -192,11 +192,11 @@ def test_a_wire_is_bare_where_no_string_fits(
     assert shown.length_m == length_m
 
 
-@pytest.mark.parametrize(("ratio", "seen", "longest_m"), [
-    (1.5, 0.3, 1.2), (1.1, 0.3, None), (1.5, 0.55, 1.2), (1.5, 0.9, 0.0),
+@pytest.mark.parametrize(("ratio", "seen", "length_m"), [
+    (1.5, 0.3, 1.0), (1.5, 0.55, 1.0), (1.5, 0.9, 0.0), (1.1, 0.3, None),
 ])  # fmt: skip
 def test_where_no_wire_is_seen_there_is_a_string(
-    ratio: float, seen: float, longest_m: float | None, monkeypatch: pytest.MonkeyPatch
+    ratio: float, seen: float, length_m: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Shells that reach as far as what is compared with them make little difference beside the axis."""
 
@@ -207,10 +207,7 @@ def test_where_no_wire_is_seen_there_is_a_string(
 
     monkeypatch.setattr("plnerf.survey.string_profiles._measure", measured)
     shown = shown_strings([(wire, 0) for wire in wires()], film_of_pair(0.0), 1.6, CONFIG)
-    if longest_m:
-        assert shown.length_m == pytest.approx(1.0, abs=0.15)
-    else:
-        assert shown.length_m == longest_m
+    assert shown.length_m == (None if length_m is None else pytest.approx(length_m, abs=0.15))
 
 
 def test_shields_and_suspension_structures_have_none() -> None:
@@ -248,5 +245,7 @@ def test_a_string_ends_where_what_is_beside_the_axis_falls_and_not_where_it_rise
 def test_settings_that_contradict_each_other_are_refused() -> None:
     with pytest.raises(ConfigError, match="rising"):
         TensionStringConfig(core_m=0.1)
+    with pytest.raises(ConfigError, match="seen_to"):
+        TensionStringConfig(seen_to=0.0)
     with pytest.raises(ConfigError, match="bare_ratio"):
         TensionStringConfig(bare_ratio=2.5)

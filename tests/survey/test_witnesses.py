@@ -108,6 +108,8 @@ def test_what_is_thin_and_in_the_air_is_no_plant() -> None:
     assert not floats(cloud, np.arange(0), FloatingConfig()).any()
     only = Cloud(xyz[-300:], label[-300:], np.zeros(300, np.int64))
     assert not floats(only, np.arange(300), FloatingConfig()).any()  # how high they are is not known
+    with pytest.raises(ConfigError, match="share"):
+        FloatingConfig(share=0.0)
     with pytest.raises(ConfigError, match="cell_m"):
         FloatingConfig(cell_m=0.0)
 

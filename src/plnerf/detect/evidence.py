@@ -26,8 +26,6 @@ from plnerf.detect.ridges import gradient, grey_of, hessian
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
 
-EVIDENCE = EvidenceConfig()
-
 
 @dataclass(frozen=True)
 class Vanishing:
@@ -85,7 +83,7 @@ class Vanishing:
 
 
 def vanishing(
-    cameras: Cameras, i: int, direction: Float[np.ndarray, "3"], config: EvidenceConfig = EVIDENCE
+    cameras: Cameras, i: int, direction: Float[np.ndarray, "3"], config: EvidenceConfig
 ) -> Vanishing:
     """For image i and a direction of the scene, and those that wires along it may have."""
     R = cameras.R_scene_camera[i].double().numpy()

@@ -167,7 +167,7 @@ class TensionStringConfig:
     bare_q: float = 0.3
     """Up to this q it is a wire."""
     seen_to: float = 0.6
-    """Whether the wire itself is seen is asked as far as this share of the longest string;"""
+    """The wire itself is looked for as far as this share of the longest string;"""
     seen_ratio: float = 0.6
     """it is seen from this ratio of p there and beyond on.  At structures of random scenes of even seeds
     that is 0.88 and more where wires go on, and 0.41 and less where strings hold them."""
@@ -195,6 +195,11 @@ class TensionStringConfig:
             raise ConfigError(
                 "Tension strings need 0 < core_m < near_m < far_m, rising, and 0 < step_m < window_m, "
                 f"but got {self.core_m}, {self.near_m}, {self.far_m}, {self.step_m} and {self.window_m}."
+            )
+        if not 0 < self.seen_to <= 1 or not 0 <= self.seen_ratio <= 1:
+            raise ConfigError(
+                "Tension strings need a seen_to above 0 and at most 1 and a seen_ratio from 0 to 1, but got "
+                f"{self.seen_to} and {self.seen_ratio}."
             )
         if not 1 <= self.bare_ratio <= self.string_ratio or self.min_samples < 1:
             raise ConfigError(

@@ -6,10 +6,10 @@ values across it, less the straight line through those at `far_m` on both sides,
     q = |g(near)| / (|g(core) - g(near)| + |g(far)| + noise)
     p = |g(core) - g(near)| / (|g(near)| + |g(far)| + noise)
 
-q is small of a wire, which has a core only, and large of a string; p is large of a wire.  Shells of a wide
-string reach as far as `far_m`, or beside the string of a bundle's next conductor: q is small of these, but no
-wire is seen where they are.  Medians are taken over images and conductors that are held alike; where q falls,
-the string ends.
+q is small of a wire, which has a core only, and large of a string; p is large of a wire.  Where shells of a
+wide string reach as far as `far_m`, or to the string of a bundle's next conductor, q is hardly larger than of
+a wire, but no wire is seen and p is small.  Medians are taken over images and conductors that are held alike;
+where q falls, the string ends.
 
 Letters: k places from the structure inwards, d offsets across the wire, r rows, one of each wire in each
 image.
