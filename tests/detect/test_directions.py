@@ -7,7 +7,16 @@ import pytest
 from tests.support.drawn import pinhole_cameras
 
 from plnerf.detect.config_lines import DirectionConfig
-from plnerf.detect.directions import Direction, given, pairs_of_views, stands_out, strongest, vote
+from plnerf.detect.directions import (
+    Direction,
+    Votes,
+    bins,
+    given,
+    pairs_of_views,
+    stands_out,
+    strongest,
+    vote,
+)
 from plnerf.detect.line_maps import unit
 from plnerf.detect.segments import Segments
 from plnerf.detect.views import Views, views_of
@@ -85,6 +94,19 @@ def test_a_direction_that_was_searched_is_not_found_again() -> None:
     second = strongest(votes, [first.azimuth_rad], replace(CONFIG, apart_rad=np.radians(12.0)))
     assert turn_between(first.azimuth_rad, np.radians(20.0)) <= STEP
     assert turn_between(second.azimuth_rad, np.radians(75.0)) <= STEP
+
+
+def test_a_direction_is_no_other_ones_flank() -> None:
+    """Views that look along their own way vote for all directions about it: none of them is one more."""
+    azimuths, slopes = bins(CONFIG)
+    wide, narrow = ((np.degrees(azimuths) - at) / width for at, width in ((50.0, 15.0), (120.0, 2.0)))
+    pixels = np.zeros((len(azimuths), len(slopes)))
+    pixels[:, len(slopes) // 2] = 1000 * np.exp(-(wide**2) / 2) + 300 * np.exp(-(narrow**2) / 2)
+    votes = Votes(pixels, pixels, 0 * pixels)
+    first = strongest(votes, [], CONFIG)
+    second = strongest(votes, [first.azimuth_rad], CONFIG)
+    assert turn_between(first.azimuth_rad, np.radians(50.0)) <= STEP
+    assert turn_between(second.azimuth_rad, np.radians(120.0)) <= STEP
 
 
 def test_what_two_views_do_not_show_together_does_not_vote() -> None:

@@ -310,6 +310,7 @@ def test_lines_in_the_air_that_do_not_hang_give_their_ridges_back() -> None:
     before = search.masks.copy()
     assert without_mixtures(search, lines) == [wire, road, unknown]
     assert (search.masks <= before).all() and before.any() and (search.masks < before).any()
+    assert without_mixtures(search, [wire, road, unknown], hanging=False) == [road, unknown]
 
 
 def test_compiling_needs_no_scene_and_warns_of_nothing(recwarn: pytest.WarningsRecorder) -> None:

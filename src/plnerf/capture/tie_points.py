@@ -163,7 +163,8 @@ def _matches(
         return np.zeros((0, 2), np.int64)
     alike = own @ other.T
     rows, first = np.arange(len(own)), alike.argmax(1)
-    best, mutual = alike[rows, first], alike.argmax(0)[first] == rows
+    best = alike[rows, first]
+    mutual = best >= alike.max(0)[first]  # argmax down the columns takes as long as all the rest twice
     alike[rows, first] = -1
     # Distances of unit vectors: d^2 = 2 - 2 cos.
     distance, following = (np.sqrt(np.maximum(2 - 2 * one, 0)) for one in (best, alike.max(1)))

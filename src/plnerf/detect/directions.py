@@ -14,7 +14,7 @@ from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, uniform_filter1d
 
 from plnerf.detect.config_lines import DirectionConfig
 from plnerf.detect.segments import Segments
@@ -161,20 +161,26 @@ def stretch(centre, other, rays, normal, d):
 
 
 def strongest(votes: Votes, searched: Sequence[float], config: DirectionConfig) -> Direction:
-    """The direction with most votes; not near azimuths that were searched before."""
+    """The direction with most votes; not near azimuths that were searched before.
+
+    It has more than its neighbours: what lies beside a direction that was searched, and that still has votes
+    because nothing was found, is no other direction.
+    """
     azimuths, slopes = bins(config)
     around = _around(votes.pixels, config)
     best = around.max(1)
     usual = float(np.median(best))
+    reach = round(config.apart_rad / config.step_rad)
+    left = np.where(best < maximum_filter1d(best, 2 * reach + 1, mode="wrap"), 0.0, best)
     for azimuth in searched:
         turn = np.abs((azimuths - azimuth + np.pi / 2) % np.pi - np.pi / 2)
-        best[turn < config.apart_rad] = 0.0
-    k = int(best.argmax())
+        left[turn < config.apart_rad] = 0.0
+    k = int(left.argmax())
     turn = (azimuths - azimuths[k] + np.pi / 2) % np.pi - np.pi / 2
     votes_near = np.where(np.abs(turn) <= config.peak_rad, np.maximum(best - usual, 0.0), 0.0)
     azimuth = azimuths[k] + (votes_near @ turn) / max(votes_near.sum(), 1e-12)
     e = int(around[k].argmax())
-    slope, excess, footprint = float(slopes[e]), float(best[k]) - usual, _footprint(votes, k, e, config)
+    slope, excess, footprint = float(slopes[e]), float(left[k]) - usual, _footprint(votes, k, e, config)
     if not 0 <= azimuth < np.pi:  # the same line from its other end
         azimuth, slope = azimuth % np.pi, -slope
     # To a microradian: sums in another order must not change what is searched.

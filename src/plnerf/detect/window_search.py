@@ -84,6 +84,7 @@ def find_lines(
     others = [line for line in lines if line not in wires]
     lines = search.lengthen(*window.follow, [*wires, *others])
     wires, others = followed(search, lines[: len(wires)]), lines[len(wires) :]
+    others = without_mixtures(search, others, hanging=False)
     ends = np.concatenate([ends, ends_of_lines(wires, search.x, config.search.around)])
     return [*wires, *_going_on(search, window, ends, judged)], others
 
@@ -171,14 +172,15 @@ def _found_near(
     return lines
 
 
-def without_mixtures(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
-    """The lines without those in the air that do not hang, whose ridges are free again.
+def without_mixtures(search: Search, lines: Sequence[Candidate], hanging: bool = True) -> list[Candidate]:
+    """The lines without those in the air that are no wires, whose ridges are free again.
 
-    Nothing else is straight there: each is a part of one wire and a part of another.
+    Nothing else is straight there: each is a part of one wire and a part of another, or of a wire's piece,
+    from which its sag does not follow.  hanging: those that hang stay, for the wires are not known yet.
     """
     select, kept = search.config.select, list[Candidate]()
     for line in lines:
-        if line.likeness <= select.free and not hangs(line, search.length, select):
+        if line.likeness <= select.free and not (hanging and hangs(line, search.length, select)):
             search.free_ridges(line)
         else:
             kept.append(line)
