@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from plnerf.bench.suites import in_fresh_process
+from plnerf.cli.stop import stoppable
 
 
 def wait_for_ever(told: Path) -> None:
@@ -23,7 +24,8 @@ def running(pid: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux which processes run")
-def test_it_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_it_does_not_outlive_its_parent(tmp_path: Path, number: signal.Signals) -> None:
     told = tmp_path / "pid"
     parent = subprocess.Popen([sys.executable, __file__, str(told)])
     until = time.monotonic() + 60
@@ -32,8 +34,8 @@ def test_it_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
         time.sleep(0.05)
     child = int(told.read_text())
     assert child != parent.pid and running(child)
-    parent.send_signal(signal.SIGKILL)
-    parent.wait()
+    parent.send_signal(number)
+    assert parent.wait(20) != 0
     until = time.monotonic() + 20
     while running(child):
         assert time.monotonic() < until
@@ -41,4 +43,5 @@ def test_it_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
 
 
 if __name__ == "__main__":
-    in_fresh_process(wait_for_ever, Path(sys.argv[1]))
+    with stoppable():
+        in_fresh_process(wait_for_ever, Path(sys.argv[1]))

@@ -150,14 +150,19 @@ _RUNNERS: dict[str, Callable[[BenchConfig], SuiteResult]] = {
 
 
 def in_fresh_process(function: Callable[[T], U], task: T) -> U:
-    """Calls a function in a new Python process; its errors are raised here.
+    """Calls a function in a new Python process; its errors are raised here.  Interrupted, it ends that one.
 
     Raises PlnerfError where the process is ended from outside.
     """
+    spawn, others = multiprocessing.get_context("spawn"), multiprocessing.active_children()
     try:
-        spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(1, mp_context=spawn, initializer=_begin) as pool:
-            return pool.submit(function, task).result()
+            try:
+                return pool.submit(function, task).result()
+            except KeyboardInterrupt:  # the pool would wait until the work is done
+                for child in set(multiprocessing.active_children()) - set(others):
+                    child.kill()
+                raise
     except BrokenProcessPool as error:
         raise PlnerfError(
             f"The process of {function.__name__.strip('_')!r} ended without a result: "
