@@ -200,16 +200,15 @@ def test_a_better_line_that_is_not_wanted_hides_no_other(three: tuple[Scene, tup
     responses = np.concatenate(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
     search = Search(views, responses, x, DEFAULT)
     curves = np.array([theta_of(wire, x) for wire in TRUE])
-    best = search.best(curves, 100.0)
-    assert best is not None
+    best, tried = search.best(curves, 100.0)
+    assert best is not None and tried == 1
 
     def another(line: Candidate) -> bool:
         return float(np.abs(line.theta - best.theta).max()) > 10 * PIXEL
 
-    (other,), tried = search.first(curves, 100.0, 1, another)
-    assert another(other) and other.odds > 100.0 and tried == 2
-    assert search.first(curves, 100.0, 1, lambda line: False) == ([], len(curves))
-    assert len(search.first(curves, 100.0, 2)[0]) == 2
+    other, tried = search.best(curves, 100.0, another)
+    assert other is not None and another(other) and other.odds > 100.0 and tried == 2
+    assert search.best(curves, 100.0, lambda line: False) == (None, len(curves))
 
 
 @pytest.mark.parametrize("azimuth_deg", [23.0, 151.0])

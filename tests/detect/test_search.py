@@ -22,7 +22,7 @@ from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search, stretches
 from plnerf.detect.together import followed, variants
 from plnerf.detect.views import Views
-from plnerf.detect.window_search import _found_near, repeated, without_mixtures
+from plnerf.detect.window_search import repeated, without_mixtures
 
 LENGTH = 2.0
 SEARCH, SELECT = SearchConfig(), SelectConfig()
@@ -258,18 +258,6 @@ def test_what_is_followed_is_never_lost() -> None:
     before = search.masks.copy()
     assert before.any() and followed(search, [wire]) == [wire]
     assert (search.masks == before).all()
-
-
-def test_the_best_of_the_rivals_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    search = a_search()
-    lines = {odds: line(y=0.01 * odds, odds=odds, planes=3) for odds in (30.0, 40.0, 90.0, 99.0)}
-    curves = np.array([one.theta for one in lines.values()])
-    monkeypatch.setattr(search, "distinct", lambda curves: curves)
-    monkeypatch.setattr(search, "ranked", lambda curves: curves[np.argsort(curves[:, 0])])
-    monkeypatch.setattr(search, "_fitted", lambda curve, least: lines[round(100 * curve[0])])
-    found = _found_near(search, curves, 1.0, 4, lambda one: one)
-    assert SEARCH.rivals == 3 and [one.odds for one in found] == [90.0, 99.0, 40.0, 30.0]
-    assert len(_found_near(search, curves, 1.0, 2, lambda one: one)) == 2
 
 
 def test_a_line_takes_ridges_where_it_is_seen_only() -> None:

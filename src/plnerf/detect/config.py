@@ -117,9 +117,6 @@ class SearchConfig:
     """Where curves lie nearer to each other than this, in the same unit, only the best is tried."""
     most_pending: int = 400
     """Curves that are tried, at most."""
-    rivals: int = 3
-    """Of so many that become lines the one with the highest odds is taken: one may be a part of one wire and
-    a part of another, while a wire with which it shares ridges has more."""
     fruitless: int = 80
     """Curves without a line after which no others are tried."""
     mask_px: int = 2
@@ -169,11 +166,11 @@ class SearchConfig:
 
     def __post_init__(self) -> None:
         check(
-            min(self.coarse, self.most_pending, self.rivals, self.fruitless, self.max_lines) >= 1
+            min(self.coarse, self.most_pending, self.fruitless, self.max_lines) >= 1
             and min(self.stretches, self.coarse_step) >= 1
             and self.least_planes > self.coarse_step,
-            "detect.search needs coarse, most_pending, rivals, fruitless, max_lines, stretches and "
-            "coarse_step of 1 or more, and more least_planes than coarse_step",
+            "detect.search needs coarse, most_pending, fruitless, max_lines, stretches and coarse_step of 1 "
+            "or more, and more least_planes than coarse_step",
             self,
         )
         check(

@@ -154,12 +154,9 @@ def _average_along(
     config: EvidenceConfig,
 ) -> Float32[np.ndarray, "h w"]:
     """The bend averaged along the best of the directions that wires may have."""
-    best = np.zeros_like(bend)
-    # A line has the same directions from both of its ends: half a turn is a whole number of steps.
-    apart = np.float32(math.pi / math.ceil(180 / config.apart_deg))
-    angle = np.arctan2(towards[..., 1], towards[..., 0])
+    best, apart = np.zeros_like(bend), np.float32(math.radians(config.apart_deg))
     steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
-    average_along(padded(bend, math.ceil(config.along_px)), angle, *fan, apart, steps, best)
+    average_along(padded(bend, math.ceil(config.along_px)), towards, *fan, apart, steps, best)
     return best
 
 

@@ -118,29 +118,21 @@ class Search:
         )
         return np.concatenate([theta + np.stack([dy, dy, dz, dz, 0 * dy, 0 * dy], 1), bent])
 
-    def first(
+    def best(
         self,
         curves: Float[np.ndarray, "c 6"],
         least: float,
-        most: int = 1,
         wanted: Callable[[Candidate], bool] | None = None,
-    ) -> tuple[list[Candidate], int]:
-        """The first of some curves that become lines when they are fitted, and how many were tried.
+    ) -> tuple[Candidate | None, int]:
+        """The first of some curves that becomes a line when it is fitted, and how many were tried.
 
-        least: nats that a line needs; most: lines at most; wanted: what else they must be.
+        least: nats that it needs; wanted: what else it must be.
         """
-        found, tried = list[Candidate](), 0
-        while tried < len(curves) and len(found) < most:
-            line = self._fitted(curves[tried], least)
-            tried += 1
+        for tried, curve in enumerate(curves, 1):
+            line = self._fitted(curve, least)
             if line is not None and (wanted is None or wanted(line)):
-                found.append(line)
-        return found, tried
-
-    def best(self, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
-        """The first of some curves that becomes a line when it is fitted; None where none does."""
-        found, _ = self.first(curves, least)
-        return found[0] if found else None
+                return line, tried
+        return None, len(curves)
 
     def lengthen(self, before: int, beyond: int, lines: Sequence[Candidate]) -> list[Candidate]:
         """Adds planes before the first and beyond the last one, and gives the lines on all of them."""
@@ -185,7 +177,7 @@ class Search:
         The odds learn of it with the next change.
         """
         self.free_ridges(line)
-        best = self.best(self.ranked(curves), least)
+        best, _ = self.best(self.ranked(curves), least)
         if best is None:
             return None
         if line.fixed and not best.fixed:

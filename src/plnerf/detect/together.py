@@ -117,13 +117,13 @@ def _fitted_together(
     """Two lines fitted each with the ridges of the other taken; None where one of them becomes no line."""
     search.claim(b)
     search.update_odds()
-    one = search.best(a.theta[None], least[0])
+    one, _ = search.best(a.theta[None], least[0])
     search.release(b)
     if one is None:
         return None
     search.claim(one)
     search.update_odds()
-    other = search.best(b.theta[None], least[1])
+    other, _ = search.best(b.theta[None], least[1])
     if other is None:
         search.release(one)
         return None

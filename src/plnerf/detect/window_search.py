@@ -157,20 +157,18 @@ def _found_near(
 ) -> list[Candidate]:
     """The lines near some curves, best first, each without the ridges of those before it.
 
-    Each is the best of the first few curves that become lines, its rivals for the ridges that they share.
     least: nats that a line needs; most: lines at most; judged: a line with what is seen beside it.
     """
     lines, config = list[Candidate](), search.config.search
     pending = search.distinct(pending)
     while len(pending) and len(lines) < most:
-        rivals, tried = search.first(pending[: config.fruitless], least, config.rivals, wanted)
-        if not rivals:
+        line, tried = search.best(pending[: config.fruitless], least, wanted)
+        pending = pending[tried:]
+        if line is None:
             break
-        best = max(rivals, key=lambda line: line.odds)
-        others = np.array([line.theta for line in rivals if line is not best]).reshape(-1, 6)
-        lines.append(judged(best))
+        lines.append(judged(line))
         search.mask_ridges(lines[-1])
-        pending = search.ranked(np.concatenate([others, pending[tried:]]))
+        pending = search.ranked(pending)
     return lines
 
 
