@@ -208,7 +208,7 @@ def test_the_whole_bench_writes_its_files(
     monkeypatch.setattr(suites, "in_fresh_process", lambda function, bench: function(bench))
     chosen = small()
     systems = {chosen["preset"]: Settings(chosen["model"], chosen["train"])}
-    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, systems=systems, seconds=3.0, quick=True)
+    bench = BenchConfig(tmp_path / "b", scene=built_tiny_scene, systems=systems, seconds=6.0, quick=True)
     console = Console(width=120, record=True)
     path = suites.run_bench(bench, console)
     found = json.loads(path.read_text())
