@@ -91,8 +91,11 @@ def test_the_wiper_shows_the_photo_on_the_left_and_the_render_on_the_right(page:
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.wait_for_timeout(200)
     half, middle = shot(wipe)[20:-60, 40:-40], seen[0].shape[1] // 2
-    assert np.abs(half - seen[1])[:, : middle - 20].max() == 0
-    assert np.abs(half - seen[0])[:, middle + 20 :].max() == 0
+    sides = ((slice(None, middle - 20), seen[1], seen[0]), (slice(middle + 20, None), seen[0], seen[1]))
+    for columns, shown, hidden in sides:
+        # Enlarged pictures are rounded anew where the wiper cuts them: by one grey level, where it differs.
+        assert np.abs(half - shown)[:, columns].max() <= 1
+        assert np.abs(half - hidden)[:, columns].mean() > 3.0
 
 
 def test_wires_and_points_are_drawn_and_turn(page: Any) -> None:
