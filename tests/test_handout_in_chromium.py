@@ -93,7 +93,7 @@ def test_the_wiper_shows_the_photo_on_the_left_and_the_render_on_the_right(page:
     half, middle = shot(wipe)[20:-60, 40:-40], seen[0].shape[1] // 2
     sides = ((slice(None, middle - 20), seen[1], seen[0]), (slice(middle + 20, None), seen[0], seen[1]))
     for columns, shown, hidden in sides:
-        # Enlarged pictures are rounded anew where the wiper cuts them: by one grey level, where it differs.
+        # Chromium does not always round an enlarged picture alike: one pixel has been one grey level off.
         assert np.abs(half - shown)[:, columns].max() <= 1
         assert np.abs(half - hidden)[:, columns].mean() > 3.0
 
