@@ -27,6 +27,7 @@ from plnerf.detect.config import DetectConfig, SearchConfig
 from plnerf.detect.config_lines import DirectionConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
+from plnerf.detect.line_ridges import LineRidges, joined_ridges, steps_of
 from plnerf.detect.odds import odds_of, unclaimed
 from plnerf.detect.parabola import curve_odds
 from plnerf.detect.refit import aside, likeliest, mask_ridges, refit
@@ -197,8 +198,8 @@ def test_the_order_of_the_pictures_does_not_count(
 def test_a_better_line_that_is_not_wanted_hides_no_other(three: tuple[Scene, tuple[Wire, ...]]) -> None:
     scene, _ = three
     views, x = views_of(scene.cameras[list(scene.train)]), np.linspace(-0.98 * HALF, 0.98 * HALF, 48)
-    responses = np.concatenate(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
-    search = Search(views, responses, x, DEFAULT)
+    ridges = joined_ridges(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
+    search = Search(views, ridges, x, DEFAULT)
     curves = np.array([theta_of(wire, x) for wire in TRUE])
     best, tried = search.best(curves, 100.0)
     assert best is not None and tried == 1
@@ -321,7 +322,7 @@ def test_light_from_one_side_costs_certainty_as_views_look_from_one_side(
     wire, x = TRUE[0], np.linspace(-HALF, HALF, 96)
     one_pass = two_passes(8, wobble=wobble)[list(range(8))]
     scene = drawn(tmp_path, one_pass, (wire,))
-    values = np.concatenate(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
+    values = joined_ridges(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
     fits = [
         refit(views_of(scene.cameras), values, theta_of(wire, x), x, DEFAULT.odds.min_response, config)
         for config in (DEFAULT.refit, replace(DEFAULT.refit, bias_px=1e-6))
@@ -342,18 +343,21 @@ def test_a_wire_whose_ridges_lie_beside_it_is_found_beside_sharper_ones(
     rng = np.random.default_rng(0)
     points = LineFrame.of_scene(scene.frames).to_scene(polyline(TRUE[0], 4000))
 
-    def scattered(photos: Pictures, cameras: Cameras, images: Sequence[int], *rest: Any) -> list[np.ndarray]:
+    def scattered(photos: Pictures, cameras: Cameras, images: Sequence[int], *rest: Any) -> list[LineRidges]:
         maps = exact(photos, cameras, images, *rest)
-        for image, response in zip(images, maps, strict=True):
+        for image, ridges in zip(images, maps, strict=True):
             view = scene.train.index(image)
-            picture = response.reshape(views.sizes[view][::-1])
+            picture, tangent = (one.reshape(views.sizes[view][::-1]) for one in ridges)
             seen = np.array([project_point(views, view, *point) for point in points])
             columns, rows = seen[seen[:, 2] > 0, :2].astype(int).T
+            bend = np.polyfit(columns, rows, 2)
             for column, row in zip(columns, rows, strict=True):
                 picture[max(0, row - 3) : row + 4, column] = 0
             for column in np.unique(columns):
                 row = int(np.median(rows[columns == column])) + int(rng.choice((-1, 1)))
-                picture[np.clip(row, 0, len(picture) - 1), column] = 1
+                row = int(np.clip(row, 0, len(picture) - 1))
+                slope = np.polyval(np.polyder(bend), column)
+                picture[row, column], tangent[row, column] = 1, steps_of(np.array([np.arctan(slope)]))[0]
         return maps
 
     monkeypatch.setattr(detect, "line_evidence", scattered)
@@ -420,24 +424,26 @@ def test_a_fit_finds_the_curve_from_beside_it_and_masked_ridges_count_no_more(
 ) -> None:
     scene = drawn(tmp_path, two_passes(8), (wire,))
     views = views_of(scene.cameras)
-    values = np.concatenate(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
+    values = joined_ridges(line_evidence(scene.images, scene.cameras, scene.train, X, DEFAULT.evidence))
     x, fine = np.linspace(-HALF, HALF, 96), np.linspace(-HALF, HALF, 4000)
     theta, least = theta_of(wire, x), DEFAULT.odds.min_response
     fit = refit(views, values, theta + 2 * PIXEL * np.array([1, -1, 1, 1, 0.5, 0.3]), x, least, DEFAULT.refit)
     assert fit is not None and np.abs(fit.theta - theta).max() < 1.5 * PIXEL and fit.rms_px < 1
     assert (np.linalg.eigvalsh(fit.covariance) > 0).all() and fit.images == len(scene.train)
-    odds = odds_of(values, views, DEFAULT.odds)
+    across = LineRidges(values.response, values.tangent + np.uint8(20))  # 14 degrees
+    assert refit(views, across, theta, x, least, DEFAULT.refit) is None
+    odds = odds_of(values.response, views, DEFAULT.odds)
     total, seen = curve_odds(views, odds, theta[None], x, 0.0)[0].T
     assert total.sum() > 0.5 * seen.sum()  # nats for each view and plane
-    masks = np.zeros(len(values), np.uint8)
+    masks = np.zeros(len(values.response), np.uint8)
     mask_ridges(views, theta, fine, 4, masks)
     others = masks > 0
-    left = unclaimed(odds, np.where(others, 0, values), others, views, DEFAULT.odds)
+    left = unclaimed(odds, np.where(others, 0, values.response), others, views, DEFAULT.odds)
     beside = theta + 0.5 * PIXEL * np.array([1, 1, 1, 1, 0, 0])
     for one in (theta, beside):  # neither for it nor against
         assert np.abs(curve_odds(views, left, one[None], x, 0.0)[0, :, 0]).max() == 0
     on = [(n, project_point(views, n, *point)) for point in polyline(wire, 1000) for n in range(len(views.R))]
-    near = np.zeros(len(values), bool)
+    near = np.zeros(len(values.response), bool)
     for n, (u, v, depth) in on:
         if depth > 0:
             picture = near[views.starts[n] : views.starts[n] + 240 * 180].reshape(180, 240)
@@ -449,7 +455,8 @@ def test_nothing_to_see_is_no_fit() -> None:
     cameras = two_passes(4)
     views = views_of(cameras)
     x = np.linspace(-HALF, HALF, 96)
-    dark = np.zeros(int(cameras.size_px.prod(1).sum()))
+    pixels = int(cameras.size_px.prod(1).sum())
+    dark = LineRidges(np.zeros(pixels, np.float32), np.zeros(pixels, np.uint8))
     assert refit(views, dark, theta_of(TRUE[0], x), x, 0.25, DEFAULT.refit) is None
 
 

@@ -14,7 +14,15 @@ from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
 from plnerf.detect import evidence
 from plnerf.detect.config import OddsConfig
 from plnerf.detect.config_lines import EvidenceConfig
-from plnerf.detect.evidence import Vanishing, line_evidence, line_response, vanishing, wire_directions
+from plnerf.detect.evidence import (
+    Vanishing,
+    line_evidence,
+    line_response,
+    line_ridges,
+    vanishing,
+    wire_directions,
+)
+from plnerf.detect.line_ridges import turned
 from plnerf.detect.reduction import tiles
 from plnerf.scene.cameras import project
 from plnerf.scene.images import ImageStore
@@ -176,16 +184,35 @@ def test_evidence_is_that_of_the_chosen_images_and_blind_where_masked(tmp_path: 
     scene = scene_of(tmp_path, cameras, pictures)
     each = [line_evidence(scene.images, cameras, (i,), X, CONFIG)[0] for i in range(4)]
     sizes = scene.images.sizes_px.prod(1)
-    assert [len(part) for part in each] == sizes.tolist() and all(part.max() > 0.4 for part in each)
+    assert [len(part.response) for part in each] == sizes.tolist()
+    assert all(part.response.max() > 0.4 for part in each)
     together = line_evidence(scene.images, cameras, (0, 1), X, CONFIG)
-    np.testing.assert_allclose(np.stack(together), np.stack(each[:2]), atol=1e-6)
+    for one, alone in zip(together, each[:2], strict=True):
+        np.testing.assert_allclose(one.response, alone.response, atol=1e-6)
+        np.testing.assert_array_equal(one.tangent, alone.tangent)
     valid = np.ones(int(sizes.sum()), np.uint8)
     valid[: int(sizes[0]) // 2] = 0
     valid.tofile(tmp_path / "valid.u8")
     (masked,) = line_evidence(ImageStore(tmp_path, scene.images.sizes_px), cameras, (0,), X, CONFIG)
     half = int(sizes[0]) // 2
-    assert each[0][:half].max() > 0 and masked[:half].max() == 0
-    np.testing.assert_array_equal(masked[half:], each[0][half:])
+    assert each[0].response[:half].max() > 0 and masked.response[:half].max() == 0
+    np.testing.assert_array_equal(masked.response[half:], each[0].response[half:])
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 25.0, 90.0, 140.0, 179.0])
+@pytest.mark.parametrize("aside_deg", [-12.0, 0.0, 9.0])
+def test_a_ridge_runs_as_its_line_does_wherever_lines_are_looked_for(
+    angle_deg: float, aside_deg: float
+) -> None:
+    """To within half of what the directions that are tried lie apart, and a little."""
+    angle = np.deg2rad(angle_deg)
+    fan = [np.deg2rad(angle_deg + side) for side in (-14, 14)]
+    lines = replace(along(angle_deg), beside=tuple((np.cos(one), np.sin(one), 0.0) for one in fan))
+    ridges = line_ridges(line_picture(angle_deg + aside_deg), lines, CONFIG)
+    middle = (distance_from_line(angle_deg + aside_deg) < 1.5) & (ridges.response > 0.5)
+    middle[:20] = middle[-20:] = middle[:, :20] = middle[:, -20:] = False
+    off = [turned(tangent, angle + np.deg2rad(aside_deg)) for tangent in ridges.tangent[middle]]
+    assert len(off) > 30 and np.rad2deg(max(off)) < 3.0
 
 
 def test_a_thin_line_in_a_large_photo_responds_in_its_blocks() -> None:

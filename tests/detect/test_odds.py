@@ -6,6 +6,7 @@ import torch
 from tests.support.drawn import two_passes
 
 from plnerf.detect.config import OddsConfig
+from plnerf.detect.line_ridges import HALF_TURN
 from plnerf.detect.odds import (
     BLOCK,
     STEPS,
@@ -17,6 +18,7 @@ from plnerf.detect.odds import (
     place_odds,
     unclaimed,
 )
+from plnerf.detect.parabola import DirectedOdds, odds_along, odds_directed
 from plnerf.detect.views import Views, lenses_of, project_point, views_of
 from plnerf.scene.cameras import Cameras
 
@@ -190,3 +192,55 @@ def test_what_is_too_far_away_to_show_a_wire_does_not_speak_against_it() -> None
         assert seen == counted and (total > 1) == (counted == 1)
         # Within a reach of many pixels of the nearest, those from afar resolve enough.
         assert at_place(views, odds, point, CONFIG.enough_px / 16)[1] == 10
+
+
+DIRECTED = DirectedOdds(np.radians(5.0), shown=0.9, chance=0.3, end_on=0.15)
+
+
+def ridge_along_a_line(tangent: int, slope: float = 0.0) -> tuple[Views, Odds, np.ndarray, np.ndarray]:
+    """One view of a line at its middle row, with a ridge of one tangent on it; planes, and its curve."""
+    views = one_view(400, 100)
+    responses, tangents = np.zeros((100, 400), np.float32), np.full(40_000, tangent, np.uint8)
+    x = np.linspace(-0.2, 0.2, 9)
+    columns = np.arange(100, 300)
+    responses[(50 + slope * (columns - 200)).astype(int), columns] = 1
+    return views, odds_of(responses.ravel(), views, CONFIG), tangents, x
+
+
+@pytest.mark.parametrize(
+    ("tangent", "runs"), [(0, True), (6, True), (-6 % HALF_TURN, True), (12, False), (128, False)]
+)
+def test_a_ridge_counts_for_a_curve_by_the_way_it_runs(tangent: int, runs: bool) -> None:
+    """By how much likelier a wire's ridge runs so than another's: 6 steps of 256 are 4 degrees."""
+    views, odds, tangents, x = ridge_along_a_line(tangent)
+    curve = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    plain = odds_along(views, odds, curve, x, 0.0)
+    turned = odds_directed(views, odds, tangents, curve, x, DIRECTED)
+    np.testing.assert_array_equal(turned[:, 1], plain[:, 1])
+    factor = 0.9 / 0.3 if runs else 0.1 / 0.7
+    hidden = 1 - CONFIG.shown
+    np.testing.assert_allclose(np.exp(turned[:, 0]) - hidden, factor * (np.exp(plain[:, 0]) - hidden))
+    beside = curve + np.array([0.05, 0.05, 0, 0, 0, 0])  # 20 px below
+    np.testing.assert_allclose(odds_directed(views, odds, tangents, beside, x, DIRECTED)[:, 0], MISSED)
+
+
+def test_a_curve_runs_as_its_image_does() -> None:
+    """Seen from before it: a slope in the image, not in space."""
+    slope = 0.2
+    tangent = round(np.arctan(slope) * HALF_TURN / np.pi)
+    views, odds, tangents, x = ridge_along_a_line(tangent, slope)
+    ends = slope * x[[0, -1]] + 0.5 / 400
+    curve = np.array([*ends, 1.0, 1.0, 0.0, 0.0])
+    level = np.zeros_like(tangents)
+    totals = [odds_directed(views, odds, one, curve, x, DIRECTED)[:, 0].sum() for one in (tangents, level)]
+    assert totals[0] > odds_along(views, odds, curve, x, 0.0)[:, 0].sum() > totals[1]
+
+
+def test_a_curve_that_runs_at_the_camera_has_no_way_to_run_in_its_image() -> None:
+    views, odds, tangents, x = ridge_along_a_line(128)
+    ahead = np.array([[[0.0, 0, 1], [0, 1, 0], [1, 0, 0]]])
+    views = views._replace(R=ahead, centre=np.array([[-1.0, 0, 1]]))
+    curve = np.array([0.0, 0.01, 1.0, 1.0, 0, 0])
+    one = odds_directed(views, odds, tangents, curve, x, DIRECTED)
+    np.testing.assert_allclose(one, odds_along(views, odds, curve, x, 0.0))
+    assert one[:, 1].all() and one[:, 0].max() > 1

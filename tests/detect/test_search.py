@@ -18,6 +18,7 @@ from plnerf.detect.candidate import (
 )
 from plnerf.detect.config import DetectConfig, SearchConfig, SelectConfig
 from plnerf.detect.detect import compile_kernels
+from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search, stretches
 from plnerf.detect.together import followed, variants
@@ -92,7 +93,8 @@ def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:
     assert search.sharpness is not None and search.sharpness.mask_px == SEARCH.mask_px
     assert search.mask_px(road) == wide  # what was masked can be put back
     assert search.mask_px(line(y=0.5)) == SEARCH.mask_px
-    known = Search(search.views, search.responses, search.x, search.config, search.sharpness)
+    ridges = LineRidges(search.responses, search.tangents)
+    known = Search(search.views, ridges, search.x, search.config, search.sharpness)
     assert known.odds.sharp_px == search.sharpness.odds_px
 
 
@@ -174,6 +176,10 @@ def test_the_background_between_twins_is_no_third() -> None:
     for other in (line(y=0.06, odds=500.0), line(y=0.12, odds=500.0)):
         assert without_gaps([*pair, other], PLANES, pixel, SEARCH) == [*pair, other]
     assert without_gaps([*pair, gap], PLANES, pixel / 2, SEARCH) == [*pair, gap]  # 8 px to either side
+    faint = replace(gap, odds=SEARCH.faint * 790.0)
+    assert without_gaps([*pair, faint], PLANES, pixel / 2, SEARCH) == pair
+    far = pixel / SEARCH.faint_gap_px * 3
+    assert without_gaps([*pair, faint], PLANES, far, SEARCH) == [*pair, faint]
 
 
 def test_wires_that_hang_alike_end_where_the_longest_does() -> None:
@@ -198,7 +204,8 @@ def a_search() -> Search:
     """Of one view without a ridge."""
     views = Views(np.eye(3)[None], np.zeros((1, 3)), np.full((1, 2), 8.0), np.full((1, 2), 4.0),
                   np.zeros((1, 5)), np.full((1, 2), 8), np.zeros(1, np.int64))  # fmt: skip
-    return Search(views, np.zeros(64, np.float32), np.linspace(-1, 1, 4), DetectConfig())
+    none = LineRidges(np.zeros(64, np.float32), np.zeros(64, np.uint8))
+    return Search(views, none, np.linspace(-1, 1, 4), DetectConfig())
 
 
 def rated_as(search: Search, rows: list[tuple[float, float, float]], monkeypatch: pytest.MonkeyPatch) -> None:

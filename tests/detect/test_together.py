@@ -12,6 +12,7 @@ from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig, SelectConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
+from plnerf.detect.line_ridges import joined_ridges
 from plnerf.detect.parabola import curve_odds
 from plnerf.detect.search import Search
 from plnerf.detect.together import parallel, untangled
@@ -40,10 +41,10 @@ def twins(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 def a_search(scene: Scene) -> Search:
     ahead = np.array([1.0, 0.0, 0.0])
-    responses = np.concatenate(
+    ridges = joined_ridges(
         line_evidence(scene.images, scene.cameras, scene.train, ahead, DEFAULT.evidence)
     )
-    return Search(views_of(scene.cameras[list(scene.train)]), responses, X, DEFAULT)
+    return Search(views_of(scene.cameras[list(scene.train)]), ridges, X, DEFAULT)
 
 
 def masked(search: Search, thetas: Sequence[np.ndarray]) -> list[Candidate]:

@@ -130,8 +130,16 @@ def without_gaps(
         one, other = (np.stack(curve_points(curve, s)) for curve in (line.theta, theta))
         return float(np.hypot(*(one - other)).mean()) / pixel
 
+    def near_enough_px(line: Candidate, other: Candidate) -> float:
+        faint = line.odds * other.planes < config.faint * other.odds * line.planes
+        return config.faint_gap_px if faint else config.gap_px
+
     def is_gap(line: Candidate) -> bool:
-        near = [one for one in lines if one.odds > line.odds and apart_px(line, one.theta) <= config.gap_px]
+        near = [
+            one
+            for one in lines
+            if one.odds > line.odds and apart_px(line, one.theta) <= near_enough_px(line, one)
+        ]
         return any(
             apart_px(line, (a.theta + b.theta) / 2) <= config.middle_px for a, b in combinations(near, 2)
         )

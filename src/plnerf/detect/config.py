@@ -41,6 +41,12 @@ class OddsConfig:
     so much farther away a wire is too thin, and one that is not seen there is no less likely."""
     enough_px: float = 4.0
     """No view needs to resolve better than so many pixels to the reach within which a wire is looked for."""
+    turn_deg: float = 5.0
+    """A wire's ridge runs as the wire does, to within this angle,"""
+    turn_shown: float = 0.95
+    """with this probability,"""
+    turn_chance: float = 0.35
+    """and another one with this: 0.2 to 0.35 of the ridges beside wires do."""
     muffled_px: int = 4
     """Within this distance of other wires' ridges a weaker ridge is hidden: its absence is no evidence."""
 
@@ -49,6 +55,11 @@ class OddsConfig:
             0 < self.shown < 1 and min(self.min_density, self.min_response, self.coarsest) > 0
             and max(self.min_density, self.min_response, self.coarsest) <= 1,
             "detect.odds needs shown, min_density, min_response and coarsest between 0 and 1",
+            self,
+        )
+        check(
+            self.turn_deg > 0 and 0 < self.turn_chance <= self.turn_shown < 1,
+            "detect.odds needs turn_deg above 0, and turn_chance not above turn_shown, both between 0 and 1",
             self,
         )
         radii, positive = self.radii_px, (*self.radii_px, self.sharp_px, self.around_px, self.enough_px)
@@ -65,6 +76,8 @@ class RefitConfig:
 
     windows_px: tuple[int, ...] = (4, 3, 2, 2, 2)
     """Distance to both sides of the curve within which a ridge is its own, iteration by iteration."""
+    turn_deg: float = 10.0
+    """A ridge is the curve's own only if it runs as the curve does, to within this angle."""
     end_on: float = 0.15
     """Sine of the angle between curve and line of sight below which a view says nothing."""
     sigma_px: float = 0.5
@@ -94,8 +107,9 @@ class RefitConfig:
         )
         check(
             min(self.sigma_px, self.prior, self.swing_rad, self.planes_alike, self.min_rows) > 0
-            and self.bias_px > 0,
-            "detect.refit needs sigma_px, prior, swing_rad, planes_alike, min_rows and bias_px above 0",
+            and min(self.bias_px, self.turn_deg) > 0,
+            "detect.refit needs sigma_px, prior, swing_rad, planes_alike, min_rows, bias_px and turn_deg "
+            "above 0",
             self,
         )
         check(
@@ -127,7 +141,7 @@ class SearchConfig:
     sharpness_px: tuple[float, ...] = (0.75, 1.5, 3.0)
     """Radii within which a ridge may be a wire's; the one that suits the first line best is used from then
     on."""
-    min_mean: float = 0.25
+    min_mean: float = 0.35
     """Nats for each time that a view sees the line in a plane.  Beside other wires' ridges hardly a view
     speaks against a curve, and chance ridges add up there."""
     doubt: float = 0.3
@@ -136,6 +150,10 @@ class SearchConfig:
     """Searches for lines that hang as the best do, at most."""
     gap_px: float = 6.0
     """A line is the background between twin conductors only if it is so near to both of them,"""
+    faint_gap_px: float = 24.0
+    """or so near if it is faint beside them, since views that graze a pair see it narrow,"""
+    faint: float = 0.33
+    """with less than this part of the odds that each of them has in a plane,"""
     middle_px: float = 1.0
     """and so near to their middle."""
     stretches: int = 6

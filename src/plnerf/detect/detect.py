@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from plnerf.detect.candidate import Candidate, common_ends
 from plnerf.detect.chains import chains_of
@@ -21,6 +21,7 @@ from plnerf.detect.directions import Direction, given, stands_out, strongest, vo
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
+from plnerf.detect.line_ridges import LineRidges, joined_ridges
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search, Sharpness
@@ -80,7 +81,7 @@ def detect_wires(
         if direction is None:
             break
         searched.append(direction)
-        ridges = LineRidges(scene, direction, config.evidence)
+        ridges = KeptRidges(scene, direction, config.evidence)
         begin, end = (1 - (1 - MAPS) * LATER ** (len(searched) - k) for k in (1, 0))
         windows, pieces = list(windows_along(direction, views, config.windows)), list[list[Wire]]()
         edges = np.linspace(begin, end, len(windows) + 1)
@@ -110,7 +111,7 @@ def compile_kernels() -> None:
     linked(LineMaps(first, first, dot[:, 0], dot), views, DEFAULT.segments)
     seen = Segments(np.arange(2), np.eye(3)[:2], np.ones((2, 2, 3)), np.ones(2))
     vote(seen, two, DEFAULT.directions)
-    search = Search(views, np.zeros(64, np.float32), x, DEFAULT)
+    search = Search(views, LineRidges(np.zeros(64, np.float32), np.zeros(64, np.uint8)), x, DEFAULT)
     chains = chains_of(search.responses, views, DEFAULT.odds.min_response, DEFAULT.chains)
     curves_where_chains_meet(chains, views, x, np.full(2, -1.0), np.full(2, 1.0), DEFAULT.chains)
     projected(views, 0, np.ones((1, 3)))
@@ -144,21 +145,21 @@ def _left(piece: Int[np.ndarray, " m"], taken: UInt8[np.ndarray, " m"], count: i
     return 2 * np.bincount(piece, taken, count) < np.bincount(piece, minlength=count)
 
 
-class LineRidges:
-    """Responses of the training photos to lines in a direction, kept from one window to the next."""
+class KeptRidges:
+    """The ridges of lines in a direction in the training photos, kept from one window to the next."""
 
     def __init__(self, scene: Scene, direction: Direction, config: EvidenceConfig) -> None:
         self.scene, self.direction, self.config = scene, direction, config
-        self.kept: dict[int, Float32[np.ndarray, " _"]] = {}
+        self.kept: dict[int, LineRidges] = {}
 
-    def of(self, views: Int[np.ndarray, " k"]) -> Float32[np.ndarray, " p"]:
+    def of(self, views: Int[np.ndarray, " k"]) -> LineRidges:
         """Those of some views, which are the only ones kept."""
         scene, missing = self.scene, [int(k) for k in views if int(k) not in self.kept]
         images = [scene.train[k] for k in missing]
         new = line_evidence(scene.photos, scene.photo_cameras, images, self.direction.vector, self.config)
         self.kept.update(zip(missing, new, strict=True))
         self.kept = {int(k): self.kept[int(k)] for k in views}
-        return np.concatenate(list(self.kept.values()))
+        return joined_ridges(list(self.kept.values()))
 
 
 @dataclass
@@ -179,17 +180,17 @@ def _in_window(
     scene: Scene,
     views: Views,
     window: Window,
-    ridges: "LineRidges",
+    ridges: KeptRidges,
     surroundings: Surroundings,
     known: Known,
     config: DetectConfig,
     report: Callable[[float], None],
 ) -> list[Wire]:
     """The wires in a window; what it takes, and how well ridges agree with wires, is known then."""
-    mine, responses = window.seen_by(views), ridges.of(window.views)
+    mine, seen = window.seen_by(views), ridges.of(window.views)
     counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
-    responses[np.concatenate([known.others[start : start + count] for start, count in counts]) > 0] = 0
-    search = Search(mine, responses, middles_of_planes(window.planes), config, known.sharpness)
+    seen.response[np.concatenate([known.others[start : start + count] for start, count in counts]) > 0] = 0
+    search = Search(mine, seen, middles_of_planes(window.planes), config, known.sharpness)
     frame = LineFrame.of_scene(scene.frames)
     before = ends_of_wires(known.wires, window, frame, config.search.around)
     report(EVIDENCE)

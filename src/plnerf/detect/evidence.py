@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from plnerf.detect.config_lines import EvidenceConfig
+from plnerf.detect.line_ridges import LineRidges, joined_ridges, steps_of
 from plnerf.detect.line_samples import average_along, bend_across, padded, strongest_across
 from plnerf.detect.reduction import reduction, strongest_of_blocks, tiles, valid_blocks
 from plnerf.detect.ridges import gradient, grey_of, hessian
@@ -108,7 +109,12 @@ def wire_directions(
 def line_response(
     image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, config: EvidenceConfig
 ) -> Float32[np.ndarray, "H W"]:
-    """Response of each block of k x k pixels, 0 to 1, to a line in the given direction.
+    """The responses of `line_ridges` alone."""
+    return line_ridges(image, lines, config).response
+
+
+def line_ridges(image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, config: EvidenceConfig) -> LineRidges:
+    """Response of each block of k x k pixels to a line in the given direction, and the way the line runs.
 
     The second derivative across the direction less the one along it and less the first derivative across it,
     of either sign, at the best of a few scales (Lindeberg's normalisation), at the image's own resolution;
@@ -124,12 +130,14 @@ def line_response(
         rows, columns = (slice(part.start // k, -(-part.stop // k)) for part in tile.inner)
         best[rows, columns] = strongest_of_blocks(bend, k)
     towards = lines.towards(best.shape, k=k)
-    best = _average_along(best, towards, lines.fan(towards, k, config), config)
+    best, turn = _average_along(best, towards, lines.fan(towards, k, config), config)
     response = np.minimum(np.abs(best) / (config.full_response * _around(best, config)), 1)
     ridge = np.empty(best.shape, bool)
     picture = padded(best, config.echo_px)
     strongest_across(picture, towards, np.float32(0), config.beside_px, config.echo_px, ridge)
-    return np.where(ridge, response, np.float32(0))
+    tangent = np.zeros(best.shape, np.uint8)
+    tangent[ridge] = steps_of(np.arctan2(towards[ridge][:, 1], towards[ridge][:, 0]) + turn[ridge])
+    return LineRidges(np.where(ridge, response, np.float32(0)), tangent)
 
 
 def _bend(
@@ -152,12 +160,12 @@ def _average_along(
     towards: Float32[np.ndarray, "h w 2"],
     fan: tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]],
     config: EvidenceConfig,
-) -> Float32[np.ndarray, "h w"]:
-    """The bend averaged along the best of the directions that wires may have."""
-    best, apart = np.zeros_like(bend), np.float32(math.radians(config.apart_deg))
+) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+    """The bend averaged along the best of the directions that wires may have, and how far that is turned."""
+    best, turn, apart = np.zeros_like(bend), np.zeros_like(bend), np.float32(math.radians(config.apart_deg))
     steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
-    average_along(padded(bend, math.ceil(config.along_px)), towards, *fan, apart, steps, best)
-    return best
+    average_along(padded(bend, math.ceil(config.along_px)), towards, *fan, apart, steps, best, turn)
+    return best, turn
 
 
 def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
@@ -173,20 +181,20 @@ def line_evidence(
     direction: Float[np.ndarray, "3"],
     config: EvidenceConfig,
     progress: Callable[[int], None] | None = None,
-) -> list[Float32[np.ndarray, " _"]]:
-    """Responses of each of the chosen photos to lines along a direction of the scene frame.
+) -> list[LineRidges]:
+    """Of each of the chosen photos the lines along a direction of the scene frame.
 
-    Block by block, row after row; where any pixel is masked out 0.  progress: called with the number of
-    photos done.
+    Block by block, row after row; where any pixel is masked out there is none.  progress: called with the
+    number of photos done.
     """
 
-    def one(i: int) -> Float32[np.ndarray, " _"]:
+    def one(i: int) -> LineRidges:
         picture = photos.image(i)
-        response = line_response(picture, vanishing(cameras, i, direction, config), config)
+        ridges = line_ridges(picture, vanishing(cameras, i, direction, config), config)
         if photos.has_masks:
             k = reduction(picture.shape[:2], config.most_px)
-            response[~valid_blocks(photos.valid(i), k)] = 0
-        return response.ravel()
+            ridges.response[~valid_blocks(photos.valid(i), k)] = 0
+        return joined_ridges([ridges])
 
     maps = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:

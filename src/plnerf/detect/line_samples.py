@@ -27,8 +27,10 @@ def padded(picture: Float32[np.ndarray, "h w"], reach_px: int) -> Float32[np.nda
 
 @njit(**_FLAGS)
 @no_type_check
-def average_along(picture, towards, low, high, apart, steps, best):
+def average_along(picture, towards, low, high, apart, steps, best, turn):
     """Into best (h, w), zeros before: the average largest in size of samples along lines.
+
+    Into turn (h, w): the angle by which that line is turned.
 
     picture: padded.  towards: (h, w, 2).  low, high: (h, w), angles between which lines may be turned from
     there: so many are tried that no two neighbours are farther than `apart` from each other, and the best
@@ -39,8 +41,8 @@ def average_along(picture, towards, low, high, apart, steps, best):
     """
     h, w = best.shape
     width, flat, count = picture.shape[1], picture.reshape(-1), np.float32(len(steps))
-    side, away, rows = (width - w) // 2, np.empty(w, np.int32), np.empty((5, w), np.float32)
-    dx, dy, fx, fy, total = rows[0], rows[1], rows[2], rows[3], rows[4]
+    side, away, rows = (width - w) // 2, np.empty(w, np.int32), np.empty((6, w), np.float32)
+    dx, dy, fx, fy, total, angle = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
     cosine, sine = np.empty(w, np.float32), np.empty(w, np.float32)
     for row in range(h):
         start, turns = (row + side) * width + side, 1
@@ -50,8 +52,9 @@ def average_along(picture, towards, low, high, apart, steps, best):
         for a in range(turns + 1):
             if a:
                 turned(dx, dy, cosine, sine)
+            part = np.float32(a) / np.float32(turns)
             for v in range(w):
-                total[v] = np.float32(0)
+                total[v], angle[v] = np.float32(0), low[row, v] + part * (high[row, v] - low[row, v])
             for k in range(len(steps)):
                 sample_places(dx, dy, steps[k], np.float32(width), away, fx, fy)
                 v = 0
@@ -63,7 +66,9 @@ def average_along(picture, towards, low, high, apart, steps, best):
                     v = end
             for v in range(w):
                 mean = total[v] / count
-                best[row, v] = mean if abs(mean) > abs(best[row, v]) else best[row, v]
+                larger = abs(mean) > abs(best[row, v])
+                best[row, v] = mean if larger else best[row, v]
+                turn[row, v] = angle[v] if larger else turn[row, v]
 
 
 @inlined(fastmath=FAST, error_model="numpy")

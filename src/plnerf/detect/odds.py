@@ -159,6 +159,17 @@ def distance_to(ridges: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def shown_at(views, odds, n, pixel, radius):
+    """Nats for a ridge within a radius of a pixel of view n."""
+    level, w = 0, views.sizes[n, 0]
+    while level + 1 < len(odds.radii_px) and odds.radii_px[level] < 0.7 * radius:
+        level += 1
+    row, column = pixel // w, pixel % w
+    return odds.shown[level, odds.starts[n] + row // BLOCK * odds.blocks[n] + column // BLOCK]
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def place_odds(views, odds, lenses, point, reach, pixels, scales):
     """Log odds of a wire within reach of a point (x, y, z), and the number of views that count there.
 
@@ -175,14 +186,10 @@ def place_odds(views, odds, lenses, point, reach, pixels, scales):
         if pixels[n] < 0 or scales[n] < odds.coarsest * finest:
             continue
         seen += 1
-        radius, level = max(reach * scales[n], odds.sharp_px), 0
-        while level + 1 < len(odds.radii_px) and odds.radii_px[level] < 0.7 * radius:
-            level += 1
+        radius = max(reach * scales[n], odds.sharp_px)
         pixel = views.starts[n] + pixels[n]
         if odds.free[pixel] <= STEPS * radius:
-            w = views.sizes[n, 0]
-            row, column = pixels[n] // w, pixels[n] % w
-            total += odds.shown[level, odds.starts[n] + row // BLOCK * odds.blocks[n] + column // BLOCK]
+            total += shown_at(views, odds, n, pixels[n], radius)
         elif odds.ridge[pixel] > STEPS * radius:
             total += odds.missed
     return total, seen

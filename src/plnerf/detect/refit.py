@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import RefitConfig
+from plnerf.detect.line_ridges import LineRidges, turned
 from plnerf.detect.parabola import curve_point
 from plnerf.detect.views import Views, project_across, project_point
 from plnerf.ops.kernel_cache import njit
@@ -23,7 +24,7 @@ LEAST_SPREAD = 1e-3
 
 def refit(
     views: Views,
-    responses: Float[np.ndarray, " p"],
+    ridges: LineRidges,
     theta: Float[np.ndarray, "6"],
     x: Float[np.ndarray, " i"],
     min_response: float,
@@ -36,10 +37,10 @@ def refit(
     Light from one side moves the ridges of all views, the more so the farther they look from the side, which
     no number of them averages out: the covariance says how far that may move the curve.
     """
-    s = np.linspace(0, 1, len(x))
+    s, turn_rad = np.linspace(0, 1, len(x)), np.radians(config.turn_deg)
     view_px, noise_px = config.view_px[-1], 0.0
     for window in config.windows_px:
-        rows = observe(views, responses, theta, x, window, min_response, config.end_on)
+        rows = observe(views, ridges, theta, x, window, min_response, config.end_on, turn_rad)
         if len(rows) < config.min_rows:
             return None
         rows = rows[np.argsort(rows[:, 5], kind="stable")]
@@ -120,8 +121,11 @@ def likeliest(
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def observe(views, responses, theta, x, window_px, min_response, end_on):
-    """Rows (plane, e, response, de/dy, de/dz, view): the strongest ridge near the curve in each view."""
+def observe(views, ridges, theta, x, window_px, min_response, end_on, turn_rad):
+    """Rows (plane, e, response, de/dy, de/dz, view): the strongest ridge near the curve in each view.
+
+    Of those that run as it does, to within `turn_rad`.
+    """
     out = np.empty((len(x) * len(views.R), 6))
     count = 0
     tiny = 1e-4 * (x[-1] - x[0])
@@ -137,15 +141,16 @@ def observe(views, responses, theta, x, window_px, min_response, end_on):
             u_z, v_z, depth_z = project_point(views, n, x[i], y, z + tiny)
             if depth_y < 0 or depth_z < 0:
                 continue
-            best, e = 0.0, 0.0
+            best, e, tangent = 0.0, 0.0, np.arctan2(-nx, ny)
             w, h = views.sizes[n]
             for k in range(-2 * window_px, 2 * window_px + 1):
                 column, row = int(u + 0.5 * k * nx), int(v + 0.5 * k * ny)
                 if column < 0 or row < 0 or column >= w or row >= h:
                     continue
                 near = 1 - 0.25 * abs(k) / window_px
-                response = responses[views.starts[n] + row * w + column] * near
-                if response > best:
+                pixel = views.starts[n] + row * w + column
+                response = ridges.response[pixel] * near
+                if response > best and turned(ridges.tangent[pixel], tangent) <= turn_rad:
                     best, e = response, (column + 0.5 - u) * nx + (row + 0.5 - v) * ny
             if best < min_response:
                 continue

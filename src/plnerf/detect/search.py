@@ -1,5 +1,6 @@
 """The search for lines among the ridges that are left: a ridge counts for one line only."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,9 +12,10 @@ from jaxtyping import Float, UInt8
 from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config import DetectConfig
+from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.odds import Box, box_around, odds_of, pixels_of, unclaimed
-from plnerf.detect.parabola import curve_odds, curve_points, odds_along
+from plnerf.detect.parabola import DirectedOdds, curve_odds, curve_points, odds_along, odds_directed
 from plnerf.detect.refit import mask_ridges, refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
@@ -36,12 +38,14 @@ class Search:
     def __init__(
         self,
         views: Views,
-        responses: Float[np.ndarray, " p"],
+        ridges: LineRidges,
         x: Float[np.ndarray, " i"],
         config: DetectConfig,
         sharpness: Sharpness | None = None,
     ) -> None:
-        self.views, self.responses, self.x, self.config = views, responses, x, config
+        self.views, self.x, self.config = views, x, config
+        responses, self.tangents = ridges
+        self.responses = responses
         self.sharpness = sharpness
         """None until a line that hangs has shown it, here or in another window."""
         self.left = responses
@@ -254,7 +258,8 @@ class Search:
         T = transport_matrix(s[0], s[1])
         planes, config = (piece[1] - piece[0]) // step + 1, self.config
         x = np.linspace(self.x[piece[0]], self.x[piece[1]], planes)
-        line = refit(self.views, self.left, T @ curve, x, config.odds.min_response, config.refit)
+        ridges = LineRidges(self.left, self.tangents)
+        line = refit(self.views, ridges, T @ curve, x, config.odds.min_response, config.refit)
         if line is None:
             return None
         back = np.linalg.inv(T)
@@ -263,8 +268,11 @@ class Search:
     def _of_plane(
         self, line: Candidate, sharp_px: float
     ) -> tuple[Float[np.ndarray, " i"], Float[np.ndarray, " i"]]:
-        odds = self.odds._replace(sharp_px=sharp_px)
-        of_plane, seen = odds_along(self.views, odds, line.theta, self.x, 0.0).T
+        odds, config = self.odds._replace(sharp_px=sharp_px), self.config.odds
+        directed = DirectedOdds(
+            math.radians(config.turn_deg), config.turn_shown, config.turn_chance, self.config.refit.end_on
+        )
+        of_plane, seen = odds_directed(self.views, odds, self.tangents, line.theta, self.x, directed).T
         return of_plane, seen
 
     def _sharpen(self, line: Candidate) -> None:
