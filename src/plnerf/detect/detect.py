@@ -117,7 +117,9 @@ def compile_kernels() -> None:
     projected(views, 0, np.ones((1, 3)))
     search.rated(np.zeros((1, 6)))
     search.best(np.zeros((1, 6)), -np.inf)
-    search.mask_ridges(Candidate(np.zeros(6), np.eye(6), 1.0, images=1))
+    line = Candidate(np.zeros(6), np.eye(6), 1.0, images=1)
+    search.odds_in_planes(line, search.odds.sharp_px)
+    search.mask_ridges(line)
 
 
 def _next_direction(

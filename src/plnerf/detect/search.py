@@ -221,7 +221,7 @@ class Search:
             radii |= {radius for radius in self.config.search.sharpness_px if radius < self.odds.sharp_px}
         rated = []
         for radius in sorted(radii):
-            of_plane, seen = self._of_plane(line, radius)
+            of_plane, seen = self.odds_in_planes(line, radius)
             _, first, last = stretches(of_plane[None] - self.config.search.doubt)[:, 0]
             shown = (int(first), int(last))
             odds = of_plane[shown[0] : shown[1] + 1].sum()
@@ -265,9 +265,10 @@ class Search:
         back = np.linalg.inv(T)
         return replace(line, theta=back @ line.theta, covariance=back @ line.covariance @ back.T)
 
-    def _of_plane(
+    def odds_in_planes(
         self, line: Candidate, sharp_px: float
     ) -> tuple[Float[np.ndarray, " i"], Float[np.ndarray, " i"]]:
+        """Odds of a line in each plane, ridges within a radius being its own, and how many views see it."""
         odds, config = self.odds._replace(sharp_px=sharp_px), self.config.odds
         directed = DirectedOdds(
             math.radians(config.turn_deg), config.turn_shown, config.turn_chance, self.config.refit.end_on
