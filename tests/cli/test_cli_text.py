@@ -4,12 +4,14 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 
 import pytest
 from tests.conftest import ROOT
 
+from plnerf.cli.options import settings_of
 from plnerf.presets import preset_names
 
 COMMANDS = (
@@ -48,9 +50,9 @@ HEAVY = (
 ENVIRONMENT = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"}
 
 
-def help_of(command: str) -> tuple[str, float]:
+def help_of(command: str, asked: str = "--help") -> tuple[str, float]:
     """The text, and the processor time it took in seconds: the wall clock would measure the neighbours."""
-    arguments = [sys.executable, "-m", "plnerf.cli.main", *command.split(), "--help"]
+    arguments = [sys.executable, "-m", "plnerf.cli.main", *command.split(), asked]
     process = subprocess.Popen(arguments, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE)
     assert process.stdout is not None
     text = process.stdout.read()
@@ -69,14 +71,19 @@ def text_of(command: str) -> str:
     return first_help_of(command)[0]
 
 
+@cache
+def text_of_all(command: str) -> str:
+    return help_of(command, "--help-all")[0]
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_text(command: str, snapshot: Callable[[str, str], None]) -> None:
     text = text_of(command)
     usage, *lines = text.splitlines()
     assert usage.startswith("usage: ")  # one line, however many commands or options there are
     assert all(len(line) <= 100 for line in lines)
-    # Nested settings follow in groups of their own, with their classes' texts.
-    own = re.split(r"^╭─ (?:model|train|poses|detect|points)\b", text, maxsplit=1, flags=re.MULTILINE)[0]
+    # A table of the settings follows, whose numbers change with every setting.
+    own = re.split(r"^╭─ settings", text, maxsplit=1, flags=re.MULTILINE)[0]
     snapshot(f"cli_help_{command or 'all'}", "\n".join(line.rstrip() for line in own.strip().splitlines()))
 
 
@@ -103,13 +110,41 @@ def test_imports_nothing_heavy() -> None:
     assert done.stdout.endswith("loaded: []\n")
 
 
-def test_every_option_says_what_it_is_and_its_default() -> None:
-    for command in COMMANDS[1:]:
-        words = plain(text_of(command))
-        options = set(re.findall(r"(?<=\s)--[a-z-]+", words.split("options", 1)[1])) - {"--help"}
+@pytest.mark.parametrize("command", COMMANDS[1:])
+def test_every_option_says_what_it_is_and_its_default(command: str) -> None:
+    for text in {text_of(command), text_of_all(command)}:
+        words = plain(re.split(r"^╭─ settings", text, flags=re.MULTILINE)[0])
+        options = set(re.findall(r"(?<=\s)--[a-z.0-9-]+", words.split("options", 1)[1]))
+        options -= {"--help", "--help-all"}
         assert words.count("(default:") + words.count("(required)") + words.count("(repeatable)") >= len({
-            option.replace("--no-", "--") for option in options
+            re.sub(r"(^--|\.)no-", r"\1", option) for option in options
         })
+
+
+def test_the_help_counts_the_settings_that_all_of_it_lists() -> None:
+    """For the groups of nearly eight hundred: not one of them is among the options above the table."""
+    own, table = re.split(r"^╭─ settings", text_of("survey"), maxsplit=1, flags=re.MULTILINE)
+    assert "plnerf survey --help-all lists them" in table.splitlines()[0]
+    listed = re.findall(r"^│ --([a-z-]+)\.", text_of_all("survey"), re.MULTILINE)
+    counted = re.findall(r"^│ --([a-z-]+)\.\* .* (\d+) options │$", table, re.MULTILINE)
+    assert {name: int(options) for name, options in counted} == Counter(listed) and len(listed) > 700
+    assert not re.search(r"^│ --[a-z-]+\.", own, re.MULTILINE) and "--use-classes" in own
+
+
+def test_all_of_the_help_shows_the_values_of_a_preset() -> None:
+    def rays(preset: str) -> str:
+        text = plain(help_of(f"train --preset {preset}", "--help-all")[0])
+        found = re.search(r"--train\.rays INT .*?\(default: (\d+)\)", text)
+        assert found is not None
+        return found[1]
+
+    for preset in ("nerf", "pl-nerf"):
+        assert int(rays(preset)) == settings_of(preset).train.rays
+
+
+def test_commands_without_groups_have_one_help() -> None:
+    assert text_of_all("eval") == text_of("eval") and "settings" not in text_of("eval")
+    assert "--splats." in text_of("export")
 
 
 def test_presets_in_the_help_are_those_there_are() -> None:

@@ -12,7 +12,7 @@ import re
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from textwrap import shorten
@@ -22,6 +22,7 @@ import tyro
 
 from plnerf.cli.options import settings_of, words_of
 from plnerf.cli.options_help import describe_settings
+from plnerf.cli.short_help import ALL, HELPS, grouped, print_groups, without_groups
 from plnerf.cli.stop import Terminated, stoppable, unread
 from plnerf.cli.torchrun import BEFORE_OTHERS_S, joined, rank_of_process, require_shared
 from plnerf.errors import PlnerfError, advice_on
@@ -75,13 +76,32 @@ def starts(arguments: Sequence[str]) -> dict[str, Settings]:
     return {name: settings_of(name) for name in names}
 
 
-def app_from(settings: Settings, names: Iterable[str] = COMMANDS) -> tyro.extras.SubcommandApp:
-    """Subcommands of these names; options of a preset's commands start from these settings."""
+def app_from(settings: Settings) -> tyro.extras.SubcommandApp:
+    """All subcommands; options of a preset's commands start from these settings."""
     app = tyro.extras.SubcommandApp()
-    for name in names:
-        function: Callable[..., Any] = getattr(import_module(f"plnerf.cli.{COMMANDS[name]}"), name)
-        app.command(name=name)(partial(function, settings=settings) if name in OF_A_PRESET else function)
+    for name in COMMANDS:
+        app.command(name=name)(function_of(name, settings))
     return app
+
+
+def function_of(name: str, settings: Settings) -> Callable[..., Any]:
+    """The function that is a subcommand; a preset's command starts from these settings."""
+    function: Callable[..., Any] = getattr(import_module(f"plnerf.cli.{COMMANDS[name]}"), name)
+    return partial(function, settings=settings) if name in OF_A_PRESET else function
+
+
+def print_help(name: str, of_all: bool, settings: Settings) -> None:
+    """Prints a subcommand's help, with all its settings or those in no group, and ends the process."""
+    function = function_of(name, settings)
+    describe_settings()
+    groups = None if of_all else grouped(function)
+    app = tyro.extras.SubcommandApp()
+    app.command(name=name)(function if groups is None else without_groups(function, groups))
+    try:
+        app.cli(prog="plnerf", args=(name, "--help"))
+    finally:
+        if groups is not None:
+            print_groups(name, groups)
 
 
 def lack_of_memory(error: Exception) -> str | None:
@@ -140,15 +160,14 @@ def main() -> None:
             require_shared(arguments)
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = note
-            names, helps = tuple(COMMANDS), bool({"-h", "--help"} & set(arguments))
+            helps = not set(HELPS).isdisjoint(arguments)
             if helps:
                 gc.disable()  # a help is some hundred thousand small objects, then the process ends
-                names = (arguments[0],) if arguments[0] in COMMANDS else names
             for preset, settings in starts(arguments).items():  # the same options on top of each
-                app = app_from(settings, names)
-                if helps:
-                    describe_settings()
-                results[preset] = app.cli(prog="plnerf", description=ABOUT, args=arguments)
+                if helps and arguments[0] in COMMANDS:
+                    print_help(arguments[0], ALL in arguments, settings)
+                app, words = app_from(settings), ["--help" if one == ALL else one for one in arguments]
+                results[preset] = app.cli(prog="plnerf", description=ABOUT, args=words)
             from plnerf.cli.measure import Measuring, measure
 
             if isinstance(next(iter(results.values())), Measuring):

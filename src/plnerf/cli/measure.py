@@ -52,7 +52,7 @@ def bench(  # noqa: PLR0913 (an argument is an option)
         out: New folder for bench.json, bench.md and the runs that are made.
         scene: Scene to train on, for the suite span also a folder of scenes; the bundled span when left out.
         run: Finished run to render; one is trained when left out.
-        preset: Named settings to start from; the options below show its values.
+        preset: Named settings to start from; --help-all shows their values.
         downscale: Integer factor by which images are made smaller.
         seconds: Training budget of the suite train.
         targets: Held-out PSNRs in dB whose times are reported.

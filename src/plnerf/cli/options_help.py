@@ -26,7 +26,7 @@ def describe_settings() -> None:
             if isinstance(node, ast.ClassDef) and node.name in classes:
                 texts = dict(_texts(node))
                 for field in fields(classes[node.name]):
-                    if text := texts.get(field.name) or _of_type(field.type):
+                    if text := texts.get(field.name) or text_of_type(field.type):
                         field.metadata = MappingProxyType({"help": text, **field.metadata})
 
 
@@ -34,7 +34,7 @@ def _is_dataclass_of(module: ModuleType, value: object) -> bool:
     return isinstance(value, type) and is_dataclass(value) and value.__module__ == module.__name__
 
 
-def _of_type(type_: object) -> str:
+def text_of_type(type_: object) -> str:
     """What a class of settings says of itself, a line for each paragraph; nothing of other types."""
     if not (isinstance(type_, type) and is_dataclass(type_)):
         return ""

@@ -36,7 +36,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     Args:
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
-        preset: Named settings to start from; the options below show its values.
+        preset: Named settings to start from; --help-all shows their values.
         seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
         downscale: Integer factor by which images are made smaller.
