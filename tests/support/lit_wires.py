@@ -32,7 +32,7 @@ def draw_lit(
     random, pictures = np.random.default_rng(seed), []
     for i in range(len(cameras)):
         width, height = (int(side) for side in cameras.size_px[i])
-        row, column = np.mgrid[: height * FINE, : width * FINE] / FINE
+        row, column = (side / FINE for side in np.ogrid[: height * FINE, : width * FINE])
         behind = 100 + 60 * np.sin(row / 23 + i) + 36 * np.cos(column / 31 + 2 * i)
         if ground is not None:
             behind = cv2.resize(ground((height, width)), (width * FINE, height * FINE))

@@ -18,7 +18,8 @@ wire, it stays near 0, and as uncertain as wind is.
 
 Letters: w wires, n images and, beside l_w, a profile's normal, v directions times stretches, g and m a
 measurement's derivatives by the wire's place and by the pose residual.  The unknowns come in the order theta,
-t, c, l_w, l, phi.
+t, l_w, l, phi.  The c are most of all unknowns, and no measurement depends on two of them: their part of the
+normal equations is diagonal, and they are eliminated (Schur complement; Triggs et al. 2000, section 6.1).
 """
 
 from collections.abc import Sequence
@@ -74,7 +75,7 @@ class Step:
 
     state: State
     covariance: Float[np.ndarray, "p p"]
-    """Of all unknowns, from their normal equations."""
+    """Of all unknowns but the c, from the normal equations."""
     spread: Float[np.ndarray, "p p"]
     """The same by how much the images differ from one another: measurements of one image share errors."""
     off_px: tuple[Float[np.ndarray, " _"], ...]
@@ -112,21 +113,18 @@ class Step:
 class Layout:
     """Where the unknowns of W wires and N images begin in their vector."""
 
-    def __init__(self, W: int, N: int, views: int) -> None:
+    def __init__(self, W: int, N: int) -> None:
         self.pose = FREE * W
-        self.bias = self.pose + MOVES * N
-        self.shading = self.bias + W * views
+        self.shading = self.pose + MOVES * N
         self.common = self.shading + 2 * W
         self.common_swing = self.common + 2
         self.size = self.common_swing + 1
-        self.views = views
 
     def columns(self, w: int, n: int) -> np.ndarray:
         """Those that a measurement of wire w in image n depends on."""
         return np.concatenate([
             FREE * w + np.arange(FREE),
             self.pose + MOVES * n + np.arange(MOVES),
-            self.bias + self.views * w + np.arange(self.views),
             self.shading + 2 * w + np.arange(2),
         ])
 
@@ -140,46 +138,55 @@ def adjust(
 ) -> Step:
     """One Gauss-Newton step.  found: for each image, the measurements of each wire."""
     W, N = len(state.theta), len(state.pose)
-    at = Layout(W, N, config.views)
-    H, b = np.zeros((at.size, at.size)), np.zeros(at.size)
-    scores, size, visible_of = np.zeros((N, at.size)), [], []
+    at = Layout(W, N)
+    H, scores = np.zeros((at.size, at.size)), np.zeros((N, at.size))
+    known = 1 / config.uneven_grey**2
+    coupling, of_bias = np.zeros((at.size, W, config.views)), np.full((W, config.views), known)
+    bias_scores = np.zeros((N, W, config.views))
+    size, visible_of = [], []
     for w in range(W):
         one, image = _visible([row[w] for row in found], config.visible)
-        seen_from = _by_view(base, one, config)
+        by_bias = -one.by_slope[:, None] * _by_view(base, one, config)
         towards = one.by_yz / np.linalg.norm(one.by_yz, axis=1, keepdims=True)
-        by_slope = one.by_slope[:, None] * np.concatenate([seen_from, towards], 1)
-        off = by_slope @ np.concatenate([state.bias[w], state.shading[w]]) - one.B
+        by_shading = -one.by_slope[:, None] * towards
+        off = -by_bias @ state.bias[w] - by_shading @ state.shading[w] - one.B
         visible_of.append((off / one.A, one.s, image))
         if not len(one):
             continue
         size.append(float(np.median(np.linalg.norm(one.by_yz, axis=1))))
         by_theta = np.einsum("ki,kij->kj", one.by_yz, curve_by_theta(state.theta[w], base.length_m, one.s))
         moving = one.A[:, None] * np.concatenate([by_theta, one.by_pose], 1)
-        columns = np.concatenate([moving, -by_slope], 1)
+        columns = np.concatenate([moving, by_shading], 1)
         apart = off / np.sqrt(one.variance_B)
         scale = max(1.4826 * float(np.median(np.abs(apart))), 0.3)
         weight = 1 / (1 + (apart / (config.robust * scale)) ** 2) / (one.variance_B * scale**2)
+        of_bias[w] += weight @ by_bias**2
         for n in np.unique(image).tolist():
             mine, own = image == n, at.columns(w, n)
             weighted = columns[mine] * weight[mine, None]
             H[np.ix_(own, own)] += weighted.T @ columns[mine]
-            score = weighted.T @ off[mine]
-            b[own] += score
-            scores[n, own] += score
+            coupling[own, w] += weighted.T @ by_bias[mine]
+            scores[n, own] += weighted.T @ off[mine]
+            bias_scores[n, w] += (weight[mine] * off[mine]) @ by_bias[mine]
     P, pull = _prior(base, state, prior, config)
-    covariance = np.linalg.inv(H + P)
-    change = covariance @ (b + pull)
+    coupling = coupling.reshape(at.size, -1)
+    eliminated = coupling / of_bias.ravel()
+    covariance = np.linalg.inv(H + P - eliminated @ coupling.T)
+    bias_pull = bias_scores.sum(0) - known * state.bias
+    change = covariance @ (scores.sum(0) + pull - eliminated @ bias_pull.ravel())
     # Images as independent draws, in place of measurements as such ("sandwich" by clusters).
-    spread = covariance @ (scores.T @ scores * N / max(N - 5, 1) + P) @ covariance
+    draws = scores - bias_scores.reshape(N, -1) @ eliminated.T
+    drawn = draws.T @ draws * N / max(N - 5, 1) + P + known * eliminated @ eliminated.T
     after = State(
         state.theta + change[: at.pose].reshape(W, FREE),
-        state.pose + change[at.pose : at.bias].reshape(N, MOVES),
-        state.bias + change[at.bias : at.shading].reshape(W, at.views),
+        state.pose + change[at.pose : at.shading].reshape(N, MOVES),
+        state.bias + (bias_pull - (change @ coupling).reshape(W, -1)) / of_bias,
         state.shading + change[at.shading : at.common].reshape(W, 2),
         state.common_shading + change[at.common : at.common_swing],
         state.common_swing + float(change[at.common_swing]),
     )
     off_px, s, images = zip(*visible_of, strict=True)
+    spread = covariance @ drawn @ covariance
     return Step(after, covariance, spread, off_px, s, images, float(np.median(size)) if size else 1.0)
 
 
@@ -197,9 +204,9 @@ def _visible(
 def _prior(
     base: Base, state: State, prior: Prior, config: AdjustConfig
 ) -> tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]:
-    """Its normal matrix, and where it pulls."""
+    """Its normal matrix, and where it pulls; that of the c is diagonal."""
     W, N = len(state.theta), len(state.pose)
-    at = Layout(W, N, config.views)
+    at = Layout(W, N)
     P, pull = np.zeros((at.size, at.size)), np.zeros(at.size)
     L, places = base.length_m, config.prior_places
     s = np.linspace(0, L, places)
@@ -209,10 +216,7 @@ def _prior(
         J = curve_by_theta(state.theta[w], L, s).reshape(-1, FREE) / held
         P[own, own] = J.T @ J
         pull[own] = J.T @ (curve_at(prior.theta[w], L, s) - curve_at(state.theta[w], L, s)).ravel() / held
-    bias = np.arange(at.bias, at.shading)
-    P[bias, bias] = 1 / config.uneven_grey**2
-    pull[bias] = -state.bias.ravel() / config.uneven_grey**2
-    pose = np.arange(at.pose, at.bias)
+    pose = np.arange(at.pose, at.shading)
     P[pose, pose] = np.tile(prior.pose_sd_px**-2, N)
     pull[pose] = -(state.pose / prior.pose_sd_px**2).ravel()
     tie = 1 / (config.own_shading * config.shading_grey) ** 2
