@@ -1,12 +1,10 @@
 """Fixtures that several test files share: a tiny scene on disk, the shared real data, error-text
 snapshots."""
 
-import atexit
 import json
 import os
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,11 +14,9 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line does;
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
-    # Without compiled files every worker, and every process that a test starts, would compile hundreds of
-    # sources again.  They are kept in a temporary folder, since none may be written beside the sources.
-    os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="plnerf-tests-")
-    sys.dont_write_bytecode, sys.pycache_prefix = False, os.environ["PYTHONPYCACHEPREFIX"]
-    atexit.register(shutil.rmtree, sys.pycache_prefix, ignore_errors=True)
+    # Without compiled files every worker, and every process that a test starts, would compile a thousand
+    # sources again: half a minute each.  They lie beside the sources, where kernels lie too.
+    sys.dont_write_bytecode = False
 
 import numba
 import numpy as np
@@ -43,12 +39,6 @@ TINY_COUNT, TINY_WIDTH, TINY_HEIGHT, TINY_FOCAL = 12, 48, 32, 40.0
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-snapshots", action="store_true", help="write the stored texts anew")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first: begun last, one would keep one worker busy when the other has no more."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -50,18 +50,21 @@ def test_00_poses_as_a_colmap_model(tiny_scene: Path, tmp_path: Path, run: Run) 
     assert (tmp_path / "colmap" / "sparse" / "0" / "images.bin").is_file()
 
 
+@pytest.mark.slow
 def test_01_one_image(tmp_path: Path, run: Run) -> None:
     said = run("01", tmp_path / "image.png", "--quick")
     assert float(re.findall(r"([\d.]+) dB with", said)[0]) > 20
     assert (tmp_path / "image.png").is_file()
 
 
+@pytest.mark.slow
 def test_02_a_nerf_of_ones_own(tmp_path: Path, run: Run) -> None:
     said = run("02", tmp_path / "view.png", "--quick")
     assert float(re.findall(r": ([\d.]+) dB; rendered", said)[0]) > 12
     assert (tmp_path / "view.png").is_file()
 
 
+@pytest.mark.slow
 def test_03_and_04_a_run_is_trained_rendered_and_asked(tmp_path: Path, run: Run) -> None:
     said = run("03", tmp_path / "run", "--quick")
     assert "held-out views: " in said and len(list((tmp_path / "run/renders/path/rgb").iterdir())) == 2

@@ -20,6 +20,8 @@ from plnerf.render.write_video import write_video
 from plnerf.report.handout import VIDEO
 from plnerf.train.run import open_run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:

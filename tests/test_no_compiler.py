@@ -67,6 +67,7 @@ def test_a_machine_without_a_compiler_trains(
     assert log[-1]["step"] == 20
 
 
+@pytest.mark.slow
 def test_a_machine_without_a_compiler_compiles_kernels(environment: dict[str, str], tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", COMPILED], env=environment | {"NUMBA_CACHE_DIR": str(tmp_path / "numba")},

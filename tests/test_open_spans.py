@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import pytest
 from tests.support import many_spans
 
 from plnerf.export.crs import crs_transform
@@ -20,6 +21,7 @@ def opened(survey: Survey) -> tuple[Stretch, ...]:
     return tuple(one for line in survey.lines for chain in chains(line) for one in chain if None in one.held)
 
 
+@pytest.mark.slow
 def test_no_output_states_the_length_of_an_open_span(tmp_path: Path) -> None:
     survey = many_spans.bent()
     stretches = opened(survey)

@@ -40,3 +40,9 @@ class Terminal(Console):
     def print(self, *objects: Any, **options: Any) -> None:
         """As that of `Console`."""
         super().print(*(printable(one) if isinstance(one, str) else one for one in objects), **options)
+
+    def on_broken_pipe(self) -> None:
+        """Nobody reads any more: the command line ends as where anything else is not read (`cli/stop.py`)."""
+        if self.stderr:  # an error cannot be told where errors are not read
+            super().on_broken_pipe()
+        raise BrokenPipeError

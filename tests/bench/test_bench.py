@@ -42,6 +42,7 @@ def test_windows_are_whole_and_after_the_warm_up(steps: list[float]) -> None:
         assert window == pytest.approx(sum(steps[first : first + 20]))
 
 
+@pytest.mark.slow
 def test_a_stopwatch_listens_to_a_real_run(built_tiny_scene: Path, tmp_path: Path) -> None:
     watch, recorder = train_suite.Stopwatch(), Recorder()
     config = tiny_config(built_tiny_scene, steps=70)
@@ -137,6 +138,7 @@ def test_labels_are_there_wherever_a_function_was_imported_and_are_taken_away_ag
 # -- rendering
 
 
+@pytest.mark.slow
 def test_renderers_are_compared_with_the_first(built_tiny_scene: Path, tmp_path: Path) -> None:
     run = open_run(train(tiny_config(built_tiny_scene, steps=2), tmp_path / "run", Recorder()))
     whole = render_suite.RENDERERS[0]
@@ -249,6 +251,7 @@ def test_the_whole_bench_writes_its_files(
         assert title in shown
 
 
+@pytest.mark.slow
 def test_a_suite_runs_in_a_process_of_its_own_and_its_errors_come_back(tmp_path: Path) -> None:
     bench = BenchConfig(tmp_path / "b", run=tmp_path / "no-run")
     with pytest.raises(ConfigError, match="is not a run folder"):

@@ -43,6 +43,7 @@ def test_truth_and_twin_are_measured_in_turn() -> None:
     assert backward.kernel_s == tuple(2 * value for value in forward.kernel_s)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3)), min_size=1, max_size=9))
 def test_a_machine_that_slows_down_for_a_whole_pair_changes_no_ratio(
     pairs: list[tuple[float, float]],
@@ -94,6 +95,7 @@ def measure(case: OpCase, limits: ceilings.Ceilings) -> list[ops_suite.PassFigur
     return ops_suite.measure_op(case, limits, CPU, least=3, seconds=0.0, seed=0)
 
 
+@pytest.mark.slow
 def test_an_op_has_a_backward_pass_where_it_says_so(tiny_ceilings: ceilings.Ceilings) -> None:
     assert [one.direction for one in measure(case_of(doubled), tiny_ceilings)] == ["forward"]
     both = measure(case_of(doubled, Work(400)), tiny_ceilings)

@@ -15,10 +15,12 @@ from tests.support.changed import changed
 
 from plnerf.bench.compare import RESULT, CompareConfig, _crop, compare
 from plnerf.bench.compare_page import curves_svg
-from plnerf.bench.suites import in_fresh_process
+from plnerf.bench.fresh_process import in_fresh_process
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.presets._find import find_preset
 from plnerf.train.config import Settings
+
+pytestmark = pytest.mark.slow
 
 FEW = (
     "model.field.grid.log2_table=12", "model.field.grid.levels=3", "train.rays=32", "train.normal_rays=0",
@@ -58,7 +60,6 @@ def compared(built_tiny_scene: Path, tmp_path_factory: pytest.TempPathFactory) -
     return config
 
 
-@pytest.mark.slow
 def test_the_table_the_pages_and_the_sheet_are_there(compared: CompareConfig) -> None:
     content = json.loads((compared.out / "compare.json").read_text())
     failed, *done = content["results"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from plnerf.bench.suites import in_fresh_process
+from plnerf.bench.fresh_process import in_fresh_process
 from plnerf.cli.stop import stoppable
 
 

@@ -34,6 +34,7 @@ def write(src: Path, **files: str) -> Path:
     return src
 
 
+@pytest.mark.slow
 def test_every_setting_of_the_package_is_read() -> None:
     assert house.unread_settings(ROOT / "src") == []
 

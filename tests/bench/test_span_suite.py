@@ -34,6 +34,7 @@ def bench_of(out: Path, scene: Path | None) -> BenchConfig:
     return BenchConfig(out, suites=("span",), scene=scene, systems=SYSTEMS, seconds=0.3, quick=True)
 
 
+@pytest.mark.slow
 def test_every_preset_has_a_row_and_is_not_run_again(
     tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

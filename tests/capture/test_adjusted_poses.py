@@ -147,6 +147,7 @@ def test_a_feature_lies_where_its_spot_is(tmp_path: Path) -> None:
     assert apart.min(0).max() < 0.05 and (apart.argmin(1)[apart.min(1) < 3]).size >= len(spots)
 
 
+@pytest.mark.slow
 def test_features_in_smaller_photos_are_at_the_same_place(tmp_path: Path) -> None:
     write_flight(tmp_path / "s", views=6)
     scene = load_scene(tmp_path / "s")

@@ -153,6 +153,7 @@ def test_control_points_in_the_photos_hold_the_scene(captured: Captured, tmp_pat
     assert (tmp_path / "scene" / "transforms.json").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_video_becomes_an_unscaled_scene(video: Path, tmp_path: Path) -> None:  # noqa: F811 (a fixture)
     listing = read_listing(capture(video, tmp_path / "scene", CONFIG))
     report = json.loads((tmp_path / "scene" / "capture.json").read_text())
@@ -182,6 +183,7 @@ def test_a_damaged_choice_of_frames_is_made_again(text: str, tmp_path: Path) -> 
     assert _chosen_before(path, inputs, tmp_path) is None
 
 
+@pytest.mark.slow
 def test_a_video_that_is_cut_off_is_used_and_told(tmp_path: Path) -> None:
     path = tmp_path / "flight.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (320, 200))

@@ -164,6 +164,7 @@ def test_a_scene_that_cannot_be_written_is_told(
     assert (tmp_path / "file").read_text() == "in the way"
 
 
+@pytest.mark.slow
 def test_photos_of_one_stated_place_become_an_unscaled_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -59,6 +59,7 @@ def test_other_places_and_empty_pictures_have_no_motion() -> None:
     assert other is None or other.matches < 30
 
 
+@pytest.mark.slow
 def test_a_steady_flight_is_thinned_to_the_asked_overlap() -> None:
     found = chosen([seen(4.0 * i) for i in range(150)])
     kept = [int(taken.name) for taken in found if taken.kept]

@@ -142,6 +142,7 @@ def test_nothing_mapped_is_not_mapped_again() -> None:
     assert mapped([], [shared(60, GOOD)]) == ([], None, [], [Try(1.2, 0)])
 
 
+@pytest.mark.slow
 def test_tries_are_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the drawn scene, with lenses of the first try called bent: the second's models are read again, and
     other images begin anew."""

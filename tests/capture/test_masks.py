@@ -30,6 +30,7 @@ def photo(tmp_path: Path) -> dict[str, PhotoFacts]:
     return {"a.jpg": read_facts(tmp_path / "a.jpg")}
 
 
+@pytest.mark.slow
 def test_a_masked_part_has_no_features_and_is_not_learnt(tmp_path: Path) -> None:
     steps(tmp_path / "photos")
     for i in range(COUNT - 1):

@@ -82,6 +82,7 @@ def cut(folder: Path, at: str) -> list[str]:
     return told
 
 
+@pytest.mark.slow
 def test_poses_come_back_and_work_is_kept(tmp_path: Path) -> None:
     truth = steps(tmp_path / "images")
     Image.fromarray(np.full((H, W, 3), 90, np.uint8)).save(tmp_path / "images" / "90.png")
@@ -108,6 +109,7 @@ def test_poses_come_back_and_work_is_kept(tmp_path: Path) -> None:
     assert not any((tmp_path / "work").glob("models*"))
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_not_fitted_stays_as_photos_state_it(tmp_path: Path) -> None:
     truth = steps(tmp_path / "images")
     bare = {path.name: read_facts(path) for path in sorted((tmp_path / "images").glob("*.png"))}
@@ -126,6 +128,7 @@ def test_a_lens_that_is_not_fitted_stays_as_photos_state_it(tmp_path: Path) -> N
     assert np.linalg.norm(fit_similarity(x, truth)(x) - truth, axis=1).max() < 0.02 * track
 
 
+@pytest.mark.slow
 def test_many_images_are_mapped_in_blocks(tmp_path: Path) -> None:
     """Nine images in blocks of seven, which five images join: one model, as good as that of all at once."""
     truth = steps(tmp_path / "images")
@@ -144,6 +147,7 @@ def test_many_images_are_mapped_in_blocks(tmp_path: Path) -> None:
     assert np.linalg.norm(fit_similarity(x, truth)(x) - truth, axis=1).max() < 0.01 * track
 
 
+@pytest.mark.slow
 def test_it_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
     """Three times, in each of its stages."""
     steps(tmp_path / "images")

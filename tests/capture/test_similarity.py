@@ -93,6 +93,7 @@ def test_a_track_on_a_line_is_known_as_one_and_gravity_holds_it() -> None:
     assert exact.roll_sigma_deg == np.inf
 
 
+@pytest.mark.slow
 def test_the_roll_is_as_uncertain_as_it_says() -> None:
     """Over many draws, the turn about the track scatters by the stated standard deviation."""
     random, turns = np.random.default_rng(5), []

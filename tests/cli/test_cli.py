@@ -482,6 +482,7 @@ def test_a_signal_where_nothing_can_be_raised_comes_again(
     assert done.err.endswith("ed. The run goes on with --resume.\n")
 
 
+@pytest.mark.slow
 def test_the_real_command_too(tmp_path: Path) -> None:
     done = run_plnerf("eval", tmp_path)
     assert_one_paragraph(Result(done.returncode, done.stdout, done.stderr))

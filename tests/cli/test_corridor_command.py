@@ -24,6 +24,7 @@ class Failing(KnownLine):
         super().__call__(out, task)
 
 
+@pytest.mark.slow
 def test_it_prints_how_far_it_is_and_where_results_lie(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,6 +24,8 @@ from plnerf.survey.lidar.point_cloud import read_cloud
 from plnerf.survey.part import Cells
 from plnerf.survey.run import survey_cloud
 
+pytestmark = pytest.mark.slow
+
 FEET = np.array([(0, 0), (160, 10), (330, 0), (490, -40), (640, -120), (800, -190)])
 AT = np.array([400_000.0, 5_600_000.0, 100.0])
 CONFIG = CorridorConfig(CutConfig(block_m=270.0, overlap_m=260.0))

@@ -58,6 +58,7 @@ def did(out: Path) -> list[str]:
     return names
 
 
+@pytest.mark.slow
 def test_every_span_and_structure_comes_once(done: Corridor) -> None:
     survey = done.survey
     assert [len(line.spans) for line in survey.lines] == [4]
@@ -159,6 +160,7 @@ def test_encroachments_of_all_blocks_are_numbered_by_priority() -> None:
     assert [of.properties["in_report"] for of in found["encroachments"].features] == [1, 2, 1]
 
 
+@pytest.mark.slow
 def test_names_are_matched_over_the_whole_corridor(scene: Path, tmp_path: Path) -> None:
     rows = [f"M{one.id},,{one.foot[0] + 3},{one.foot[1]},\n" for one in LINE.structures]
     rows += ["M99,,9000,9000,\n"]
@@ -183,6 +185,7 @@ def test_names_are_matched_over_the_whole_corridor(scene: Path, tmp_path: Path) 
     assert did(tmp_path / "out") == []  # another list of names, or none, costs no survey
 
 
+@pytest.mark.slow
 def test_what_is_done_is_not_done_again(scene: Path, tmp_path: Path) -> None:
     run(scene, tmp_path)
     first = did(tmp_path)
@@ -194,6 +197,7 @@ def test_what_is_done_is_not_done_again(scene: Path, tmp_path: Path) -> None:
     assert did(tmp_path) == ["spans-0002-survey"]
 
 
+@pytest.mark.slow
 def test_a_block_with_other_photos_is_done_again(scene: Path, tmp_path: Path) -> None:
     own = photos_along(tmp_path / "scene", LINE)
     run(own, tmp_path / "out")
@@ -236,6 +240,7 @@ class Failing(KnownLine):
         super().__call__(out, task)
 
 
+@pytest.mark.slow
 def test_a_block_that_fails_keeps_no_other_from_being_done(scene: Path, tmp_path: Path) -> None:
     found = run(scene, tmp_path, Failing(LINE))
     assert found.failed == (("spans-0002-survey", "a photo is damaged"),)
@@ -257,6 +262,7 @@ class Dying(KnownLine):
         super().__call__(out, task)
 
 
+@pytest.mark.slow
 def test_what_was_finished_before_an_interruption_stays(scene: Path, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         run(scene, tmp_path, Dying(LINE))
@@ -287,6 +293,7 @@ def test_a_record_of_other_inputs_or_damaged_counts_for_nothing(tmp_path: Path) 
     assert not ledger.done(task)
 
 
+@pytest.mark.slow
 def test_a_line_that_crosses_stays_in_a_block_and_comes_once(tmp_path: Path) -> None:
     low = line_along(((95.0, -115.0), (125.0, -5.0)), ((0.0, 10.0, "phase"),), after=LINE)
     both = replace(LINE, spans=(*LINE.spans, *low.spans), structures=(*LINE.structures, *low.structures))

@@ -50,6 +50,7 @@ def two_nodes() -> Iterator[str]:
     cluster.shutdown()
 
 
+@pytest.mark.slow
 def test_two_nodes_do_every_task_once_and_a_dead_worker_is_replaced(two_nodes: str, tmp_path: Path) -> None:
     def work(out: Path, task: Task) -> None:
         import ray
@@ -103,6 +104,7 @@ engine.close()
 """
 
 
+@pytest.mark.slow
 def test_a_killed_driver_loses_nothing_that_was_done(tmp_path: Path) -> None:
     code = DRIVER.format(tests=str(Path(__file__).resolve().parents[2]))
     first = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])

@@ -135,6 +135,7 @@ def test_a_wire_says_what_it_rests_on(three: tuple[Scene, tuple[Wire, ...]]) -> 
         assert evidence.longest_gap_m == pytest.approx(max(low, length - high))
 
 
+@pytest.mark.slow
 def test_a_frame_of_another_unit_changes_units_alone(three: tuple[Scene, tuple[Wire, ...]]) -> None:
     """The same pictures and poses in a scene of which nothing is known but that a unit is 25 m."""
     scene, found = three
@@ -151,6 +152,7 @@ def test_a_frame_of_another_unit_changes_units_alone(three: tuple[Scene, tuple[W
         assert other.evidence.certain == one.evidence.certain
 
 
+@pytest.mark.slow
 def test_the_same_pictures_give_the_same_wires_and_progress_counts_up_to_its_total(
     three: tuple[Scene, tuple[Wire, ...]],
 ) -> None:
@@ -164,6 +166,7 @@ def test_the_same_pictures_give_the_same_wires_and_progress_counts_up_to_its_tot
     assert len(done) > len(scene.train) and max(np.diff([0, *done])) < 0.3 * done[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_and_bright_wires_change_nothing(tmp_path: Path, seed: int) -> None:
     """Eight views of each side fix one wire in nine no better than to three pixels, at an end and in depth;
@@ -256,6 +259,7 @@ def test_two_lines_that_cross_are_both_found(tmp_path: Path) -> None:
     assert len(certain) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn_deg", [0.0, 30.0])
 def test_an_azimuth_that_is_known_is_the_only_one_searched(
     three: tuple[Scene, tuple[Wire, ...]], turn_deg: float
@@ -277,6 +281,7 @@ def turned(azimuth_deg: float) -> np.ndarray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+@pytest.mark.slow
 def test_wires_that_wind_swings_are_found_and_say_how_far(tmp_path: Path) -> None:
     """Of 90 wires of 30 such scenes swings are 1.4 deviations off (root mean square), the worst 2.9."""
     turn = np.radians(12.0)
@@ -334,6 +339,7 @@ def test_light_from_one_side_costs_certainty_as_views_look_from_one_side(
     assert 0.4 * most < (light**2 - dark**2) ** 0.5 < most
 
 
+@pytest.mark.slow
 def test_a_wire_whose_ridges_lie_beside_it_is_found_beside_sharper_ones(
     three: tuple[Scene, tuple[Wire, ...]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -403,6 +409,7 @@ def test_a_wire_that_ends_is_not_drawn_out(tmp_path: Path) -> None:
     assert off(half, found, -0.8, 0.05) < PIXEL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "pair", [(hanging(0.0, 0.08), hanging(0.0, 0.0)), (hanging(-0.06, 0.05), hanging(0.06, 0.05))]
 )
@@ -489,6 +496,7 @@ def test_the_kernels_see_what_the_cameras_see() -> None:
     assert seen > 100
 
 
+@pytest.mark.slow
 def test_a_line_that_does_not_hang_is_no_conductor(tmp_path: Path) -> None:
     """The edge of a road runs along the span, but straight."""
     straight = hanging(0.05, -0.06, 0.0)

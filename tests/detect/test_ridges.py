@@ -165,6 +165,7 @@ def test_the_benchmark_counts_as_it_says() -> None:
     assert mixed.recall == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_wires_of_real_photos_are_found(shared_data: Path) -> None:
     """On some held-out photos, far better than by the curvature alone."""

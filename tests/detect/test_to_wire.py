@@ -142,6 +142,7 @@ def test_a_wire_that_wind_swings_hangs_in_a_turned_plane() -> None:
         assert middle == pytest.approx([0.001, 0.002], rel=0.01)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000), THETAS)
 @settings(max_examples=10, deadline=None)
 def test_sigma_is_the_spread_where_and_whither_it_is_largest(seed: int, theta: np.ndarray) -> None:

@@ -24,6 +24,7 @@ print(folder(after).path)
 """
 
 
+@pytest.mark.slow
 def test_what_is_compiled_is_counted(tmp_path: Path) -> None:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-c", CODE]

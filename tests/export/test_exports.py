@@ -652,6 +652,7 @@ def test_a_crs_that_is_none_is_refused(survey: Survey, tmp_path: Path) -> None:
         write_exports(reframed(survey, crs="EPSG:0"), tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_real_cloud_of_lidar_is_exported_to_the_millimetre(shared_data: Path, tmp_path: Path) -> None:
     """Airborne LiDAR of a 380 kV line in RD New; of its wires, the longest piece in one."""

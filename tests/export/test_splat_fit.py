@@ -67,6 +67,7 @@ def test_seeds_are_spread_evenly_flat_on_the_surface_and_no_more_than_asked_for(
     np.testing.assert_allclose(found.sh[:, 0] * Y_0 + 0.5, colour_at(found.xyz[:, :2]), atol=0.01)
 
 
+@pytest.mark.slow
 def test_the_fit_comes_near_the_views_and_near_one_between_them() -> None:
     config = SplatConfig(count=900, steps=120)
     found = fit_splats(VIEWS, NONE, config)

@@ -56,6 +56,7 @@ def test_density_and_feature_are_functions_of_the_point() -> None:
         torch.testing.assert_close(same, feature[ray : ray + 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["torch", "numba"])
 @pytest.mark.parametrize("quiet", [False, True], ids=["recording", "no_grad"])
 def test_log_density_gradient_is_that_of_finite_differences(backend: Backend, quiet: bool) -> None:

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 COMPILE = """
 import re
 from triton.backends.compiler import GPUTarget
@@ -39,6 +41,7 @@ for module, names, sizes in KERNELS:
 """
 
 
+@pytest.mark.slow
 def test_kernels_compile_for_a_gpu(tmp_path: Path) -> None:
     """One of capability 9.0.  A vertex of a table is read at once, and added to at once."""
     environment = {name: value for name, value in os.environ.items() if name != "TRITON_INTERPRET"}

@@ -36,6 +36,7 @@ def assert_near(a: Tensor, b: Tensor, tolerance: float, name: str = "") -> None:
     )
 
 
+@pytest.mark.slow
 @CASES
 def test_kernel_agrees_with_the_reference(
     device: str, features: int, interpolation: Literal["linear", "cubic"], dtype: torch.dtype
@@ -87,6 +88,7 @@ def test_a_table_of_fewer_bits_is_read_exactly_and_its_gradient_summed_in_float3
     assert_near(narrow.grad, wide.grad, 1e-5)
 
 
+@pytest.mark.slow
 def test_a_vertex_has_the_table_s_row(device: str) -> None:
     """Of a dense and of a hashed level, on the border too."""
     n = 8  # a power of two: vertices are exact
@@ -127,6 +129,7 @@ def test_points_that_are_no_numbers_stay_within_the_table(device: str) -> None:
     assert torch.equal(out[4:], cuda_hash.hash_encode(x, table, grid)[4:])
 
 
+@pytest.mark.slow
 def test_strided_inputs_agree(device: str) -> None:
     """Of second derivatives too: a copy must not cut the graph."""
     grid = make_grid(2, "cubic")
@@ -153,6 +156,7 @@ def test_position_gradient_is_the_gradient_of_the_position(device: str, moving: 
         assert_near(a, b, 1e-12)
 
 
+@pytest.mark.slow
 def test_backward_passes_add_to_a_table_s_gradient(device: str) -> None:
     """Into nothing, into zeros and onto what is there already, of first and second derivatives alike."""
     grid = make_grid(2, "cubic")

@@ -60,6 +60,7 @@ def derivatives(encode: Encode, grid: GridShape, x: Tensor, table: Tensor, cotan
     return [out.detach(), g_x.detach(), g_table, *second]
 
 
+@pytest.mark.slow
 @CASES
 def test_kernel_agrees_with_the_reference(
     features: int, interpolation: Literal["linear", "cubic"], dtype: torch.dtype

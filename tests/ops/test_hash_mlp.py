@@ -24,6 +24,7 @@ def inputs(grid: GridShape, points: int, hidden: int, dtype: torch.dtype) -> tup
     return x, [table, normal(hidden, grid.width), normal(hidden), normal(1, hidden), normal(1)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [0, 1, BLOCK - 1, BLOCK, 5 * BLOCK + 3])
 @pytest.mark.parametrize(
     ("features", "interpolation", "dtype", "tolerance"),

@@ -72,6 +72,7 @@ def copy_package(folder: Path) -> Path:
     return copy
 
 
+@pytest.mark.slow
 def test_an_edit_to_a_kernel_of_another_file_is_compiled(run_copy: Run, tmp_path: Path) -> None:
     copy = copy_package(tmp_path)
     first, hits = run_copy(tmp_path)
@@ -86,6 +87,7 @@ def test_an_edit_to_a_kernel_of_another_file_is_compiled(run_copy: Run, tmp_path
     assert run_copy(tmp_path) == (first, 1)  # what was compiled before the edit is still there
 
 
+@pytest.mark.slow
 def test_the_places_are_numbas(run_copy: Run, tmp_path: Path) -> None:
     """The folder that the user names; else beside the file; else the user's cache folder."""
     copy = copy_package(tmp_path)

@@ -68,6 +68,7 @@ SWITCHES = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", preset_names())
 def test_poses_appearance_and_normals_can_be_switched_on(name: str, tiny_scene: Path, tmp_path: Path) -> None:
     """NeRF--, NeRF-W and Ref-NeRF on every system."""

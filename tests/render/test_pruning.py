@@ -115,6 +115,7 @@ def test_groups_are_neighbours_led_by_the_heaviest(found: list[float], budget: f
     assert torch.equal(heaviest(w, 0.0)[0], torch.arange(len(found)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("config", [BASE, ODD, BARE], ids=["base", "odd", "bare"])
 @pytest.mark.parametrize("budget", [0.0, 0.05, 0.3])
 def test_the_fused_kernels_are_the_equations(config: ModelConfig, budget: float) -> None:
@@ -266,6 +267,7 @@ def trained_with_tubes(scene_folder: Path, folder: Path) -> tuple[PLNeRF, Scene]
     return model.eval(), scene
 
 
+@pytest.mark.slow
 def test_models_with_tubes_are_pruned_too(tiny_scene: Path, tmp_path: Path) -> None:
     """Densities, feature vectors and so colours of the tubes' own, whichever code samples the fields."""
     model, scene = trained_with_tubes(tiny_scene, tmp_path)

@@ -205,6 +205,7 @@ def test_every_span_is_drawn_under_its_number() -> None:
     Read(drawing(two).svg)  # whose tags match
 
 
+@pytest.mark.slow
 def test_a_long_line_is_drawn_on_several_sheets_one_after_the_other() -> None:
     survey = many("eight")
     found = profiles(survey, by_need(survey))
@@ -259,6 +260,7 @@ def test_the_plan_shows_every_span_structure_and_open_end() -> None:
     assert "span 1: 40.8" in short.svg and plan(report("empty")) is None
 
 
+@pytest.mark.slow
 def test_the_plan_keeps_lengths_and_directions() -> None:
     survey = many("eight")
     drawn = plan(survey)

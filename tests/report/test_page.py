@@ -69,6 +69,7 @@ def with_wires(survey: Survey, wires: tuple[Wire, ...]) -> Survey:
     return replace(survey, lines=(replace(line, spans=(replace(line.spans[0], wires=wires),)),))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MADE)
 def test_a_page_needs_nothing_from_elsewhere(name: str) -> None:
     text, read = page(name), Read(page(name))
@@ -85,6 +86,7 @@ def test_a_page_needs_nothing_from_elsewhere(name: str) -> None:
     assert text.startswith("<!doctype html>\n") and text.endswith("</html>\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MADE)
 def test_a_page_is_small(name: str) -> None:
     assert len(page(name).encode()) < 2_000_000

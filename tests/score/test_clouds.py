@@ -114,6 +114,7 @@ def test_lines_are_lines_in_every_format(tmp_path: Path) -> None:
     assert (read_points(tmp_path / "c.ply").points == sample_lines([LINE[:2], LINE[1:]], STEP_M)).all()
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=1, max_size=6),

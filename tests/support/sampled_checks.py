@@ -29,20 +29,29 @@ def _jaxtyped(original: Any, *, typechecker: Any) -> Any:
     def decorate(thing: Any) -> Any:
         if not isinstance(thing, type):
             inner = "<locals>" in getattr(thing, "__qualname__", "")
-            return _sampled(thing, always(thing)) if inspect.isfunction(thing) and not inner else thing
+            return _sampled(thing, always) if inspect.isfunction(thing) and not inner else thing
         plain = thing.__init__
         always(thing)
-        if thing.__init__ is not plain:
-            thing.__init__ = _sampled(plain, thing.__init__)
+        if (checked := thing.__init__) is not plain:
+            thing.__init__ = _sampled(plain, lambda _: checked)
         return thing
 
     return decorate
 
 
-def _sampled(plain: Callable[..., Any], checked: Callable[..., Any]) -> Callable[..., Any]:
-    @functools.wraps(checked)
+def _sampled(
+    plain: Callable[..., Any], with_checks: Callable[[Callable[..., Any]], Callable[..., Any]]
+) -> Callable[..., Any]:
+    """The checks are made at the first call: of thousands of functions a test file calls some hundred."""
+    made: list[Callable[..., Any]] = []
+
+    @functools.wraps(plain)
     def call(*args: Any, **kwargs: Any) -> Any:
         calls[plain] += 1
-        return (checked if calls[plain] <= FIRST or calls[plain] % EVERY == 0 else plain)(*args, **kwargs)
+        if calls[plain] > FIRST and calls[plain] % EVERY:
+            return plain(*args, **kwargs)
+        if not made:
+            made.append(with_checks(plain))
+        return made[0](*args, **kwargs)
 
     return call

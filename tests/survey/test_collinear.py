@@ -32,6 +32,7 @@ def line(
     return points, rng.integers(0, views, count)
 
 
+@pytest.mark.slow
 def test_a_line_seen_from_three_views_is_kept() -> None:
     assert on_lines(*line(3), RADIUS).mean() > 0.95
 

@@ -41,6 +41,7 @@ def worst(wires: tuple[Wire, ...]) -> float:
     return min(max(np.abs(off(wires[k], TRUE[i])).max() for k, i in enumerate(order)) for order in orders)
 
 
+@pytest.mark.slow
 def test_pairs_come_to_the_corners_of_which_more_is_seen(photos: Photos) -> None:
     stuck = refine_wires(photos, crossed(photos), CONFIG)
     assert worst(stuck.wires) > 5
@@ -58,11 +59,13 @@ def test_other_corners_are_in_the_same_lines_of_sight(photos: Photos) -> None:
         assert off.min(1).max() < 3 * PIXEL  # the photos weave, so that no place is in all lines exactly
 
 
+@pytest.mark.slow
 def test_pairs_that_are_right_stay(photos: Photos) -> None:
     right = refine_wires(photos, TRUE, CONFIG)
     assert uncrossed(photos, right, CONFIG) is right
 
 
+@pytest.mark.slow
 def test_more_that_is_seen_counts_before_how_pairs_hang(photos: Photos) -> None:
     right, other = refine_wires(photos, TRUE, CONFIG), refine_wires(photos, crossed(photos), CONFIG)
     pair = _Pair(0, 1, np.zeros((2, 6)))
@@ -72,6 +75,7 @@ def test_more_that_is_seen_counts_before_how_pairs_hang(photos: Photos) -> None:
     assert not _better(right, right, pair, CONFIG.crossed)
 
 
+@pytest.mark.slow
 def test_pairs_that_photos_do_not_tell_from_the_others_hold_both(photos: Photos) -> None:
     unsure = replace(CONFIG, crossed=replace(CONFIG.crossed, least_more=1e3, least_unlike=1e3))
     for fit in (refine_wires(photos, TRUE, CONFIG), refine_wires(photos, crossed(photos), CONFIG)):
@@ -83,6 +87,7 @@ def test_pairs_that_photos_do_not_tell_from_the_others_hold_both(photos: Photos)
             assert away <= half <= 0.2
 
 
+@pytest.mark.slow
 def test_pairs_whose_other_corners_are_each_others_places_are_not_in_doubt(photos: Photos) -> None:
     """Where wires are above each other as one sees them from both sides, they only change their names."""
     right = refine_wires(photos, TRUE, CONFIG)

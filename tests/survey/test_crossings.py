@@ -41,6 +41,7 @@ def test_wires_that_do_not_cross_have_no_crossing() -> None:
     assert crossing_of(LEVEL, hang((130.0, -40.0, 9.0), (150.0, 60.0, 9.0), 1.0)) is None  # beyond
 
 
+@pytest.mark.slow
 def test_the_stated_deviation_is_that_of_draws() -> None:
     random = np.random.default_rng(3)
     one = swung(LEVEL, 5.0)
@@ -81,6 +82,7 @@ def test_a_survey_states_its_crossings_and_no_verdict_on_them() -> None:
     assert not any("lines" in one.kind or "all 2 lines" in one.what for one in alone.findings)
 
 
+@pytest.mark.slow
 def test_wires_of_another_line_are_no_obstacles() -> None:
     """Neither as they are labelled, nor as points of no class on them."""
     survey = bent()

@@ -128,6 +128,7 @@ def test_a_crown_goes_on_as_far_as_its_leaves_do() -> None:
     assert (found.seen >= found.past).all() and (found.seen + found.past <= 10).all()
 
 
+@pytest.mark.slow
 def test_tops_before_the_sky_are_found_too() -> None:
     """From below the top, above which the photos are silent."""
     assert added(leaves(TIP_M), count=20, above_m=3.5).xyz[-1, 2] == pytest.approx(TIP_M, abs=0.4)
@@ -145,12 +146,14 @@ def test_without_leaves_above_it_nothing_is_added(bare: np.ndarray) -> None:
     assert len(added(bare).xyz) == 0
 
 
+@pytest.mark.slow
 def test_what_is_everywhere_adds_nothing() -> None:
     """Of five windows the one on the axis has most specks in every fifth photo."""
     assert len(added(np.zeros((0, 3)), specks=1500).xyz) == 0
     assert added(leaves(TIP_M, count=300), specks=300).xyz[-1, 2] == pytest.approx(TIP_M, abs=0.6)
 
 
+@pytest.mark.slow
 def test_nothing_is_looked_for_at_a_wire_nor_far_from_all() -> None:
     low = added(leaves(TIP_M), above_it(0.0, 5.5))
     assert low.xyz[-1, 2] <= 5.5 - 0.2 - CONFIG.crown_tops.below_wire_m

@@ -120,6 +120,7 @@ def test_what_holds_wires_is_found_where_it_stands(t: float) -> None:
         assert place == pytest.approx(t, abs=0.1) and count >= 2
 
 
+@pytest.mark.slow
 def test_wires_that_go_on_are_held_nowhere() -> None:
     lines = wires()
     assert found(filmed([], lines), lines)[1] < 2
@@ -127,6 +128,7 @@ def test_wires_that_go_on_are_held_nowhere() -> None:
     assert found(filmed([], bundle), bundle)[1] < 2
 
 
+@pytest.mark.slow
 def test_what_is_fixed_to_wires_holds_none() -> None:
     """Spacers, dampers, and a ball."""
     lines = wires()

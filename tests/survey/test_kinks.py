@@ -48,6 +48,7 @@ def test_exact_curves_meet_where_they_are_held(degrees: float, beyond: tuple[flo
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
 def test_stated_deviations_hold(degrees: float) -> None:
     """Over 30 draws of the errors of curves and of attachments along the line, four wires each."""

@@ -97,6 +97,7 @@ def test_wires_come_to_where_they_are_drawn(photos: Photos) -> None:
     assert refine_wires(photos, [], CONFIG).wires == ()
 
 
+@pytest.mark.slow
 def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) -> None:
     """Each picture shifted by a pixel or so of its own."""
     cameras = two_passes(8)
@@ -131,6 +132,7 @@ def test_pose_residuals_turn_and_move_what_is_seen() -> None:
         np.testing.assert_allclose(told, shift, atol=2e-3 * np.abs(shift).max())
 
 
+@pytest.mark.slow
 def test_cameras_that_are_moved_do_not_reach_the_wires(tmp_path: Path) -> None:
     """Each by a share of a hundredth of its distance: near wires move by more pixels than far ones."""
     told, random = two_passes(8), np.random.default_rng(4)
@@ -144,6 +146,7 @@ def test_cameras_that_are_moved_do_not_reach_the_wires(tmp_path: Path) -> None:
         assert one.worst_sigma() < 3 * PIXEL
 
 
+@pytest.mark.slow
 def test_what_is_refitted_stands_out_more_than_what_is_beside_it(tmp_path: Path) -> None:
     """On ground full of short lines, a curve that is on no wire gathers as many as its neighbourhood."""
     cameras, random = two_passes(8), np.random.default_rng(5)
@@ -168,6 +171,7 @@ def test_what_is_refitted_stands_out_more_than_what_is_beside_it(tmp_path: Path)
     assert found[3].worst_sigma() >= absent.evidence.reach_m
 
 
+@pytest.mark.slow
 def test_what_one_image_shows_makes_a_wire_no_more_certain(tmp_path: Path) -> None:
     """All show the first half of each wire; beside its second half one shows something else."""
     cameras = two_passes(8)
@@ -199,6 +203,7 @@ def test_no_wire_is_refined_where_none_is_seen(photos: Photos) -> None:
     assert refused(found) and np.allclose(found.theta, empty.theta, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_what_stands_out_nowhere_is_told_from_what_is_not_refitted(photos: Photos) -> None:
     sure = replace(MOVED[1], evidence=replace(MOVED[1].evidence, reach_m=0.4 * PIXEL))
     config = replace(CONFIG, piece_m=0.05)
@@ -290,6 +295,7 @@ def doubled(cameras: Cameras) -> Cameras:
     return Cameras(*(value.double() if value.is_floating_point() else value for value in values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width_px", [4.0, 8.0])
 def test_a_wide_wire_comes_to_where_it_is_drawn(tmp_path: Path, width_px: float) -> None:
     """Lit from above, and thicker or thinner than is thought: the edges tell its place and its width."""

@@ -114,6 +114,7 @@ def test_a_scene_is_surveyed_without_training(tmp_path: Path) -> None:
     assert json.dumps(dict(survey.settings))
 
 
+@pytest.mark.slow
 def test_a_curve_that_photos_show_nowhere_is_left_out(tmp_path: Path) -> None:
     """It was stated as a conductor, with a note that it stands out at 2 % of its places."""
     wires = [hanging(-0.08, 0.05), hanging(0.06, 0.02, 0.03), hanging(0.0, 0.1, 0.05)]
@@ -177,6 +178,7 @@ def test_stretches_that_images_show_are_the_evidence_of_a_wire() -> None:
     assert nothing.coverage == 0 and nothing.longest_gap_m == pytest.approx(length)
 
 
+@pytest.mark.slow
 def test_a_line_of_three_structures_has_its_spans_in_order(tmp_path: Path) -> None:
     made = line(np.array([[0.0, 0.0], [110.0, 20.0], [205.0, 90.0]]))
     survey = survey_cloud(read_cloud(write_las(tmp_path / "line.laz", made.xyz + RD)))

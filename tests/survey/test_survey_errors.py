@@ -222,6 +222,7 @@ def findings(folder: Path) -> str:
     return "\n".join(finding.text for finding in read_survey(folder / "survey.json").findings)
 
 
+@pytest.mark.slow
 def test_a_cloud_without_wires_has_status_3_and_a_report_that_says_so(
     made: Line,
     tmp_path: Path,
@@ -255,6 +256,7 @@ def test_a_cloud_of_ground_alone_has_status_3(
     assert (out / "report.html").exists() and read_survey(out / "survey.json").wires == ()
 
 
+@pytest.mark.slow
 def test_a_cloud_without_ground_is_surveyed_and_says_so(
     made: Line,
     tmp_path: Path,
@@ -270,6 +272,7 @@ def test_a_cloud_without_ground_is_surveyed_and_says_so(
     snapshot("survey_no_ground", findings(tmp_path / "line-survey"))
 
 
+@pytest.mark.slow
 def test_repeated_points_and_no_crs_change_nothing(
     made: Line,
     tmp_path: Path,

@@ -1,6 +1,6 @@
 """Wires that wind swings aside are refitted where they hang, and say truly how far they swing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +187,59 @@ def _refitted(made: Trial) -> list[tuple[float, float, np.ndarray]]:
         swing = np.degrees([theta[SWING] - true[SWING], np.sqrt(own[SWING, SWING])])
         results.append((float(swing[0]), float(swing[1]), off))
     return results
+
+
+def test_a_step_ends_where_its_sum_of_squares_is_least() -> None:
+    """With all unknowns, also those that the equations eliminate: any change makes the sum larger."""
+    random, config = np.random.default_rng(14), AdjustConfig(robust=1e6)
+    made = _trial(random, 5.0, (2.0, 1.0))
+    base, (N, W) = made.base, made.noise.shape[:2]
+    state = State(
+        made.theta + 0.02 * random.normal(size=(W, 6)), 0.1 * random.normal(size=(N, MOVES)),
+        random.normal(size=(W, config.views)), random.normal(size=(W, 2)), random.normal(size=2), 0.03,
+    )  # fmt: skip
+    prior = Prior(made.theta, np.full(W, 0.1), np.full(MOVES, 0.2))
+    found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
+    after = adjust(base, state, prior, found, config).state
+    least = _sum_of_squares(base, state, after, prior, found, config)
+    for part in fields(State):
+        value = getattr(after, part.name)
+        for _ in range(5):
+            change = 1e-3 * random.normal(size=np.shape(value))
+            sides = [replace(after, **{part.name: moved}) for moved in (value + change, value - change)]
+            more, less = (_sum_of_squares(base, state, one, prior, found, config) - least for one in sides)
+            assert more > 0 and more == pytest.approx(less, rel=1e-3), part.name
+
+
+def _sum_of_squares(
+    base: Base, before: State, after: State, prior: Prior, found: list[list[ProfileMeasurements]],
+    config: AdjustConfig,
+) -> float:
+    """What a step from one state minimises, at another: with measurements linear about the first."""
+    W, L = len(before.theta), base.length_m
+    moved, turned_by = after.theta - before.theta, after.pose - before.pose
+    held = np.linspace(0, L, config.prior_places)
+    total = (after.pose**2 / prior.pose_sd_px**2).sum() + (after.bias**2).sum() / config.uneven_grey**2
+    total += (after.common_shading**2).sum() / config.shading_grey**2
+    own = (after.shading - after.common_shading) / (config.own_shading * config.shading_grey)
+    swings = np.degrees([*after.theta[:, SWING] - after.common_swing, after.common_swing])
+    total += (own**2).sum() + ((swings / [*[config.own_swing_deg] * W, config.swing_deg]) ** 2).sum()
+    for w in range(W):
+        pulled = curve_at(before.theta[w], L, held) - curve_at(prior.theta[w], L, held)
+        pulled += curve_by_theta(before.theta[w], L, held) @ moved[w]
+        total += (pulled**2).sum() / config.prior_places / prior.trust_m[w] ** 2
+        lit, misfit = [], []
+        for n, row in enumerate(found):
+            one = row[w]
+            turns = np.arctan2(one.by_yz[:, 1], one.by_yz[:, 0]) / (2 * np.pi) % 1.0
+            stretch = np.minimum((one.s / L * config.stretches).astype(int), config.stretches - 1)
+            views = (turns * config.directions).astype(int) * config.stretches + stretch
+            towards = one.by_yz / np.linalg.norm(one.by_yz, axis=1, keepdims=True)
+            by = np.einsum("ki,kij->kj", one.by_yz, curve_by_theta(before.theta[w], L, one.s))
+            at = one.A * (by @ moved[w] + one.by_pose @ turned_by[n]) + one.B
+            for state, which in ((before, lit), (after, misfit)):
+                bright = one.by_slope * (state.bias[w, views] + towards @ state.shading[w])
+                which.append((bright - (one.B if state is before else at)) / np.sqrt(one.variance_B))
+        scale = max(1.4826 * float(np.median(np.abs(np.concatenate(lit)))), 0.3)
+        total += (np.concatenate(misfit) ** 2).sum() / scale**2
+    return float(total)

@@ -62,6 +62,7 @@ def test_the_bundle_is_small_and_complete():
         assert ("depth_path" in frame) == (i % 8 == 0)
 
 
+@pytest.mark.slow
 def test_every_mask_pixel_lies_on_a_projected_wire():
     """Within 1.5 px and the wire's radius of the axis, in every image."""
     for frame in FRAMES:

@@ -20,6 +20,8 @@ from plnerf.synth.hang_scene import hang_in_photos
 from plnerf.synth.hang_truth import summary_of
 from plnerf.synth.hang_views import PhotoView, photo_views, upright
 
+pytestmark = pytest.mark.slow
+
 DEPTH = HangDepthConfig(longest_px=120, partners=4, range_steps=40)
 CHOOSE = ChooseConfig(groups=2, wires=(2, 2), candidates=30, stations=40)
 CONFIG = HangConfig(3, CHOOSE, DrawConfig(samples=3), DEPTH)
@@ -164,7 +166,6 @@ def test_a_world_is_turned_upright() -> None:
 
 
 @pytest.mark.data
-@pytest.mark.slow
 def test_wires_are_hung_in_the_fox(shared_data: Path, tmp_path: Path) -> None:
     """Twelve of its photos, at full size: their poses have a unit of their own, and z is not up."""
     scene = tmp_path / "fox"

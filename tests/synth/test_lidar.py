@@ -45,6 +45,7 @@ def folder(scene: LidarScene, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate_lidar(tmp_path_factory.mktemp("lidar"), scene)
 
 
+@pytest.mark.slow
 def test_points_lie_on_what_is_there(
     scene: LidarScene, site: Site, folder: Path, bodies: tuple[Targets, Bodies]
 ) -> None:
@@ -58,6 +59,7 @@ def test_points_lie_on_what_is_there(
     assert 0.8 < on_ground.mean() < 1.0
 
 
+@pytest.mark.slow
 def test_strips_are_off_each_other_and_by_nothing_together(
     scene: LidarScene, site: Site, tmp_path: Path
 ) -> None:
@@ -69,6 +71,7 @@ def test_strips_are_off_each_other_and_by_nothing_together(
     assert abs(first) > 0.01 and first == pytest.approx(-last, abs=0.005)
 
 
+@pytest.mark.slow
 def test_the_truth_is_how_wires_hang_on_average(
     scene: LidarScene, site: Site, folder: Path, bodies: tuple[Targets, Bodies]
 ) -> None:

@@ -240,6 +240,7 @@ def test_drawn_scenes_can_stand_and_be_flown(seed: int) -> None:
     assert [wire.id for wire in site.wires] == list(range(1, len(names) + 1))
 
 
+@pytest.mark.slow
 def test_draws_differ_from_seed_to_seed_and_return_with_it() -> None:
     assert random_scene(3) == drawn(3)
     assert_same_site(build_site(drawn(3).span), build_site(drawn(3).span))

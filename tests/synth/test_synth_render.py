@@ -100,6 +100,7 @@ def test_blur_is_the_mean_of_its_instants(tmp_path):
     assert both.mean() == pytest.approx((first.mean() + second.mean()) / 2, rel=1e-6)
 
 
+@pytest.mark.slow
 @needs_mitsuba
 def test_a_seed_gives_the_same_truth_to_the_byte_and_the_same_images(tmp_path, monkeypatch):
     """Every sample of a picture is a function of the seed; only sums could differ, by a grey level."""

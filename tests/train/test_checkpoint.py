@@ -92,6 +92,7 @@ def test_the_next_step_is_the_same_as_without_the_disk_between(tmp_path: Path) -
     assert_same_bits(other.state_dict(), model.state_dict())
 
 
+@pytest.mark.slow
 def test_loading_keeps_nothing(tmp_path: Path) -> None:
     """As a reader did that kept two objects of every tensor, in every round; others may keep some in one."""
     path = save(tmp_path, 5)
@@ -196,6 +197,7 @@ for limit in (100, 100_000):
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_costs_only_the_new_checkpoint(tmp_path: Path) -> None:
     """Writes that really fail, at the beginning and in the middle of the tensors."""
     pytest.importorskip("resource")

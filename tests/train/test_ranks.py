@@ -122,6 +122,7 @@ def test_one_process_killed_ends_the_other_and_both_go_on_to_the_same_bits(
     assert [line["step"] for line in log_of(folder)] == [line["step"] for line in log_of(by_two[0])]
 
 
+@pytest.mark.slow
 def test_uneven_shares_are_refused_by_rank_0(built_tiny_scene: Path, tmp_path: Path) -> None:
     both = start_two("train", built_tiny_scene, "-o", tmp_path / "run", "--train.rays", "33")
     (status, _, err), (other, _, late) = (process.wait() for process in both)

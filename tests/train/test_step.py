@@ -162,6 +162,7 @@ def test_terms_carry_no_graph(tiny_scene: Path, tmp_path: Path) -> None:
     assert not any(term.requires_grad for term in terms.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine_poses", [False, True], ids=["poses fixed", "poses refined"])
 @pytest.mark.skipif(torch.cuda.is_available(), reason="Triton's kernels are not interpreted beside a GPU")
 def test_a_step_with_triton_is_a_step_with_torch(

@@ -24,7 +24,10 @@ from plnerf.view.browser import Browser
 from plnerf.view.opened import open_source
 from plnerf.view.server import ViewServer
 
-pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
+]
 """Of viser, where a browser is gone while something is on its way to it."""
 FIRST_PICTURE_MS = 120_000
 """Its kernels are compiled first where none are kept on disk yet."""

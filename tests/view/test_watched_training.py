@@ -48,6 +48,7 @@ def watched(scene: Path, run: Path, steps: int) -> Iterator[tuple[WatchedTrainin
     assert not thread.is_alive()
 
 
+@pytest.mark.slow
 def test_it_is_watched_paused_and_stopped_and_resumed_to_the_same_bits(
     tiny_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 from rich.console import Console
 
 from plnerf.bench.compare_page import comparison_table, write_pages
+from plnerf.bench.fresh_process import in_fresh_process
 from plnerf.bench.machine import circumstances
-from plnerf.bench.suites import in_fresh_process
 from plnerf.console import RunConsole, bar
 from plnerf.errors import ConfigError, PlnerfError
 from plnerf.ops.backends import BackendChoice

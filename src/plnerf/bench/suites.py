@@ -6,18 +6,10 @@ of the `BenchConfig` that returns a `SuiteResult`; a new one is an entry of `_RU
 """
 
 import json
-import multiprocessing
-import os
-import sys
-import threading
-import warnings
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 from rich.console import Console
@@ -26,6 +18,7 @@ from plnerf.bench.breakdown import breakdown_table, profile_training
 from plnerf.bench.cases import op_cases
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.coverage_suite import measure_coverage
+from plnerf.bench.fresh_process import in_fresh_process
 from plnerf.bench.machine import circumstances
 from plnerf.bench.ops_suite import measure_ops, ops_json, ops_tables
 from plnerf.bench.render_suite import (
@@ -39,7 +32,7 @@ from plnerf.bench.span_suite import measure_spans, span_table
 from plnerf.bench.tables import Table
 from plnerf.bench.train_suite import measure_training, train_json, train_tables
 from plnerf.console import bar
-from plnerf.errors import ConfigError, PlnerfError
+from plnerf.errors import ConfigError
 from plnerf.ops import reference
 from plnerf.ops.dispatch import kernels
 from plnerf.pipeline import choose_device
@@ -50,8 +43,6 @@ from plnerf.terminal import Terminal
 from plnerf.train.protocol import plain
 
 FORMAT_VERSION = 1
-T = TypeVar("T")
-U = TypeVar("U")
 
 
 @dataclass(frozen=True)
@@ -147,42 +138,6 @@ _RUNNERS: dict[str, Callable[[BenchConfig], SuiteResult]] = {
     "span": run_span,
     "coverage": run_coverage,
 }
-
-
-def in_fresh_process(function: Callable[[T], U], task: T) -> U:
-    """Calls a function in a new Python process; its errors are raised here.  Interrupted, it ends that one.
-
-    Raises PlnerfError where the process is ended from outside.
-    """
-    spawn, others = multiprocessing.get_context("spawn"), multiprocessing.active_children()
-    try:
-        with ProcessPoolExecutor(1, mp_context=spawn, initializer=_begin) as pool:
-            try:
-                return pool.submit(function, task).result()
-            except KeyboardInterrupt:  # the pool would wait until the work is done
-                for child in set(multiprocessing.active_children()) - set(others):
-                    child.kill()
-                raise
-    except BrokenProcessPool as error:
-        raise PlnerfError(
-            f"The process of {function.__name__.strip('_')!r} ended without a result: "
-            "the system may have been short of memory. Close other programs, or choose a larger --downscale."
-        ) from error
-
-
-def _begin() -> None:
-    """Has a process end with the one that began it, even where that is killed, and say its warnings as the
-    command line does, each once."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
-    warnings.simplefilter("once", UserWarning)
-    warnings.showwarning = lambda message, *_, **__: print(f"note: {message}", file=sys.stderr)
-
-
-def _end_after(parent: BaseProcess) -> None:
-    parent.join()
-    os._exit(1)  # nobody is left to hear of an error
 
 
 def _heading(about: Mapping[str, Any]) -> str:

@@ -99,9 +99,10 @@ def print_help(name: str, of_all: bool, settings: Settings) -> None:
     app.command(name=name)(function if groups is None else without_groups(function, groups))
     try:
         app.cli(prog="plnerf", args=(name, "--help"))
-    finally:
+    except SystemExit:
         if groups is not None:
             print_groups(name, groups)
+        raise
 
 
 def lack_of_memory(error: Exception) -> str | None:

@@ -387,6 +387,7 @@ def test_the_least_height_decides(line: made.Line) -> None:
     assert {wire.kind for wire in wires_of(high)} == {"phase"} and len(wires_of(high)) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("name", "count", "recall"), [("07CZ2_14.laz", 28, 0.99), ("12AN2_20.laz", 14, 0.94)]
