@@ -169,9 +169,9 @@ def adjust(
             scores[n, own] += weighted.T @ off[mine]
             bias_scores[n, w] += (weight[mine] * off[mine]) @ by_bias[mine]
     P, pull = _prior(base, state, prior, config)
-    coupling = coupling.reshape(at.size, -1)
-    eliminated = coupling / of_bias.ravel()
-    covariance = np.linalg.inv(H + P - eliminated @ coupling.T)
+    coupled = coupling.reshape(at.size, -1)
+    eliminated = coupled / of_bias.ravel()
+    covariance = np.linalg.inv(H + P - eliminated @ coupled.T)
     bias_pull = bias_scores.sum(0) - known * state.bias
     change = covariance @ (scores.sum(0) + pull - eliminated @ bias_pull.ravel())
     # Images as independent draws, in place of measurements as such ("sandwich" by clusters).
@@ -180,7 +180,7 @@ def adjust(
     after = State(
         state.theta + change[: at.pose].reshape(W, FREE),
         state.pose + change[at.pose : at.shading].reshape(N, MOVES),
-        state.bias + (bias_pull - (change @ coupling).reshape(W, -1)) / of_bias,
+        state.bias + (bias_pull - (change @ coupled).reshape(W, -1)) / of_bias,
         state.shading + change[at.shading : at.common].reshape(W, 2),
         state.common_shading + change[at.common : at.common_swing],
         state.common_swing + float(change[at.common_swing]),
