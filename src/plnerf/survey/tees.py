@@ -25,9 +25,19 @@ def with_tees(chains: Sequence[Sequence[Support]], config: SupportConfig) -> lis
             others = [one for j, chain in enumerate(found) if j != c for one in chain if one.mine]
             for other in others:
                 if other.structure is not None and _ends_at(found[c][k], other, config):
+                    given_up = found[c][k].structure
                     found[c][k] = _at(found[c][k], other.structure, config)
+                    _follow(found, given_up, other.structure)
                     break
     return found
+
+
+def _follow(found: list[list[Support]], given_up: Structure | None, structure: Structure) -> None:
+    """Has ends that had come to a structure which its own line gives up come to what that line has now."""
+    for chain in found:
+        for k, one in enumerate(chain):
+            if given_up is not None and one.structure is given_up:
+                chain[k] = replace(one, structure=structure)
 
 
 def _ends_at(end: Support, other: Support, config: SupportConfig) -> bool:
