@@ -16,14 +16,16 @@ from plnerf.survey.support import Support, Supports
 CONFIG = CrossarmConfig()
 
 
-def supports_of(wires: list[Wire], structure: Structure | None) -> Supports:
-    """Of a line along x whose first span ends at x = 40."""
+def supports_of(wires: list[Wire], structure: Structure | None, mine: bool = True) -> Supports:
+    """Of a line along x whose first span ends at x = 40; mine: whether the structure is its own."""
     junction = Junction(Base(np.array([40.0, 0.0]), np.array([41.0, 0.0])), span_of(wires), None)
     held = (np.zeros((len(wires), 2)), np.zeros((0, 2)))
-    return Supports(((Support(junction, structure, held),),), np.zeros(0, np.bool_))
+    return Supports(((Support(junction, structure, held, mine=mine),),), np.zeros(0, np.bool_))
 
 
-def test_what_lies_across_the_line_at_a_structure_is_its_arm() -> None:
+@pytest.mark.parametrize("mine", [True, False])
+def test_what_lies_across_the_line_at_a_structure_is_its_arm(mine: bool) -> None:
+    """Also where the structure counts as another line's, such as one that its arms were taken for."""
     wires = [hang((0.0, y, 10.0), (40.0, y, 10.0), 0.8) for y in (-2.5, 2.5)]
     arms = [hang((40.1, -2.6, z), (39.9, 2.6, z), 0.01) for z in (10.0, 10.6)]
     piece = hang((38.0, 2.5, 10.1), (40.0, 2.5, 10.0), 0.01)
@@ -31,7 +33,7 @@ def test_what_lies_across_the_line_at_a_structure_is_its_arm() -> None:
     away = hang((30.0, -2.0, 9.0), (30.0, 2.0, 9.0), 0.01)
     every = [*wires, *arms, piece, crossing, away]
     stands = Structure(1, np.array([40.0, 0.0, 0.0]), 12.0, 0.05, "test")
-    kept = without_crossarms(every, supports_of(wires, stands), CONFIG)
+    kept = without_crossarms(every, supports_of(wires, stands, mine), CONFIG)
     assert [id(one) for one in kept] == [id(one) for one in (*wires, piece, crossing, away)]
     assert without_crossarms(every, supports_of(wires, None), CONFIG) == every
 

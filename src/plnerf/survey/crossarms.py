@@ -17,7 +17,7 @@ from plnerf.survey.support import Support, Supports
 def without_crossarms(wires: Sequence[Wire], supports: Supports, config: CrossarmConfig) -> list[Wire]:
     """The wires without those that lie across a structure's line, at it, and reach no farther to its sides
     than its own wires."""
-    every = [one for chain in supports.chains for one in chain if one.mine and one.structure is not None]
+    every = [one for chain in supports.chains for one in chain if one.structure is not None]
     return [wire for wire in wires if not any(_is_arm(wire, one, config) for one in every)]
 
 
