@@ -43,6 +43,6 @@ class Terminal(Console):
 
     def on_broken_pipe(self) -> None:
         """Nobody reads any more: the command line ends as where anything else is not read (`cli/stop.py`)."""
-        if self.stderr:  # an error cannot be told where errors are not read
+        if self.stderr:  # nobody reads errors either
             super().on_broken_pipe()
         raise BrokenPipeError

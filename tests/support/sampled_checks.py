@@ -42,7 +42,7 @@ def _jaxtyped(original: Any, *, typechecker: Any) -> Any:
 def _sampled(
     plain: Callable[..., Any], with_checks: Callable[[Callable[..., Any]], Callable[..., Any]]
 ) -> Callable[..., Any]:
-    """The checks are made at the first call: of thousands of functions a test file calls some hundred."""
+    """The checks are made at the first call, so that functions that no test calls cost nothing."""
     made: list[Callable[..., Any]] = []
 
     @functools.wraps(plain)

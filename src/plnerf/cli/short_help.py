@@ -40,21 +40,21 @@ def without_groups(command: Callable[..., Any], settings: Any) -> Callable[..., 
     ]
     if single:
         Single = make_dataclass("Single", single)
-        kind = Annotated[Single, tyro.conf.arg(name="")]  # type: ignore[valid-type] # a class all the same
+        kind = Annotated[Single, tyro.conf.arg(name="")]  # type: ignore[valid-type]  # made above
         taken[SETTINGS] = taken[SETTINGS].replace(annotation=kind, default=Single())
     else:
         del taken[SETTINGS]
 
     def shown(**_: object) -> None: ...
 
-    shown.__doc__ = inspect.unwrap(getattr(command, "func", command)).__doc__
+    shown.__doc__ = getattr(command, "func", command).__doc__
     shown.__annotations__ = {name: one.annotation for name, one in taken.items()}
     vars(shown)["__signature__"] = inspect.Signature(list(taken.values()))
     return shown
 
 
 def print_groups(command: str, settings: Any) -> None:
-    """What the groups of a command's settings are about, and how many settings each has."""
+    """Prints what each group of a command's settings is about, and how many settings it has."""
     table = Table.grid(padding=(0, 2), expand=True)
     table.add_column(no_wrap=True)
     table.add_column(ratio=1)

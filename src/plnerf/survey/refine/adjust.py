@@ -75,7 +75,7 @@ class Step:
 
     state: State
     covariance: Float[np.ndarray, "p p"]
-    """Of all unknowns but the c, from the normal equations."""
+    """Of the unknowns theta, t, l_w, l and phi, from the normal equations."""
     spread: Float[np.ndarray, "p p"]
     """The same by how much the images differ from one another: measurements of one image share errors."""
     off_px: tuple[Float[np.ndarray, " _"], ...]
