@@ -298,7 +298,7 @@ def test_open_ends_have_no_figure_but_the_reason(survey: Survey, tmp_path: Path)
     cut = replace(first, ends=(first.ends[0], Open("the cloud ends there")))
     spans = (replace(line.spans[0], wires=(cut, *others)),)
     done = write_exports(replace(survey, lines=(replace(line, spans=spans),)), tmp_path)
-    reason = "its last end is open (the cloud ends there)"
+    reason = "the last end is open (the cloud ends there)"
     row, other, _ = table(done.files["conductors.csv"])
     empty = [f"{name}{end}" for name in ("sag", "span", "length", "p") for end in ("_m", "_95_m")]
     assert {row[name] for name in (*empty, "sag_from_a_m")} == {""} and row["no_sag_because"] == reason

@@ -206,7 +206,7 @@ def test_the_file_is_strict_and_states_what_there_is(tmp_path: Path) -> None:
     loose, held = content["lines"][0]["spans"][0]["wires"]
     for key in ("sag", "span_length", "p"):
         assert loose[key] is None and set(held[key]) == {"value", "sigma"}
-    assert loose["no_sag_because"] == "its last end is open (not filmed)" and held["no_sag_because"] is None
+    assert loose["no_sag_because"] == "the last end is open (not filmed)" and held["no_sag_because"] is None
     wire_ = made.lines[0].spans[0].wires[1]
     assert wire_.sag is not None and held["sag"]["value"] == wire_.sag.value
     np.testing.assert_array_equal(held["points_at_ends"], wire_.points(np.array([0.0, wire_.base.length_m])))

@@ -257,9 +257,9 @@ OPEN = Open("not filmed")
 @pytest.mark.parametrize(
     ("ends", "reason"),
     [
-        ((OPEN, ENDS[1]), "its first end is open (not filmed)"),
-        ((ENDS[0], Open("hidden")), "its last end is open (hidden)"),
-        ((OPEN, Open("hidden")), "its first end is open (not filmed) and its last end is open (hidden)"),
+        ((OPEN, ENDS[1]), "the first end is open (not filmed)"),
+        ((ENDS[0], Open("hidden")), "the last end is open (hidden)"),
+        ((OPEN, Open("hidden")), "the first end is open (not filmed) and its last end is open (hidden)"),
     ],
 )
 @given(drawn=numbers())

@@ -357,7 +357,7 @@ def test_wires_without_a_state_are_named_with_the_reason() -> None:
     assert found is not None and [one.wire for one in found.states[0].wires] == [1]
     texts = " ".join(one.text for one in findings)
     assert "Of wire 9 no other state is known: no conductor is given for shield wires." in texts
-    assert "Of wire 2 no other state is known: its last end is open (not filmed)." in texts
+    assert "Of wire 2 no other state is known: the last end is open (not filmed)." in texts
     assert "beyond structure 2 (suspension)" in texts
 
 
@@ -369,7 +369,7 @@ def test_where_no_wire_has_a_state_the_findings_are_the_reasons() -> None:
     found, findings = compute_states([line], 20.0, MechanicsConfig(ALST))
     assert found is not None and not any(one.wires for one in found.states)
     texts = [one.text for one in findings]
-    assert texts == ["Of wire 1 no other state is known: its last end is open (not filmed)."]
+    assert texts == ["Of wire 1 no other state is known: the last end is open (not filmed)."]
 
 
 def test_a_state_that_no_tension_answers_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -246,7 +246,7 @@ def test_open_ends_have_a_dash_and_the_reason() -> None:
         assert {row[f"{name}, m ± 95 %"] for name in ("sag", "span length", "wire length", "p")} == {"–"}
         assert row["no sag, span length and p, because"] == wire.open
     assert {row["last end"] for row in read.table("coverage")} == {"open: not filmed beyond it"}
-    because = "because its last end is open (not filmed beyond it)"
+    because = "because the last end is open (not filmed beyond it)"
     assert f"sag – 5 wires have none, {because}" in read.text
     assert f"Wires 1 to 5: no sag, span length and p, {because}." in read.text
     assert "of unknown length" in read.text
@@ -257,9 +257,9 @@ def test_one_open_wire_is_named_beside_the_others_sag() -> None:
     survey = report("short")
     first = replace(survey.wires[0], ends=(Open("hidden"), survey.wires[0].ends[1]))
     read = Read(html_page(with_wires(survey, (first, *survey.wires[1:]))))
-    assert "of 4 wires; 1 wire has none, because its first end is open (hidden)" in read.text
+    assert "of 4 wires; 1 wire has none, because the first end is open (hidden)" in read.text
     reasons = [row["no sag, span length and p, because"] for row in read.table("kind")]
-    assert reasons == ["its first end is open (hidden)", "–", "–", "–", "–"]
+    assert reasons == ["the first end is open (hidden)", "–", "–", "–", "–"]
 
 
 def test_lines_spans_and_structures_are_numbered_as_in_the_survey() -> None:

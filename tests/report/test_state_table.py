@@ -63,7 +63,7 @@ def test_without_states_the_page_says_what_is_missing() -> None:
     section = html_page(survey).split('<section id="states">')[1].split("</section>")[0]
     assert "Not computed: no conductor is given. Give --conductor." in section
     bare = replace(SURVEY.states, states=tuple(replace(one, wires=()) for one in SURVEY.states.states))  # type: ignore[arg-type, type-var, union-attr]
-    missing = note("other states", "Of wire 1 no other state is known: its last end is open.")
+    missing = note("other states", "Of wire 1 no other state is known: the last end is open.")
     section = html_page(replace(survey, states=bare, findings=(missing,))).split('<section id="states">')[1]
-    assert "Of wire 1 no other state is known: its last end is open." in section.split("</section>")[0]
+    assert "Of wire 1 no other state is known: the last end is open." in section.split("</section>")[0]
     assert "Without a scale no other state is known." in html_page(surveys.unscaled(0.05))

@@ -138,7 +138,7 @@ def test_no_sag_is_compared_where_none_is_stated() -> None:
     one, other = score.matches
     assert one.sag_found_m is None and one.sag_sigma_m is None and one.span_found_m is None
     assert one.sag_error_m is None and one.sag_within_95 is None
-    assert one.no_sag_because == "its last end is open (not filmed)"
+    assert one.no_sag_because == "the last end is open (not filmed)"
     assert one.sag_m == pytest.approx(1.2) and other.sag_within_95
     assert score.share_within_95("sag") == 1  # of the other alone
     points = true.points(np.linspace(0, 25, 250_001))
@@ -355,9 +355,9 @@ def test_why_there_is_no_sag_is_reported(folder: Path) -> None:
     span_ = Span(1, (1, None), (replace(first, ends=(first.ends[0], Open("hidden"))), *others))
     write_survey_json(folder / "survey.json", replace(survey, lines=(Line(1, survey.structures, (span_,)),)))
     done = score_files(folder, truth=folder.parent.parent / "truth.json")
-    assert "Conductor 1 (wire 1) has no sag: its last end is open (hidden)." in done.text
+    assert "Conductor 1 (wire 1) has no sag: the last end is open (hidden)." in done.text
     (row, *_) = json.loads(done.path.read_text())["conductors"]["wires"]
-    assert row["sag_found_m"] is None and row["no_sag_because"] == "its last end is open (hidden)"
+    assert row["sag_found_m"] is None and row["no_sag_because"] == "the last end is open (hidden)"
 
 
 def test_a_truth_in_another_frame_is_moved_by_its_cameras(folder: Path, tiny_scene: Path) -> None:

@@ -41,7 +41,7 @@ class Open:
     """An end of what is known of a wire, not of the wire."""
 
     reason: str
-    """Such as "not filmed", "hidden", "the cloud ends"; reads on after "its first end is open"."""
+    """Such as "not filmed", "hidden", "the cloud ends"; reads on after "the first end is open"."""
 
 
 End = Attached | Open

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from plnerf.errors import SurveyError
 from plnerf.line.wire import Wire
 
 StructureKind = Literal["suspension", "strain", "terminal", "unknown"]
@@ -44,6 +45,12 @@ class Span:
     structures: tuple[int | None, int | None]
     """Ids of what holds its first and its last end; None: no structure is seen there."""
     wires: tuple[Wire, ...]
+
+    def __post_init__(self) -> None:
+        """Raises SurveyError where one structure is named as what holds both ends."""
+        first, last = self.structures
+        if first is not None and first == last:
+            raise SurveyError(f"Span {self.id} begins and ends at structure {first}, but needs two of them.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,7 +124,7 @@ class Wire:
     def open(self) -> str | None:
         """Why it has no sag, span length and p: which of its ends no structure holds; None if none is."""
         named = zip(("first", "last"), self.ends, strict=True)
-        reasons = [f"its {name} end is open ({end.reason})" for name, end in named if isinstance(end, Open)]
+        reasons = [f"the {name} end is open ({end.reason})" for name, end in named if isinstance(end, Open)]
         return " and ".join(reasons) or None
 
     @property

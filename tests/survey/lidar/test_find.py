@@ -224,7 +224,7 @@ def test_part_of_a_span_is_found_and_has_no_sag(line: made.Line) -> None:
             assert wire.ends[open_end] == Open("the cloud ends there")
             assert isinstance(wire.ends[1 - open_end], Attached)
             name = ("first", "last")[open_end]
-            assert wire.open == f"its {name} end is open (the cloud ends there)"
+            assert wire.open == f"the {name} end is open (the cloud ends there)"
             assert wire.sag is None and wire.span_m is None and wire.p_m is None
 
 
