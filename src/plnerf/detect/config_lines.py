@@ -255,7 +255,10 @@ class DirectionConfig:
     """Votes of a direction over those of the median azimuth, as a multiple of these and of `few_px`, that it
     takes to be searched;"""
     min_share: float = 0.1
-    """and as a fraction of what the first direction had."""
+    """and as a fraction of what the first direction had,"""
+    clear: float = 6.0
+    """unless it is so many: lines before a clear sky vote so much that few metres of the next span, which
+    nothing else resembles, have but a small part of it."""
     few_px: float = 100.0
     """Votes that a few pairs of different lines collect by chance."""
 
@@ -277,9 +280,10 @@ class DirectionConfig:
             self,
         )
         check(
-            min(self.most, self.partners) >= 1 and min(self.min_excess, self.few_px, self.min_share) > 0,
-            "detect.directions needs most and partners of 1 or more, and min_excess, min_share and few_px "
-            "above 0",
+            min(self.most, self.partners) >= 1
+            and min(self.min_excess, self.few_px, self.min_share, self.clear) > 0,
+            "detect.directions needs most and partners of 1 or more, and min_excess, few_px, min_share and "
+            "clear above 0",
             self,
         )
 

@@ -189,7 +189,8 @@ def strongest(votes: Votes, searched: Sequence[float], config: DirectionConfig) 
 
 def stands_out(direction: Direction, first: Direction | None, config: DirectionConfig) -> bool:
     """Whether a direction has enough votes to be searched.  first: the first one searched, if any."""
-    return direction.excess >= max(config.min_excess, config.min_share * first.excess if first else 0.0)
+    share = min(config.min_share * first.excess, config.clear) if first else 0.0
+    return direction.excess >= max(config.min_excess, share)
 
 
 def given(azimuth_rad: float, votes: Votes, config: DirectionConfig) -> Direction:
