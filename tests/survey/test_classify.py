@@ -92,6 +92,20 @@ def test_an_arm_far_from_all_ground_that_is_seen_is_no_ground() -> None:
     assert fooled is not None and float(fooled.above(below)[0]) < -9.0
 
 
+def test_a_structure_beyond_the_end_of_what_is_seen_of_a_wire_is_no_ground() -> None:
+    random = np.random.default_rng(0)
+    xy = random.uniform(-18, 2, (9000, 2))
+    floor = np.column_stack([xy, random.normal(0, 0.03, len(xy))])
+    top = random.uniform(-0.5, 0.5, (60, 3)) + np.array([37.0, -10.0, 10.5])
+    wire = hang((-5.0, -10.0, 10.0), (30.0, -10.0, 10.0), 0.8)
+    surface, below = seen(np.concatenate([floor, top]), 0.02), np.array([[37.0, -10.0, 0.0]])
+    none = np.zeros(len(surface.xyz), bool)
+    ground = ground_of(surface, [wire], none, CONFIG)
+    assert ground is not None and abs(float(ground.above(below)[0])) < 0.2
+    fooled = ground_of(surface, [wire], none, ClassifyConfig(clear_beyond_m=0.0))
+    assert fooled is not None and float(fooled.above(below)[0]) < -8.0
+
+
 def test_ground_that_is_known_to_a_metre_only_is_no_crown() -> None:
     random = np.random.default_rng(0)
     xyz = np.column_stack([random.uniform(-20, 20, (9000, 2)), random.normal(0, 0.8, 9000)])

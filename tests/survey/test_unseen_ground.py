@@ -53,6 +53,14 @@ def test_what_is_lowest_below_stretches_that_were_not_seen_is_no_ground() -> Non
         assert without_unseen_ground(other, [coverage((1.0, 0.3, 1.0, 0.9))], CONFIG, FILTER) == (other, ())
 
 
+def test_what_is_lowest_beyond_an_end_that_was_not_seen_is_no_ground() -> None:
+    """The top of a structure that was not found, say."""
+    top = plain(102.0, 108.0, 8.0)
+    survey = survey_of(np.concatenate([plain(-5.0, 75.0), top[np.abs(top[:, 1]) <= 3.0]]))
+    found, _ = without_unseen_ground(survey, [coverage((1.0, 1.0, 1.0, 0.0))], CONFIG, FILTER)
+    assert np.array_equal(found.cloud.label, np.where(survey.cloud.xyz[:, 0] > 100.0, UNCLASSIFIED, GROUND))
+
+
 def test_a_height_is_less_elsewhere_only_where_the_ground_may_be_as_near() -> None:
     s = np.linspace(0.0, 100.0, 201)
     z = WIRE.points(s)[:, 2]

@@ -254,17 +254,20 @@ class ClassifyConfig:
     clear_m: float = 2.0
     """Nothing is ground that is less than this below a wire, or above it,"""
     clear_beside_m: float = 4.0
-    """within this horizontal distance of it: arms reach so far beyond the ends of tension strings."""
+    """within this horizontal distance of it: arms reach so far beyond the ends of tension strings,"""
+    clear_beyond_m: float = 10.0
+    """and of its curve, continued so far beyond its ends: there may be a structure that is not found."""
 
     def __post_init__(self) -> None:
-        least = min(self.near_sigmas, self.clear_m, self.clear_beside_m, self.grounded_beside_m)
+        beside = min(self.clear_m, self.clear_beside_m, self.clear_beyond_m, self.grounded_beside_m)
+        least = min(self.near_sigmas, beside)
         if not self.max_sigma_m > 0 or least < 0 or self.crown_cells < 1:
             raise ConfigError(
-                "Classes need max_sigma_m > 0, crown_cells >= 1 and near_sigmas, grounded_beside_m, clear_m "
-                f"and clear_beside_m of 0 or more, but got max_sigma_m={self.max_sigma_m}, "
+                "Classes need max_sigma_m > 0, crown_cells >= 1 and near_sigmas, grounded_beside_m, clear_m, "
+                f"clear_beside_m and clear_beyond_m of 0 or more, but got max_sigma_m={self.max_sigma_m}, "
                 f"near_sigmas={self.near_sigmas}, grounded_beside_m={self.grounded_beside_m}, "
                 f"clear_m={self.clear_m}, clear_beside_m={self.clear_beside_m}, "
-                f"crown_cells={self.crown_cells}."
+                f"clear_beyond_m={self.clear_beyond_m}, crown_cells={self.crown_cells}."
             )
 
 

@@ -65,13 +65,17 @@ def without_unseen_ground(
 def _stretch_of(
     span: Stretch, coverage: Coverage, xyz: Float[np.ndarray, "n 3"], side_m: float
 ) -> Int[np.ndarray, " n"]:
-    """Index of the stretch of a span that each point is below or beside; -1 of none."""
+    """Index of the stretch of a span that each point is below or beside; -1 of none.
+
+    What lies beyond an end of the span, as near as what lies beside it, is of the stretch at that end.
+    """
     ys = [span.base.local(wire.points(np.array([0.0, wire.base.length_m])))[:, 1] for wire in span.span.wires]
     local = span.base.local(xyz)
-    of = np.searchsorted(coverage.from_m, span.from_m + local[:, 0], side="right") - 1
+    station = span.from_m + local[:, 0]
+    of = np.searchsorted(coverage.from_m, station, side="right") - 1
     beside = (local[:, 1] >= np.min(ys) - side_m) & (local[:, 1] <= np.max(ys) + side_m)
-    beside &= span.from_m + local[:, 0] <= coverage.to_m[-1]
-    return np.where(beside, of, -1)
+    beside &= (station >= coverage.from_m[0] - side_m) & (station <= coverage.to_m[-1] + side_m)
+    return np.where(beside, np.maximum(of, 0), -1)
 
 
 def _continues(
