@@ -8,7 +8,7 @@ from tests.support.drawn import FRAMES, hanging
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import SearchConfig, SelectConfig
-from plnerf.detect.continuations import ends_of_lines, ends_of_wires, goes_on, in_parallel, slopes_of
+from plnerf.detect.continuations import ends_of_lines, ends_of_wires, goes_on, of_next_span, slopes_of
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.windows import Window
 from plnerf.line.frame import LineFrame
@@ -68,10 +68,26 @@ def test_slopes_are_those_where_a_line_is_seen() -> None:
     assert slopes_of(line, X) == pytest.approx([y, z])
 
 
-def test_a_line_alone_does_not_go_on() -> None:
+def test_a_faint_line_alone_is_none_of_the_next_span() -> None:
     select = SelectConfig()
     one = Candidate(through(0.2, 0.3, 0.2)[0], np.eye(6), 0.3, 9, 90.0, (30, 50))
     beside = replace(one, theta=through(0.2, 0.5, 0.2, climb=0.1 + 1.9 * select.max_slope_difference)[0])
     steeper = replace(one, theta=through(0.2, 0.5, 0.2, climb=0.1 + 2.1 * select.max_slope_difference)[0])
-    assert in_parallel([one, beside], X, select) == [one, beside]
-    assert in_parallel([one, steeper], X, select) == in_parallel([one], X, select) == []
+    assert of_next_span([one, beside], X, select) == [one, beside]
+    assert of_next_span([one, steeper], X, select) == of_next_span([one], X, select) == []
+    on_ground = replace(beside, likeness=1.01 * select.lies)
+    assert of_next_span([one, on_ground], X, select) == []
+
+
+def test_a_clear_line_alone_is_one_of_the_next_span_if_it_hangs() -> None:
+    select = SelectConfig()
+    curve = through(0.2, 0.3, 0.2)[0]
+    hanging_a_little, standing = curve + 0.01 * np.eye(6)[4], curve - 0.01 * np.eye(6)[4]
+    one = Candidate(hanging_a_little, np.eye(6), 0.3, 9, 1.01 * select.min_odds, (30, 50))
+    assert of_next_span([one], X, select) == [one]
+    for other in (
+        replace(one, odds=0.99 * select.min_odds),
+        replace(one, theta=standing),
+        replace(one, likeness=1.01 * select.lies),
+    ):
+        assert of_next_span([other], X, select) == []

@@ -72,6 +72,20 @@ def goes_on(
     return ((nearest <= config.onward) & beside).any(1)
 
 
+def of_next_span(
+    lines: Sequence[Candidate], x: Float[np.ndarray, " i"], config: SelectConfig
+) -> list[Candidate]:
+    """Of lines that go on where wires end those in the air that run as another one does, or that hang and
+    have by themselves the evidence that a window's first line needs."""
+    in_air = [line for line in lines if not line.likeness > config.lies]  # not of NaN
+    parallel = in_parallel(in_air, x, config)
+
+    def is_clear(line: Candidate) -> bool:
+        return line.odds >= config.min_odds and bool(line.theta[4] > 0)
+
+    return [line for line in in_air if is_clear(line) or line in parallel]
+
+
 def in_parallel(
     lines: Sequence[Candidate], x: Float[np.ndarray, " i"], config: SelectConfig
 ) -> list[Candidate]:

@@ -23,7 +23,7 @@ from plnerf.detect.candidate import (
     without_gaps,
 )
 from plnerf.detect.config import SelectConfig
-from plnerf.detect.continuations import ends_of_lines, goes_on, in_parallel
+from plnerf.detect.continuations import ends_of_lines, goes_on, of_next_span
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
@@ -86,7 +86,8 @@ def find_lines(
     wires, others = followed(search, lines[: len(wires)]), lines[len(wires) :]
     others = without_mixtures(search, others, hanging=False)
     ends = np.concatenate([ends, ends_of_lines(wires, search.x, config.search.around)])
-    return [*wires, *_going_on(search, window, ends, judged)], others
+    more = _going_on(search, window, ends, others, judged)
+    return [*wires, *more], [line for line in others if line not in more]
 
 
 def _like_the_leaders(
@@ -114,9 +115,16 @@ def _beside(leader: Candidate, line: Candidate, length: float, select: SelectCon
 
 
 def _going_on(
-    search: Search, window: Window, ends: Float[np.ndarray, "m 2 3"], judged: Judge
+    search: Search,
+    window: Window,
+    ends: Float[np.ndarray, "m 2 3"],
+    others: Sequence[Candidate],
+    judged: Judge,
 ) -> list[Candidate]:
-    """Further lines in the air that begin where wires end, two or more that run alike."""
+    """Further lines that begin where wires end, and are those of the next span.
+
+    others: lines that were found and are no wires by themselves: of a few metres the sag is not known.
+    """
     config, x = search.config, search.x
     if not len(ends):
         return []
@@ -130,9 +138,9 @@ def _going_on(
 
     met = search.met(window, config.chains.spare_alike)
     least, most = config.select.min_odds_continued, config.search.max_lines
-    found = _found_near(search, met[onward(met)], least, most, judged, wanted)
-    in_air = [line for line in found if not line.likeness > config.select.lies]
-    return in_parallel(in_air, x, config.select)
+    onwards = [line for line in others if wanted(line)]
+    onwards += _found_near(search, met[onward(met)], least, most, judged, wanted)
+    return of_next_span(onwards, x, config.select)
 
 
 def repeated(lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:
