@@ -259,7 +259,7 @@ OPEN = Open("not filmed")
     [
         ((OPEN, ENDS[1]), "the first end is open (not filmed)"),
         ((ENDS[0], Open("hidden")), "the last end is open (hidden)"),
-        ((OPEN, Open("hidden")), "the first end is open (not filmed) and its last end is open (hidden)"),
+        ((OPEN, Open("hidden")), "the first end is open (not filmed) and the last end is open (hidden)"),
     ],
 )
 @given(drawn=numbers())
