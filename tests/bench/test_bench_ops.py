@@ -138,6 +138,7 @@ def test_shares_are_work_over_time_over_the_ceiling(tiny_ceilings: ceilings.Ceil
     assert ops_suite.shares_of(work, 2.0, tiny_ceilings, None).random is None
 
 
+@pytest.mark.slow
 def test_every_op_of_a_step_is_a_case_and_agrees(tiny_ceilings: ceilings.Ceilings) -> None:
     """The shapes of tests; each kernel's name once, each with its work counted."""
     found = cases.op_cases("numba", small=True)

@@ -498,6 +498,7 @@ def test_output_that_nobody_reads_ends_the_command_quietly() -> None:
     assert process.wait() == 141
 
 
+@pytest.mark.slow
 def test_demo_goes_from_photos_to_pictures(
     tiny_scene: Path, tmp_path: Path, plnerf: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
