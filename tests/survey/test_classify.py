@@ -77,32 +77,28 @@ def test_a_crown_that_hides_the_ground_is_no_ground() -> None:
     assert fooled is not None and abs(float(fooled.above(np.array([[4.0, 4.0, 0.0]]))[0])) > 0.2
 
 
-def test_an_arm_far_from_all_ground_that_is_seen_is_no_ground() -> None:
-    """It is all that is seen at a wire's end, and lies no higher than a hill might."""
+@pytest.mark.parametrize(
+    ("place", "half_m", "without"),
+    [
+        ((32.0, -10.0, 9.4), 0.2, ClassifyConfig(clear_beside_m=0.0)),
+        ((37.0, -10.0, 10.5), 0.5, ClassifyConfig(clear_beyond_m=0.0)),
+    ],
+    ids=["an arm", "a structure that was not found"],
+)
+def test_what_is_at_the_height_of_a_wire_beyond_its_end_is_no_ground(
+    place: tuple[float, float, float], half_m: float, without: ClassifyConfig
+) -> None:
+    """It is all that is seen there, far from all ground that is seen, and no higher than a hill might be."""
     random = np.random.default_rng(0)
     xy = random.uniform(-18, 2, (9000, 2))
     floor = np.column_stack([xy, random.normal(0, 0.03, len(xy))])
-    arm = random.uniform(-0.2, 0.2, (60, 3)) + np.array([32.0, -10.0, 9.4])
+    thing = random.uniform(-half_m, half_m, (60, 3)) + place
     wire = hang((-5.0, -10.0, 10.0), (30.0, -10.0, 10.0), 0.8)
-    surface, below = seen(np.concatenate([floor, arm]), 0.02), np.array([[32.0, -10.0, 0.0]])
+    surface, below = seen(np.concatenate([floor, thing]), 0.02), np.array([[*place[:2], 0.0]])
     none = np.zeros(len(surface.xyz), bool)
     ground = ground_of(surface, [wire], none, CONFIG)
     assert ground is not None and abs(float(ground.above(below)[0])) < 0.2
-    fooled = ground_of(surface, [wire], none, ClassifyConfig(clear_beside_m=0.0))
-    assert fooled is not None and float(fooled.above(below)[0]) < -9.0
-
-
-def test_a_structure_beyond_the_end_of_what_is_seen_of_a_wire_is_no_ground() -> None:
-    random = np.random.default_rng(0)
-    xy = random.uniform(-18, 2, (9000, 2))
-    floor = np.column_stack([xy, random.normal(0, 0.03, len(xy))])
-    top = random.uniform(-0.5, 0.5, (60, 3)) + np.array([37.0, -10.0, 10.5])
-    wire = hang((-5.0, -10.0, 10.0), (30.0, -10.0, 10.0), 0.8)
-    surface, below = seen(np.concatenate([floor, top]), 0.02), np.array([[37.0, -10.0, 0.0]])
-    none = np.zeros(len(surface.xyz), bool)
-    ground = ground_of(surface, [wire], none, CONFIG)
-    assert ground is not None and abs(float(ground.above(below)[0])) < 0.2
-    fooled = ground_of(surface, [wire], none, ClassifyConfig(clear_beyond_m=0.0))
+    fooled = ground_of(surface, [wire], none, without)
     assert fooled is not None and float(fooled.above(below)[0]) < -8.0
 
 
