@@ -22,9 +22,9 @@ def lowest(D: float, h: float, p: float) -> tuple[float, float]:
 
 
 def heights(x: Float[np.ndarray, " n"], D: float, h: float, p: float) -> Float[np.ndarray, " n"]:
-    """Heights at x; cosh(u) - 1 as 2 sinh(u/2)^2 loses no digits for flat wires."""
-    x0, h0 = lowest(D, h, p)
-    height: Float[np.ndarray, " n"] = h0 + 2 * p * np.sinh((x - x0) / (2 * p)) ** 2
+    """Heights at x, as a product: above a far lowest point they are differences of large numbers."""
+    x0, _ = lowest(D, h, p)
+    height: Float[np.ndarray, " n"] = 2 * p * np.sinh(x / (2 * p)) * np.sinh((x / 2 - x0) / p)
     return height
 
 
@@ -40,9 +40,9 @@ def sag_at(D: float, h: float, p: float) -> float:
 
 
 def arc_length(D: float, h: float, p: float) -> float:
-    """Length of the wire: p (sinh((D - x0)/p) + sinh(x0/p))."""
-    x0 = lowest(D, h, p)[0]
-    return p * (math.sinh((D - x0) / p) + math.sinh(x0 / p))
+    """Length of the wire: p (sinh((D - x0)/p) + sinh(x0/p)), as a product."""
+    x0, _ = lowest(D, h, p)
+    return 2 * p * math.sinh(D / (2 * p)) * math.cosh((D / 2 - x0) / p)
 
 
 def p_of_sag(D: float, h: float, sag_m: float) -> float:
