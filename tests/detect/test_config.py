@@ -21,6 +21,7 @@ from plnerf.detect.config_lines import (
     DirectionConfig,
     EvidenceConfig,
     LineMapConfig,
+    OnwardConfig,
     RidgeConfig,
     SegmentConfig,
     WindowConfig,
@@ -89,6 +90,9 @@ from plnerf.train.settings import from_json, to_json
         (JoinConfig, {"min_overlap": 0.0}),
         (MeetConfig, {"about": 0.5}),
         (MeetConfig, {"sigmas": 0.0}),
+        (OnwardConfig, {"half_px": 0.0}),
+        (OnwardConfig, {"step_rad": 1.0}),
+        (OnwardConfig, {"most": 0}),
     ],
 )
 def test_a_wrong_value_is_refused_and_shown(part: type, wrong: dict[str, Any]) -> None:
@@ -103,7 +107,7 @@ def test_every_part_has_a_name_in_the_error_texts() -> None:
     assert parts == {
         "evidence", "odds", "chains", "refit", "search", "select", "certainty", "ridges",
         "lines", "directions", "windows", "join", "meet", "surroundings",
-        "segments",
+        "segments", "onward",
     }  # fmt: skip
 
 

@@ -79,6 +79,17 @@ def test_a_faint_line_alone_is_none_of_the_next_span() -> None:
     assert of_next_span([one, on_ground], X, select) == []
 
 
+def test_a_line_that_surely_bends_upwards_is_no_wire() -> None:
+    select = SelectConfig()
+    known = np.diag([1e-6] * 4 + [0.01**2, 1e-6])
+    one = Candidate(through(0.2, 0.3, 0.2)[0], known, 0.3, 9, 90.0, (30, 50))
+    bent = -0.01 * select.sag_sigmas_free * np.eye(6)[4]
+    beside = replace(one, theta=through(0.2, 0.5, 0.2)[0] + 0.99 * bent)
+    upwards = replace(beside, theta=through(0.2, 0.5, 0.2)[0] + 1.01 * bent)
+    assert of_next_span([one, beside], X, select) == [one, beside]
+    assert of_next_span([one, upwards], X, select) == []
+
+
 def test_a_clear_line_alone_is_one_of_the_next_span_if_it_hangs() -> None:
     select = SelectConfig()
     curve = through(0.2, 0.3, 0.2)[0]

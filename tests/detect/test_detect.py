@@ -21,7 +21,7 @@ from tests.support.drawn import (
     two_passes,
 )
 
-from plnerf.detect import detect
+from plnerf.detect import in_window
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig, SearchConfig
 from plnerf.detect.config_lines import DirectionConfig
@@ -345,7 +345,7 @@ def test_a_wire_whose_ridges_lie_beside_it_is_found_beside_sharper_ones(
 ) -> None:
     """As those of a wire next to the camera do, which is many pixels wide."""
     scene, _ = three
-    views, exact = views_of(scene.cameras[list(scene.train)]), detect.line_evidence
+    views, exact = views_of(scene.cameras[list(scene.train)]), in_window.line_evidence
     rng = np.random.default_rng(0)
     points = LineFrame.of_scene(scene.frames).to_scene(polyline(TRUE[0], 4000))
 
@@ -366,7 +366,7 @@ def test_a_wire_whose_ridges_lie_beside_it_is_found_beside_sharper_ones(
                 picture[row, column], tangent[row, column] = 1, steps_of(np.array([np.arctan(slope)]))[0]
         return maps
 
-    monkeypatch.setattr(detect, "line_evidence", scattered)
+    monkeypatch.setattr(in_window, "line_evidence", scattered)
     assert_each_once(detect_wires(scene, DEFAULT))
 
 

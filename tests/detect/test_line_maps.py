@@ -9,7 +9,9 @@ import torch
 from tests.support.drawn import draw, hanging, pinhole_cameras, polyline, scene_of, two_passes
 
 from plnerf.detect.config_lines import LineMapConfig
-from plnerf.detect.line_maps import line_maps
+from plnerf.detect.line_maps import line_maps, ridges_of
+from plnerf.detect.line_ridges import HALF_TURN
+from plnerf.detect.views import views_of
 
 CONFIG = LineMapConfig()
 MOST_PX = 1280
@@ -56,3 +58,21 @@ def test_a_reduced_photo_shows_the_same_planes(tmp_path: Path) -> None:
     strong = maps.of(maps.response > 0.6)
     assert len(strong.view) > 100 * len(scene.train) and strong.pixel.max() < 240 * 180
     assert np.median(np.abs(strong.normal[:, 0])) < np.sin(np.radians(1.5))
+
+
+def test_the_ridges_of_some_views_are_their_pixels_and_run_along_the_line(tmp_path: Path) -> None:
+    cameras = two_passes(3)
+    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(hanging(0.02, 0.05, 0.0))], noise=1.0))
+    maps = line_maps(scene.images, cameras, scene.train, MOST_PX, CONFIG)
+    views = views_of(scene.photo_cameras[list(scene.train)], MOST_PX)
+    ridges = ridges_of(maps, views, np.array([4, 1]))
+    count = 240 * 180
+    assert ridges.response.shape == ridges.tangent.shape == (2 * count,)
+    for k, view in enumerate((4, 1)):
+        mine = maps.of(maps.view == view)
+        response = np.zeros(count, np.float32)
+        response[mine.pixel] = mine.response
+        np.testing.assert_array_equal(ridges.response[k * count : (k + 1) * count], response)
+        strong = mine.pixel[mine.response > 0.6]
+        turn = ridges.tangent[k * count + strong].astype(int)  # a level line, seen by level cameras
+        assert np.median(np.minimum(turn, HALF_TURN - turn)) < HALF_TURN * 3 / 180

@@ -12,6 +12,7 @@ from plnerf.detect.config_lines import (
     DirectionConfig,
     EvidenceConfig,
     LineMapConfig,
+    OnwardConfig,
     RidgeConfig,
     SegmentConfig,
     SurroundingsConfig,
@@ -318,6 +319,7 @@ class DetectConfig:
     segments: SegmentConfig = field(default_factory=SegmentConfig)
     directions: DirectionConfig = field(default_factory=DirectionConfig)
     windows: WindowConfig = field(default_factory=WindowConfig)
+    onward: OnwardConfig = field(default_factory=OnwardConfig)
     chains: ChainConfig = field(default_factory=ChainConfig)
     odds: OddsConfig = field(default_factory=OddsConfig)
     refit: RefitConfig = field(default_factory=RefitConfig)

@@ -329,6 +329,37 @@ class WindowConfig:
 
 
 @dataclass(frozen=True)
+class OnwardConfig:
+    """The search for what begins where wires end (`onward.py`), in windows about their ends."""
+
+    half_px: float = 500.0
+    """Half a window's length, in pixels of the views that see it."""
+    planes: int = 60
+    """Planes across it."""
+    step_rad: float = math.radians(10.0)
+    """From the direction of one window to the next: curves may run askew by half of it and a little more."""
+    least_views: int = 6
+    """Views that must see the place."""
+    around: float = 0.3
+    """A wire may end so far before or behind the structure, in units of half a window's length,"""
+    past: float = 0.03
+    """and the next one's line run past it by so much."""
+    most: int = 3
+    """Directions that are searched at a place, at most."""
+    min_odds: float = 100.0
+    """Nats that a line needs there, beside another that runs as it does: planes are near to each other."""
+
+    def __post_init__(self) -> None:
+        check(
+            min(self.half_px, self.around, self.past, self.min_odds) > 0 and 0 < self.step_rad < 1
+            and min(self.least_views, self.planes) >= 3 and self.most >= 1,
+            "detect.onward needs half_px, around, past and min_odds above 0, a step_rad above 0 and below 1, "
+            "least_views and planes of 3 or more, and most of 1 or more",
+            self,
+        )
+
+
+@dataclass(frozen=True)
 class SurroundingsConfig:
     """The comparison of what views see beside a line (`surroundings.py`)."""
 

@@ -72,12 +72,24 @@ def goes_on(
     return ((nearest <= config.onward) & beside).any(1)
 
 
+def runs_through(
+    line: Candidate, ends: Float[np.ndarray, "m 2 3"], x: Float[np.ndarray, " i"], config: SearchConfig
+) -> bool:
+    """The same of one line."""
+    return bool(goes_on(line.theta[None], x[np.array([line.seen])], ends, x, config)[0])
+
+
 def of_next_span(
     lines: Sequence[Candidate], x: Float[np.ndarray, " i"], config: SelectConfig
 ) -> list[Candidate]:
     """Of lines that go on where wires end those in the air that run as another one does, or that hang and
-    have by themselves the evidence that a window's first line needs."""
-    in_air = [line for line in lines if not line.likeness > config.lies]  # not of NaN
+    have by themselves the evidence that a window's first line needs.  None that bends upwards is a wire."""
+
+    def may_hang(line: Candidate) -> bool:
+        least = -config.sag_sigmas_free * np.sqrt(line.covariance[4, 4])
+        return not line.likeness > config.lies and bool(line.theta[4] > least)  # not of NaN
+
+    in_air = [line for line in lines if may_hang(line)]
     parallel = in_parallel(in_air, x, config)
 
     def is_clear(line: Candidate) -> bool:

@@ -2,33 +2,32 @@
 
 Thin lines of all images vote for a direction; windows along it are searched (`window_search.py`); what was
 found there votes no longer, and the next direction is searched, as long as lines of many images agree on one.
-Nobody needs to know where a line runs, how many there are, and where they bend.
+Then it is asked what goes on where wires end (`onward.py`).  Nobody needs to know where a line runs, how many
+there are, and where they bend.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Int, UInt8
 
-from plnerf.detect.candidate import Candidate, common_ends
+from plnerf.detect.candidate import Candidate
 from plnerf.detect.chains import chains_of
 from plnerf.detect.config import DEFAULT, DetectConfig
-from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.detect.continuations import ends_of_wires
 from plnerf.detect.directions import Direction, given, stands_out, strongest, vote
-from plnerf.detect.evidence import line_evidence
+from plnerf.detect.in_window import KeptRidges, Known, wires_in
 from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
-from plnerf.detect.line_ridges import LineRidges, joined_ridges
+from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.meets import curves_where_chains_meet
-from plnerf.detect.refit import mask_ridges
-from plnerf.detect.search import Search, Sharpness
+from plnerf.detect.onward import wires_onward
+from plnerf.detect.search import Search
 from plnerf.detect.segments import Segments, linked, segments_of
 from plnerf.detect.structures import ended_where_they_meet
 from plnerf.detect.surroundings import Surroundings, projected
-from plnerf.detect.to_wire import certain_stretch, known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
 from plnerf.detect.windows import Window, windows_along
@@ -90,6 +89,8 @@ def detect_wires(
             pieces.append(_in_window(scene, views, window, ridges, surroundings, known, config, part))
         known.wires += joined(pieces, config.join)
         known.others = known.taken.copy()
+    if config.directions.azimuth_deg is None:
+        known.wires += wires_onward(scene, views, maps, surroundings, known, config)
     report(1.0)
     wires = ended_where_they_meet(known.wires, config.meet)
     return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
@@ -147,37 +148,6 @@ def _left(piece: Int[np.ndarray, " m"], taken: UInt8[np.ndarray, " m"], count: i
     return 2 * np.bincount(piece, taken, count) < np.bincount(piece, minlength=count)
 
 
-class KeptRidges:
-    """The ridges of lines in a direction in the training photos, kept from one window to the next."""
-
-    def __init__(self, scene: Scene, direction: Direction, config: EvidenceConfig) -> None:
-        self.scene, self.direction, self.config = scene, direction, config
-        self.kept: dict[int, LineRidges] = {}
-
-    def of(self, views: Int[np.ndarray, " k"]) -> LineRidges:
-        """Those of some views, which are the only ones kept."""
-        scene, missing = self.scene, [int(k) for k in views if int(k) not in self.kept]
-        images = [scene.train[k] for k in missing]
-        new = line_evidence(scene.photos, scene.photo_cameras, images, self.direction.vector, self.config)
-        self.kept.update(zip(missing, new, strict=True))
-        self.kept = {int(k): self.kept[int(k)] for k in views}
-        return joined_ridges(list(self.kept.values()))
-
-
-@dataclass
-class Known:
-    """What the search has shown so far."""
-
-    wires: list[Wire]
-    """Of the directions before."""
-    others: UInt8[np.ndarray, " p"]
-    """1 for pixels, of all views, that lines of the directions before took: they show nothing here."""
-    taken: UInt8[np.ndarray, " p"]
-    """1 for pixels that any lines took."""
-    sharpness: Sharpness | None = None
-    """How well ridges agree with wires."""
-
-
 def _in_window(
     scene: Scene,
     views: Views,
@@ -188,40 +158,14 @@ def _in_window(
     config: DetectConfig,
     report: Callable[[float], None],
 ) -> list[Wire]:
-    """The wires in a window; what it takes, and how well ridges agree with wires, is known then."""
-    mine, seen = window.seen_by(views), ridges.of(window.views)
-    counts = zip(views.starts[window.views], mine.sizes.prod(1), strict=True)
-    seen.response[np.concatenate([known.others[start : start + count] for start, count in counts]) > 0] = 0
-    search = Search(mine, seen, middles_of_planes(window.planes), config, known.sharpness)
-    frame = LineFrame.of_scene(scene.frames)
+    """The wires in a window along a direction."""
+    frame, seen = LineFrame.of_scene(scene.frames), ridges.of(window.views)
     before = ends_of_wires(known.wires, window, frame, config.search.around)
     report(EVIDENCE)
-    found, rest = find_lines(search, window, surroundings, before, partial(_within, report, EVIDENCE, 1.0))
-    _mark([*found, *rest], search, replace(window, views=np.arange(len(views.R))).seen_by(views), known.taken)
-    x, length = search.x, search.length
-    wires, unit_m = [], window.unit_m(frame)
-    for line in found:
-        footprint = typical_footprint(mine, line.theta, x, config.certainty)
-        ends = common_ends(line, found, length, config.select)
-        ends = known_ends(line, ends, x, footprint, config.certainty)
-        ends = certain_stretch(line, ends, x, footprint, unit_m, config.certainty)
-        wires.append(wire_of(line, ends, window, x, footprint, frame, config.certainty))
-    known.sharpness = search.sharpness
+    find = partial(
+        find_lines, window=window, surroundings=surroundings, ends=before,
+        report=partial(_within, report, EVIDENCE, 1.0),
+    )  # fmt: skip
+    wires = wires_in(window, views, seen, known, frame, config, find)
     report(1.0)
     return wires
-
-
-def middles_of_planes(count: int) -> Float[np.ndarray, " i"]:
-    """Places of planes, evenly between -1 and 1."""
-    return np.linspace(-1 + 1 / count, 1 - 1 / count, count)
-
-
-def _mark(lines: list[Candidate], search: Search, views: Views, taken: UInt8[np.ndarray, " p"]) -> None:
-    """Marks the pixels of lines in all views."""
-    x = search.x
-    for line in lines:
-        low, high = (x[plane] for plane in line.seen)
-        s = [(end - x[0]) / (x[-1] - x[0]) for end in (low, high)]
-        fine = np.linspace(low, high, 40 * (line.planes + 1))
-        mask_ridges(views, transport_matrix(s[0], s[1]) @ line.theta, fine, search.mask_px(line), taken)
-    np.minimum(taken, 1, out=taken)

@@ -16,9 +16,11 @@ import torch
 from jaxtyping import Bool, Float32, Int
 
 from plnerf.detect.config_lines import LineMapConfig
+from plnerf.detect.line_ridges import LineRidges, joined_ridges, steps_of
 from plnerf.detect.line_samples import padded, strongest_across
 from plnerf.detect.reduction import mean_of_blocks, reduction, valid_blocks
 from plnerf.detect.ridges import Ridges, find_ridges
+from plnerf.detect.views import Views
 from plnerf.rays.rays import pixel_rays
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
@@ -109,3 +111,17 @@ def middles(ridges: Ridges, config: LineMapConfig) -> Bool[np.ndarray, "h w"]:
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors (m, 3) divided by their lengths."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+
+
+def ridges_of(maps: LineMaps, views: Views, chosen: Int[np.ndarray, " k"]) -> LineRidges:
+    """The pixels of some views, one view after the other, with the lines through them."""
+    parts = []
+    for n in chosen:
+        here = slice(*np.searchsorted(maps.view, [n, n + 1]))
+        count, pixel = int(views.sizes[n].prod()), maps.pixel[here]
+        response, tangent = np.zeros(count, np.float32), np.zeros(count, np.uint8)
+        across = maps.normal[here].astype(np.float64) @ views.R[n].T
+        response[pixel] = maps.response[here]
+        tangent[pixel] = steps_of(np.arctan2(across[:, 0], -across[:, 1]))
+        parts.append(LineRidges(response, tangent))
+    return joined_ridges(parts)

@@ -23,7 +23,7 @@ from plnerf.detect.candidate import (
     without_gaps,
 )
 from plnerf.detect.config import SelectConfig
-from plnerf.detect.continuations import ends_of_lines, goes_on, of_next_span
+from plnerf.detect.continuations import ends_of_lines, goes_on, of_next_span, runs_through
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
@@ -53,10 +53,7 @@ def find_lines(
     config = search.config
     met = search.distinct(search.met(window, config.chains.spare))
 
-    def judged(line: Candidate) -> Candidate:
-        likeness = surroundings.likeness(line, search.views, window.views, search.x, config.certainty)
-        return replace(line, likeness=likeness)
-
+    judged = partial(judge, search, window, surroundings)
     lines = _found_near(search, met, config.select.min_odds, config.search.max_lines, judged)
     first = leaders(lines, search.length, config.select)
     report(0.4)
@@ -86,7 +83,10 @@ def find_lines(
     wires, others = followed(search, lines[: len(wires)]), lines[len(wires) :]
     others = without_mixtures(search, others, hanging=False)
     ends = np.concatenate([ends, ends_of_lines(wires, search.x, config.search.around)])
-    more = _going_on(search, window, ends, others, judged)
+    onwards = [line for line in others if runs_through(line, ends, search.x, config.search)]
+    onwards += lines_onward(search, window, ends, judged)
+    # Of a few metres the sag is not known: those were found, and are no wires by themselves.
+    more = of_next_span(onwards, search.x, config.select)
     return [*wires, *more], [line for line in others if line not in more]
 
 
@@ -114,17 +114,10 @@ def _beside(leader: Candidate, line: Candidate, length: float, select: SelectCon
     return seen_together(leader, line) and hang_alike(leader, line, length, select)
 
 
-def _going_on(
-    search: Search,
-    window: Window,
-    ends: Float[np.ndarray, "m 2 3"],
-    others: Sequence[Candidate],
-    judged: Judge,
+def lines_onward(
+    search: Search, window: Window, ends: Float[np.ndarray, "m 2 3"], judged: Judge
 ) -> list[Candidate]:
-    """Further lines that begin where wires end, and are those of the next span.
-
-    others: lines that were found and are no wires by themselves: of a few metres the sag is not known.
-    """
+    """Further lines that begin where wires end."""
     config, x = search.config, search.x
     if not len(ends):
         return []
@@ -134,13 +127,18 @@ def _going_on(
         return goes_on(curves, seen, ends, x, config.search)
 
     def wanted(line: Candidate) -> bool:
-        return bool(goes_on(line.theta[None], x[np.array([line.seen])], ends, x, config.search)[0])
+        return runs_through(line, ends, x, config.search)
 
     met = search.met(window, config.chains.spare_alike)
     least, most = config.select.min_odds_continued, config.search.max_lines
-    onwards = [line for line in others if wanted(line)]
-    onwards += _found_near(search, met[onward(met)], least, most, judged, wanted)
-    return of_next_span(onwards, x, config.select)
+    return _found_near(search, met[onward(met)], least, most, judged, wanted)
+
+
+def judge(search: Search, window: Window, surroundings: Surroundings, line: Candidate) -> Candidate:
+    """A `Judge` of a window, but for its last argument."""
+    certainty = search.config.certainty
+    likeness = surroundings.likeness(line, search.views, window.views, search.x, certainty)
+    return replace(line, likeness=likeness)
 
 
 def repeated(lines: Sequence[Candidate], planes: int) -> Float[np.ndarray, "c 6"]:
