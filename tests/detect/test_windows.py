@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.support.drawn import HALF, hanging, pinhole_cameras, two_passes
+from tests.support.drawn import HALF, hanging, pinhole_cameras, two_passes, uncertain
 
 from plnerf.detect.config import JoinConfig
 from plnerf.detect.config_lines import WindowConfig
 from plnerf.detect.directions import Direction
-from plnerf.detect.join import joined
+from plnerf.detect.join import joined, with_onward
 from plnerf.detect.views import project_point, views_of
 from plnerf.detect.windows import Window, spacing_along, windows_along
 
@@ -115,3 +115,23 @@ def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:
     beside = replace(b, theta=b.theta + np.array([0.2, 0.2, 0, 0, 0, 0]))
     assert len(joined([[a], [beside]], JoinConfig())) == 2
     assert len(joined([[a, b]], JoinConfig())) == 2  # of one window: each has ridges of its own
+
+
+def test_a_piece_beyond_a_wires_end_is_more_of_it_if_it_lies_on_its_known_curve() -> None:
+    whole = hanging(0.02, 0.1)
+    shown = replace(whole.evidence, seen_m=((0.0, 2 * HALF),))
+    known = replace(whole, covariance=np.diag([1e-6] * 6), evidence=shown)
+    a, beyond = known.between(0.0, 1.3 * HALF), known.between(1.4 * HALF, 2 * HALF)
+    other = replace(a, theta=a.theta + np.array([0.2, 0.2, 0, 0, 0, 0]))
+    first, second = with_onward([other, a], [beyond])
+    assert first is other and second.base.length_m == pytest.approx(2 * HALF)
+    s = np.linspace(0, 2 * HALF, 20)
+    np.testing.assert_allclose(second.at(s), whole.at(s), atol=1e-9)
+    reach_m = whole.evidence.reach_m
+    assert reach_m is not None
+    kinked = replace(beyond, theta=beyond.theta + 1.1 * reach_m * np.eye(6)[3])
+    vague = replace(a, covariance=np.diag([(0.2 * reach_m) ** 2] * 6))
+    assert vague.sigma_at(np.array([2 * HALF])).max() > reach_m / 2
+    for wire, piece in ((a, kinked), (vague, beyond), (uncertain(a), beyond)):
+        assert with_onward([wire], [piece]) == [wire, piece]
+    assert with_onward([], [beyond]) == [beyond] and with_onward([a], []) == [a]

@@ -90,7 +90,7 @@ def detect_wires(
         known.wires += joined(pieces, config.join)
         known.others = known.taken.copy()
     if config.directions.azimuth_deg is None:
-        known.wires += wires_onward(scene, views, maps, surroundings, known, config)
+        known.wires = wires_onward(scene, views, maps, surroundings, known, config)
     report(1.0)
     wires = ended_where_they_meet(known.wires, config.meet)
     return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))

@@ -14,6 +14,10 @@ from plnerf.detect.config import JoinConfig
 from plnerf.line.wire import Wire
 
 PLACES = 21
+MOST_TURN_RAD = math.radians(10.0)
+"""Bases of two pieces of one wire differ by less: each is along the window in which it was found."""
+SIGMAS = 2.0
+"""So many standard deviations a curve may be off by."""
 
 
 def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
@@ -33,6 +37,33 @@ def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
                 wires[mine] = merged(wires[mine], piece)
                 open_ones.remove(mine)
     return wires
+
+
+def with_onward(wires: Sequence[Wire], pieces: Sequence[Wire]) -> list[Wire]:
+    """The wires, each with the pieces beyond its ends that lie on its curve, and the other pieces.
+
+    Where a wire's curve is not known so far from it, or turns off, a piece is a wire of its own: it may be of
+    the next span.
+    """
+    longer = list(wires)
+    for piece in pieces:
+        off = [off_curve_m(wire, piece) for wire in longer[: len(wires)]]
+        mine = int(np.argmin(off)) if off else 0
+        if off and off[mine] <= reach_m(longer[mine], piece):
+            longer[mine] = merged(longer[mine], piece)
+        else:
+            longer.append(piece)
+    return longer
+
+
+def off_curve_m(wire: Wire, piece: Wire) -> float:
+    """The greatest distance of a piece from a wire's curve, which goes on beyond its ends, or what the curve
+    may be off by there, if that is more; infinite where they run another way."""
+    if not wire.evidence.certain or wire.base.u @ piece.base.u < math.cos(MOST_TURN_RAD):
+        return math.inf
+    there = wire.base.local(piece.points(np.linspace(0.0, piece.base.length_m, PLACES)))
+    away = np.linalg.norm(there[:, 1:] - wire.at(there[:, 0]), axis=1)
+    return float(max(away.max(), SIGMAS * wire.sigma_at(there[:, 0]).max()))
 
 
 def apart_m(a: Wire, b: Wire, config: JoinConfig) -> float:

@@ -20,6 +20,7 @@ from plnerf.detect.config_lines import OnwardConfig
 from plnerf.detect.continuations import ends_of_wires, of_next_span, slopes_of
 from plnerf.detect.directions import Direction
 from plnerf.detect.in_window import KeptRidges, Known, search_of, wires_in
+from plnerf.detect.join import with_onward
 from plnerf.detect.line_maps import LineMaps, ridges_of
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings, projected
@@ -39,7 +40,8 @@ def wires_onward(
     known: Known,
     config: DetectConfig,
 ) -> list[Wire]:
-    """Wires that begin where known ones end; what they take is known then."""
+    """The known wires, longer where they go on, and those that begin where they end; what these take is known
+    then."""
     frame, begun = LineFrame.of_scene(scene.frames), list[Wire]()
     onward = config.onward
     near = replace(config, search=replace(config.search, around=onward.around, onward=onward.past))
@@ -59,7 +61,7 @@ def wires_onward(
             ridges = KeptRidges(scene, direction, config.evidence).of(seen)
             begun += wires_in(along, views, ridges, known, frame, sure, find)
             known.others = known.taken.copy()
-    return begun
+    return with_onward(known.wires, begun)
 
 
 Found = tuple[list[Candidate], list[Candidate]]
