@@ -72,12 +72,12 @@ def believed(
     off_px = float(np.hypot(config.systematic_px, config.undescribed * pose_residual_px(step)))
     common = off_px / step.pixels_per_m
     by_yz = np.concatenate([row.by_yz for row in rows])
-    systematic = _systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
-    covariance = sure.of_wire(w) + systematic
+    common_to_all = systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
+    covariance = sure.of_wire(w) + common_to_all
     return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
 
 
-def _systematic(
+def systematic(
     theta: Float[np.ndarray, "6"], common_m: float, bow_px: float, by_yz: Float[np.ndarray, "k 2"],
     config: AdjustConfig,
 ) -> Float[np.ndarray, "6 6"]:  # fmt: skip
@@ -92,10 +92,10 @@ def _systematic(
     # A wire too taut to show its swing swings no further for it than wind does.
     arm = max(bend, float(np.sqrt(of_bow[0, 0])) / np.radians(config.swing_deg))
     s, c = np.sin(swing), np.cos(swing)
-    by_bow = np.array([[s, c], [c / arm, -s / arm]])  # b and swing, by y and z of the middle
-    systematic = np.zeros((6, 6))
-    systematic[:4, :4], systematic[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
-    return systematic
+    by_bow = np.array([[s, -c], [c / arm, s / arm]])  # b and swing, by y and z of the middle
+    covariance = np.zeros((6, 6))
+    covariance[:4, :4], covariance[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
+    return covariance
 
 
 def on_stretches(
