@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from tests.support.drawn import (
     FOCAL,
     FRAME,
+    HALF,
     draw,
     hanging,
     pinhole_cameras,
@@ -21,8 +22,11 @@ from tests.support.drawn import (
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.config_lines import DirectionConfig, OnwardConfig
 from plnerf.detect.detect import detect_wires
+from plnerf.detect.in_window import Known, search_of
+from plnerf.detect.line_maps import line_maps, ridges_of
 from plnerf.detect.onward import places
 from plnerf.detect.views import views_of
+from plnerf.detect.windows import Window
 
 PIXEL = 0.45 / FOCAL
 """Width of a pixel at the distance of the passes."""
@@ -69,3 +73,27 @@ def test_wires_that_end_together_are_one_place_with_the_views_that_see_it() -> N
     many = replace(CONFIG, onward=replace(CONFIG.onward, least_views=9))
     assert list(places(wires, views, FRAME, many)) == []
     assert list(places([], views, FRAME, CONFIG)) == []
+
+
+def test_a_search_that_is_turned_finds_the_same_and_leaves_the_first_as_it_is(tmp_path: Path) -> None:
+    """In a window that lies the other way: the same line, its ends exchanged."""
+    cameras = two_passes(6)
+    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(SPAN[0])]))
+    views = views_of(scene.photo_cameras[list(scene.train)], 1280)
+    maps = line_maps(scene.photos, scene.photo_cameras, scene.train, 1280, CONFIG.lines)
+    every = np.arange(len(views.R))
+    window = Window(np.zeros(3), 0.0, HALF, -np.ones(2), np.ones(2), every, 60)
+    other = replace(window, azimuth_rad=np.pi)
+    nothing = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
+    known = Known([], nothing, nothing.copy())
+    first = search_of(window, views, ridges_of(maps, views, every), known, CONFIG)
+    turned = first.turned(other.seen_by(views))
+    (y_A, y_B, z_A, z_B, b, d), least = SPAN[0].theta / HALF, CONFIG.select.min_odds
+    line, _ = first.best(np.array([[y_A, y_B, z_A, z_B, b, d]]), least)
+    before = first.odds
+    same, _ = turned.best(np.array([[-y_B, -y_A, z_B, z_A, b, -d]]), least)
+    assert line is not None and same is not None
+    assert same.odds == pytest.approx(line.odds, rel=0.02)
+    turned.mask_ridges(same)
+    assert not first.masks.any() and first.odds is before and turned.masks.any()
+    assert turned.chains is first.chains

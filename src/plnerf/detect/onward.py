@@ -109,10 +109,11 @@ def _directions(
 ) -> list[Direction]:
     """Those in which thin lines run through the ends of wires, the clearest first."""
     onward, found = config.onward, list[tuple[float, Direction]]()
+    around = search_of(window, views, ridges_of(maps, views, window.views), known, config)
     for azimuth in _azimuths(onward):
         along = replace(window, azimuth_rad=float(azimuth))
         ends = ends_of_wires(known.wires, along, frame, config.search.around)
-        search = search_of(along, views, ridges_of(maps, views, window.views), known, config)
+        search = around.turned(along.seen_by(views))
         for line in lines_onward(search, along, ends, partial(judge, search, along, surroundings)):
             if not line.likeness > config.select.lies:
                 aside, up = np.arctan(slopes_of(line, search.x))

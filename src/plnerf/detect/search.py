@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from typing import NamedTuple, no_type_check
 
@@ -65,17 +66,28 @@ class Search:
         """From the first plane to the last."""
         return float(self.x[-1] - self.x[0])
 
+    @property
+    def chains(self) -> Chains:
+        """Those of all ridges."""
+        if self._chains is None:
+            least = self.config.odds.min_response
+            self._chains = chains_of(self.responses, self.views, least, self.config.chains)
+        return self._chains
+
+    def turned(self, views: Views) -> "Search":
+        """The search of the same ridges in another frame, before any line has some.  views: in that frame."""
+        other, other_chains = copy(self), self.chains
+        other.views, other.masks, other._mask_px, other._chains = views, self.masks.copy(), {}, other_chains
+        return other
+
     def met(self, window: Window, spare: float) -> Float[np.ndarray, "c 6"]:
         """Curves in which chains of two views meet, of all ridges, whether a line has them or not.
 
         spare: by which part of its length a chain may be longer.
         """
-        if self._chains is None:
-            least = self.config.odds.min_response
-            self._chains = chains_of(self.responses, self.views, least, self.config.chains)
         config = replace(self.config.chains, spare=spare)
         box = (window.low, window.high)
-        return curves_where_chains_meet(self._chains, self.views, self.x, *box, config)
+        return curves_where_chains_meet(self.chains, self.views, self.x, *box, config)
 
     def rated(self, curves: Float[np.ndarray, "c 6"]) -> Float[np.ndarray, "3 c"]:
         """Odds of each curve's best stretch on a few planes, and where it begins and ends, 0 to 1."""
