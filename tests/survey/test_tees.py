@@ -1,5 +1,7 @@
 """Lines that end at another line's structure."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from plnerf.line.base import Base
@@ -42,3 +44,22 @@ def test_a_line_that_ends_farther_away_has_a_structure_of_its_own() -> None:
     found = with_tees(lines, SupportConfig())
     assert [line[-1].structure for line in found] == [line[-1].structure for line in lines]
     assert all(line[-1].mine for line in found)
+
+
+def test_a_few_metres_beside_a_structure_have_it_at_one_end_only() -> None:
+    tee_m = SupportConfig().tee_m
+    first, piece = ending_at(0.0, 60.0), ending_at(0.5 * tee_m, 0.6 * tee_m)
+    (own, others) = with_tees([first, piece], SupportConfig())
+    assert own[-1].structure is first[-1].structure and own[-1].mine
+    assert others[0].structure is None
+    assert others[-1].structure is first[-1].structure and not others[-1].mine
+
+
+def test_an_end_that_follows_another_line_to_the_structure_at_its_other_end_is_open() -> None:
+    """The last line runs from the first's structure to the second's, which turns out to be the first's."""
+    first, second = ending_at(0.0, 60.0), ending_at(0.75 * SupportConfig().tee_m, 50.0)
+    ends = zip(ending_at(100.0, 40.0), (first, second), strict=True)
+    between = [replace(end, structure=line[-1].structure, mine=False) for end, line in ends]
+    found = with_tees([first, second, between], SupportConfig())
+    assert found[1][-1].structure is first[-1].structure
+    assert [one.structure for one in found[2]] == [first[-1].structure, None]

@@ -17,27 +17,37 @@ from plnerf.survey.support import Support
 def with_tees(chains: Sequence[Sequence[Support]], config: SupportConfig) -> list[list[Support]]:
     """The chains' supports, those at which one line ends at another's structure with that structure.
 
-    chains: the longest first; of two that end at one structure, it belongs to the longer.
+    chains: the longest first; of two that end at one structure, it belongs to the longer.  No span has it at
+    both of its ends, as one of a few metres beside it would.
     """
     found = [list(chain) for chain in chains]
     for c in range(len(found) - 1, -1, -1):
-        for k in (0, -1):
+        # Of a span of a few metres that end comes to a structure near both where one was seen.
+        for k in sorted((0, len(found[c]) - 1), key=lambda k: found[c][k].structure is None):
             others = [one for j, chain in enumerate(found) if j != c for one in chain if one.mine]
-            for other in others:
-                if other.structure is not None and _ends_at(found[c][k], other, config):
+            for structure, other in ((one.structure, one) for one in others):
+                if structure is None or _is_beside(structure, found[c], k):
+                    continue
+                if _ends_at(found[c][k], other, config):
                     given_up = found[c][k].structure
-                    found[c][k] = _at(found[c][k], other.structure, config)
-                    _follow(found, given_up, other.structure)
+                    found[c][k] = _at(found[c][k], structure, config)
+                    _follow(found, given_up, structure)
                     break
     return found
 
 
 def _follow(found: list[list[Support]], given_up: Structure | None, structure: Structure) -> None:
-    """Has ends that had come to a structure which its own line gives up come to what that line has now."""
+    """Has ends that had come to a structure which its own line gives up come to what that line has now; those
+    of a span that has it at its other end are open."""
     for chain in found:
         for k, one in enumerate(chain):
             if given_up is not None and one.structure is given_up:
-                chain[k] = replace(one, structure=structure)
+                chain[k] = replace(one, structure=None if _is_beside(structure, chain, k) else structure)
+
+
+def _is_beside(structure: Structure, chain: Sequence[Support], k: int) -> bool:
+    """Whether a span that ends at the k-th support of its chain has a structure at its other end."""
+    return any(chain[j].structure is structure for j in (k - 1, k + 1) if 0 <= j < len(chain))
 
 
 def _ends_at(end: Support, other: Support, config: SupportConfig) -> bool:
