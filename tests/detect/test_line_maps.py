@@ -11,7 +11,7 @@ from tests.support.drawn import draw, hanging, pinhole_cameras, polyline, scene_
 from plnerf.detect.config_lines import LineMapConfig
 from plnerf.detect.line_maps import line_maps, ridges_of
 from plnerf.detect.line_ridges import HALF_TURN
-from plnerf.detect.views import views_of
+from plnerf.detect.views import project_point, views_of
 
 CONFIG = LineMapConfig()
 MOST_PX = 1280
@@ -61,8 +61,8 @@ def test_a_reduced_photo_shows_the_same_planes(tmp_path: Path) -> None:
 
 
 def test_the_ridges_of_some_views_are_their_pixels_and_run_along_the_line(tmp_path: Path) -> None:
-    cameras = two_passes(3)
-    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(hanging(0.02, 0.05, 0.0))], noise=1.0))
+    cameras, line = two_passes(3), polyline(hanging(0.02, 0.05, 0.0, climb=0.2))
+    scene = scene_of(tmp_path, cameras, draw(cameras, [line], noise=1.0))
     maps = line_maps(scene.images, cameras, scene.train, MOST_PX, CONFIG)
     views = views_of(scene.photo_cameras[list(scene.train)], MOST_PX)
     ridges = ridges_of(maps, views, np.array([4, 1]))
@@ -74,5 +74,8 @@ def test_the_ridges_of_some_views_are_their_pixels_and_run_along_the_line(tmp_pa
         response[mine.pixel] = mine.response
         np.testing.assert_array_equal(ridges.response[k * count : (k + 1) * count], response)
         strong = mine.pixel[mine.response > 0.6]
-        turn = ridges.tangent[k * count + strong].astype(int)  # a level line, seen by level cameras
-        assert np.median(np.minimum(turn, HALF_TURN - turn)) < HALF_TURN * 3 / 180
+        (u, v, _), (u_on, v_on, _) = (project_point(views, view, *line[j]) for j in (195, 205))
+        along = np.arctan2(v_on - v, u_on - u) * HALF_TURN / np.pi  # it climbs: down or up to the right
+        turn = (ridges.tangent[k * count + strong] - along + HALF_TURN / 2) % HALF_TURN - HALF_TURN / 2
+        assert np.median(np.abs(turn)) < HALF_TURN * 3 / 180
+        assert abs(np.sin(along * np.pi / HALF_TURN)) > np.sin(np.radians(6.0))

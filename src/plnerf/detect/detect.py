@@ -2,8 +2,8 @@
 
 Thin lines of all images vote for a direction; windows along it are searched (`window_search.py`); what was
 found there votes no longer, and the next direction is searched, as long as lines of many images agree on one.
-Then it is asked what goes on where wires end (`onward.py`).  Nobody needs to know where a line runs, how many
-there are, and where they bend.
+At last the ends of wires are searched for what begins there (`onward.py`).  Nobody needs to know where a line
+runs, how many there are, and where they bend.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
-"""A window of a scene searched: what earlier windows took shows nothing here, and what this one takes, later.
+"""The search of one window of a scene, and the wires that it gives.
 
-The ridges in a window are those of the thin lines that run along it, found once for each photo.
+Pixels that lines found before took show nothing here; those that lines of this window take are marked.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,8 +24,10 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
 
-Find = Callable[[Search], tuple[list[Candidate], list[Candidate]]]
-"""The wires that a search finds, and lines that are none."""
+Found = tuple[list[Candidate], list[Candidate]]
+"""Wires, and lines that are none."""
+Find = Callable[[Search], Found]
+"""What finds them in a window."""
 
 
 class KeptRidges:
@@ -47,10 +49,10 @@ class KeptRidges:
 
 @dataclass
 class Known:
-    """What the search has shown so far."""
+    """What windows before have shown."""
 
     wires: list[Wire]
-    """Of the directions before."""
+    """Those of the directions before."""
     others: UInt8[np.ndarray, " p"]
     """1 for pixels, of all views, that lines of the directions before took: they show nothing here."""
     taken: UInt8[np.ndarray, " p"]

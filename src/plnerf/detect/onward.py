@@ -14,12 +14,11 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Int
 
-from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.config_lines import OnwardConfig
 from plnerf.detect.continuations import ends_of_wires, of_next_span, slopes_of
 from plnerf.detect.directions import Direction
-from plnerf.detect.in_window import KeptRidges, Known, search_of, wires_in
+from plnerf.detect.in_window import Found, KeptRidges, Known, search_of, wires_in
 from plnerf.detect.join import with_onward
 from plnerf.detect.line_maps import LineMaps, ridges_of
 from plnerf.detect.search import Search
@@ -62,10 +61,6 @@ def wires_onward(
             begun += wires_in(along, views, ridges, known, frame, sure, find)
             known.others = known.taken.copy()
     return with_onward(known.wires, begun)
-
-
-Found = tuple[list[Candidate], list[Candidate]]
-"""Wires, and lines that are none."""
 
 
 def places(
