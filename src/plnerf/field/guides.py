@@ -18,6 +18,8 @@ from torch import Tensor
 
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
+from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import kernels
 from plnerf.rays.rays import Rays
 
 ITERATIONS = 3
@@ -48,9 +50,14 @@ class Guides:
     def __len__(self) -> int:
         return self.reach.shape[0]
 
+    @property
+    def tensors(self) -> tuple[Tensor, ...]:
+        """The fields in their order."""
+        return tuple(getattr(self, one.name) for one in fields(self))
+
     def to(self, device: torch.device | str) -> "Guides":
         """The same curves on another device."""
-        return Guides(*(getattr(self, one.name).to(device) for one in fields(self)))
+        return Guides(*(value.to(device) for value in self.tensors))
 
 
 @dataclass(frozen=True)
@@ -122,14 +129,18 @@ def reach_in_scene(wire: Wire, frame: LineFrame) -> float:
     return float(frame.to_scene(np.array([wire.evidence.reach_m]))[0])
 
 
-def windows(rays: Rays, guides: Guides, near: float) -> Windows:
+def windows(rays: Rays, guides: Guides, near: float, backend: Backend = "torch") -> Windows:
     """The stretches of rays within reach of curves, beyond the distance `near`; nothing has a gradient."""
+    count, fused = min(WINDOWS, len(guides)), kernels(backend).on_rays
+    if fused is not None and fused.windows is not None:
+        return Windows(*fused.windows(
+            rays.origins, rays.directions, rays.radius, guides.tensors, near, MOST_OBLIQUE, ITERATIONS, count
+        ))  # fmt: skip
     with torch.no_grad():
         t, miss, oblique = closest_approach(rays, guides)
         reach = guides.reach + rays.radius[:, None] * t.clamp_min(0)
         half = reach / oblique.clamp_min(MOST_OBLIQUE)
         outside = torch.where((miss < reach) & (t - half > near), miss / reach, torch.inf)
-        count = min(WINDOWS, len(guides))
         best, which = outside.topk(count, dim=1, largest=False)
         # A ray with one window has it twice: shapes do not depend on the data.
         which = torch.where(best.isfinite(), which, which[:, :1])

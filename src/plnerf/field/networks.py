@@ -61,6 +61,12 @@ class _DensityActivation(torch.autograd.Function):
         return g_x
 
 
+def density_and_feature(raw: Float[Tensor, "*n O"]) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n G"]]:
+    """Density in 1/length, and the feature vector, of what a density network puts out: O = 1 + G numbers."""
+    log_density, feature = raw.split([1, raw.shape[-1] - 1], -1)
+    return density_activation(log_density[..., 0]), feature
+
+
 def density_activation(x: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
     """Density in 1/length of a network's raw output, exp(x): about 1 per scene unit in a new field.
 

@@ -18,7 +18,7 @@ from plnerf.errors import ConfigError
 from plnerf.field.config import RadianceConfig
 from plnerf.field.encodings import positional_encoding, spherical_harmonics
 from plnerf.field.hashgrid import HashGrid
-from plnerf.field.networks import density_activation, mlp, run_on_rays
+from plnerf.field.networks import density_and_feature, mlp, run_on_rays
 from plnerf.ops.backends import Backend
 
 
@@ -42,8 +42,13 @@ class RadianceField(nn.Module):
 
         size: of the sampled balls, see `HashGrid.damping`; None for points.
         """
-        out = self._run(self.density_network, self.grid(unit, size), unit[..., :0], unit[:, 0, :0])
-        return density_activation(out[..., 0]), out[..., 1:]
+        return density_and_feature(self.raw(unit, size))
+
+    def raw(
+        self, unit: Float[Tensor, "r S 3"], size: Float[Tensor, "r S"] | None = None
+    ) -> Float[Tensor, "r S O"]:
+        """The logarithm of the density, not yet bounded, and the feature vector; O = 1 + G."""
+        return self._run(self.density_network, self.grid(unit, size), unit[..., :0], unit[:, 0, :0])
 
     def log_density_gradient(
         self, unit: Float[Tensor, "*n 3"], size: Float[Tensor, "*n"] | None = None

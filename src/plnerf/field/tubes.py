@@ -21,8 +21,9 @@ from plnerf.errors import ConfigError
 from plnerf.field.config import TubeConfig
 from plnerf.field.guides import Guides, Windows, to_bases
 from plnerf.field.hashgrid import HashGrid
-from plnerf.field.networks import density_activation, mlp
+from plnerf.field.networks import density_and_feature, mlp
 from plnerf.ops.backends import Backend
+from plnerf.ops.dispatch import kernels
 from plnerf.rays.rays import Rays
 
 FIRST_DEPTH = 0.2
@@ -55,6 +56,12 @@ class TubeField(nn.Module):
 
     def locate(self, rays: Rays, t: Float[Tensor, "r E"], windows: Windows) -> InTubes:
         """The intervals of rays whose middles lie in the tube of one of the ray's windows."""
+        fused = kernels(self.grid.backend).on_rays
+        if fused is not None and fused.in_tubes is not None:
+            return InTubes(*fused.in_tubes(
+                rays.origins, rays.directions, t, windows.curve, windows.hit, self.guides.tensors,
+                self._along, SLOTS,
+            ))  # fmt: skip
         rows = windows.hit.nonzero()[:, 0]
         middle = (t[rows, 1:] + t[rows, :-1]) / 2
         points = rays.origins[rows, None] + middle[..., None] * rays.directions[rows, None]
@@ -74,18 +81,17 @@ class TubeField(nn.Module):
 
     def forward(self, at: InTubes) -> tuple[Float[Tensor, " n"], Float[Tensor, "n G"]]:
         """Density in 1/length of the scene frame, and the feature vector."""
-        out = self.network(self.grid(at.unit))
-        first = FIRST_DEPTH / (2 * self.guides.reach[at.curve])
-        return first * density_activation(out[:, 0]), out[:, 1:]
+        return density_and_feature(self.raw(at))
 
-    def replace(
-        self, density: Float[Tensor, "r S"], feature: Float[Tensor, "r S G"], at: InTubes
-    ) -> tuple[Float[Tensor, "r S"], Float[Tensor, "r S G"]]:
-        """Densities and features of all samples, those in tubes replaced by the tubes' own."""
-        own_density, own_feature = self(at)
-        flat = density.flatten().index_copy(0, at.index, own_density)
-        features = feature.flatten(0, 1).index_copy(0, at.index, own_feature)
-        return flat.reshape(density.shape), features.reshape(feature.shape)
+    def raw(self, at: InTubes) -> Float[Tensor, "n O"]:
+        """What `RadianceField.raw` is in the tubes."""
+        out = self.network(self.grid(at.unit))
+        first = (FIRST_DEPTH / (2 * self.guides.reach)).log()[at.curve]
+        return torch.cat([out[:, :1] + first[:, None], out[:, 1:]], 1)
+
+    def replace(self, raw: Float[Tensor, "r S O"], at: InTubes) -> Float[Tensor, "r S O"]:
+        """What the density network put out for all samples; in tubes, what the tubes' own put out."""
+        return raw.flatten(0, 1).index_copy(0, at.index, self.raw(at)).reshape(raw.shape)
 
     def _in_tube(
         self, points: Float[Tensor, "h S 3"], curve: Int[Tensor, "h S"]

@@ -38,6 +38,9 @@ class RayKernels(NamedTuple):
     cast_rays: Callable[..., tuple[Tensor, Tensor, Tensor]] | None = None
     blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor] | None = None
     dilate: Callable[[Tensor, Tensor, float], Tensor] | None = None
+    windows: Callable[..., tuple[Tensor, Tensor, Tensor, Tensor]] | None = None
+    lay_edges: Callable[..., Tensor] | None = None
+    in_tubes: Callable[..., tuple[Tensor, Tensor, Tensor]] | None = None
 
 
 class Kernels(NamedTuple):
@@ -99,6 +102,7 @@ def kernels(backend: Backend) -> Kernels:
 def _numba_kernels() -> Kernels:
     from plnerf.ops import (
         cpu_adam,
+        cpu_curves,
         cpu_hash,
         cpu_hash_mlp,
         cpu_histograms,
@@ -126,6 +130,9 @@ def _numba_kernels() -> Kernels:
             cpu_lens.cast_rays,
             cpu_histograms.blurred_interlevel_loss,
             cpu_histograms.dilate,
+            cpu_curves.windows,
+            cpu_curves.lay_edges,
+            cpu_curves.in_tubes,
         ),
         fuses_pruning=True,
     )

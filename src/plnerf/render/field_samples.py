@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
+from plnerf.field.networks import density_and_feature
 from plnerf.field.tubes import InTubes
 from plnerf.rays.rays import Rays
 from plnerf.render.model import PLNeRF
@@ -68,9 +69,10 @@ def sample_field(
     """Densities by the radiance field and its tubes, colours and normals of groups of so much weight."""
     config, field, ops = model.config, model.field, ray_ops(model.backend)
     unit, _ = ops.frustum_features(rays, t, config.stretch, config.contraction, 0)
-    density, feature = field.density(unit, model.frustum_sizes(rays, t, unit))
+    raw = field.raw(unit, model.frustum_sizes(rays, t, unit))
     if model.tubes is not None and in_tubes is not None:
-        density, feature = model.tubes.replace(density, feature, in_tubes)
+        raw = model.tubes.replace(raw, in_tubes)
+    density, feature = density_and_feature(raw)
     chosen = heaviest(ops.weights_from_density(density, t), weight_budget)
     itself = chosen == torch.arange(chosen.shape[1], device=chosen.device)
     ray, place = itself.nonzero(as_tuple=True)

@@ -17,6 +17,7 @@ from torch import Generator, Tensor, nn
 
 from plnerf.field.density import DensityField
 from plnerf.field.guides import Guides, Windows, windows
+from plnerf.field.networks import density_and_feature
 from plnerf.field.radiance import RadianceField
 from plnerf.field.tubes import TubeField
 from plnerf.ops.backends import Backend
@@ -77,9 +78,10 @@ class PLNeRF(RadianceSystem):
         t = s_to_t(s, self.sampler, ops)
         unit, ipe = self._features(ops, rays, t, self.field.octaves)
         size = self.frustum_sizes(rays, t, unit)
-        density, feature = self.field.density(unit, size)
+        raw = self.field.raw(unit, size)
         if self.tubes is not None and near is not None:
-            density, feature = self.tubes.replace(density, feature, self.tubes.locate(rays, t, near))
+            raw = self.tubes.replace(raw, self.tubes.locate(rays, t, near))
+        density, feature = density_and_feature(raw)
         colours = self.field.colour(feature, ipe, rays.directions, appearance)
         seen = ops.render_rays(density, t, colours)
         normal_samples = None
@@ -101,7 +103,7 @@ class PLNeRF(RadianceSystem):
 
     def windows(self, rays: Rays) -> Windows | None:
         """Where rays pass near the curves that guide this model; None where there are none."""
-        return None if self.guides is None else windows(rays, self.guides, self.sampler.near)
+        return None if self.guides is None else windows(rays, self.guides, self.sampler.near, self.backend)
 
     def _features(
         self, ops: RayOps, rays: Rays, t: Float[Tensor, "r E"], octaves: int

@@ -14,7 +14,6 @@ from plnerf.field.guides import Windows
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import even_edges, stratified_levels
 from plnerf.render.config import SamplerConfig
-from plnerf.render.guided import guide_edges
 from plnerf.render.ray_ops import TORCH, RayOps
 
 
@@ -57,5 +56,5 @@ def sample_along_rays(
         found = ops.dilate(s, w.detach(), config.dilation) if config.dilation else w.detach()
         s = ops.resample_edges(s, found, u, config.padding, anneal)
     if windows is not None and (count := int(config.guided * config.final)):
-        s = guide_edges(s, windows, count, (config.near, config.far, config.knee), generator)
+        s = ops.guide_edges(s, windows, count, (config.near, config.far, config.knee), generator)
     return s, tuple(history)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.field.guides import Windows
+from plnerf.field.networks import density_and_feature
 from plnerf.rays.rays import Rays
 from plnerf.render.mlp_nerf import MLPNeRF
 from plnerf.render.model import PLNeRF
@@ -66,11 +67,11 @@ def _pl_nerf(
 ) -> tuple[Float[Tensor, "n 1"], Float[Tensor, "n 1 G"], Float[Tensor, "n 1 3"]]:
     config, field, ops = model.config, model.field, ray_ops(model.backend)
     unit, ipe = ops.frustum_features(rays, t, config.stretch, config.contraction, field.octaves)
-    density, feature = field.density(unit, model.frustum_sizes(rays, t, unit))
+    raw = field.raw(unit, model.frustum_sizes(rays, t, unit))
     if model.tubes is not None and model.guides is not None:
         every = torch.arange(len(model.guides), device=t.device).expand(len(rays), -1)
         hit = torch.ones(len(rays), dtype=torch.bool, device=t.device)
-        density, feature = model.tubes.replace(
-            density, feature, model.tubes.locate(rays, t, Windows(every.float(), every.float(), every, hit))
-        )
+        at = model.tubes.locate(rays, t, Windows(every.float(), every.float(), every, hit))
+        raw = model.tubes.replace(raw, at)
+    density, feature = density_and_feature(raw)
     return density, feature, field.colour(feature, ipe, rays.directions, appearance)

@@ -7,13 +7,14 @@ model asks for.
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 from jaxtyping import Float
-from torch import Tensor
+from torch import Generator, Tensor
 
 from plnerf.field.encodings import integrated_positional_encoding
+from plnerf.field.guides import Windows
 from plnerf.ops.backends import Backend
 from plnerf.ops.dispatch import kernels
 from plnerf.ops.rendered import Rendered
@@ -23,6 +24,7 @@ from plnerf.rays.histograms import blurred_interlevel_loss, dilate
 from plnerf.rays.rays import Rays
 from plnerf.rays.stepfun import distortion_loss, interlevel_loss, resample_edges
 from plnerf.rays.warp import s_to_t
+from plnerf.render.guided import guide_edges
 from plnerf.render.volume import (
     accumulation,
     composite,
@@ -44,6 +46,7 @@ class RayOps(NamedTuple):
     distortion_loss: Callable[[Tensor, Tensor], Tensor]
     blurred_interlevel_loss: Callable[[Tensor, Tensor, Tensor, Tensor, float], Tensor]
     dilate: Callable[[Tensor, Tensor, float], Tensor]
+    guide_edges: Callable[[Tensor, Windows, int, tuple[float, float, float], Generator | None], Tensor]
 
 
 def frustum_features(
@@ -81,6 +84,7 @@ TORCH = RayOps(
     distortion_loss,
     blurred_interlevel_loss,
     dilate,
+    guide_edges,
 )
 
 
@@ -108,4 +112,5 @@ def ray_ops(backend: Backend) -> RayOps:
         fused.distortion_loss,
         fused.blurred_interlevel_loss or TORCH.blurred_interlevel_loss,
         fused.dilate or TORCH.dilate,
+        partial(guide_edges, backend=backend),
     )
