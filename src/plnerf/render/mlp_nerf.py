@@ -65,7 +65,8 @@ class MLPNeRF(RadianceSystem):
         if q := normal_rays:
             with torch.set_grad_enabled(torch.is_grad_enabled() and normals_shape_density):
                 from_density = density_normals(self.field, rays[:q], t[:q])
-            predicted = self.field.predicted_normals(feature[:q])
+            shaped = feature[:q] if normals_shape_density else feature[:q].detach()
+            predicted = self.field.predicted_normals(shaped)
             samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
         return RenderedRays.of(
             seen,

@@ -91,7 +91,8 @@ class PLNeRF(RadianceSystem):
                     self.field, rays[:q], t[:q], None if size is None else size[:q],
                     stretch=self.config.stretch, contraction=self.config.contraction,
                 )  # fmt: skip
-            predicted = self.field.predicted_normals(feature[:q])
+            shaped = feature[:q] if normals_shape_density else feature[:q].detach()
+            predicted = self.field.predicted_normals(shaped)
             normal_samples = NormalSamples(seen.w[:q], from_density, predicted, rays.directions[:q])
         return RenderedRays.of(
             seen,

@@ -73,7 +73,8 @@ class OccupancyGridNeRF(RadianceSystem):
         seen = ops.render_rays(density, t, colours)
         composited = samples = None
         if normals or normal_rays:
-            own_normals = self.field.predicted_normals(feature)[:, 0]
+            shaped = feature if normals_shape_density else feature.detach()
+            own_normals = self.field.predicted_normals(shaped)[:, 0]
             predicted = unit.new_zeros(*full.shape, 3).index_put((ray, sample), own_normals)
             composited = composite(seen.w, predicted) if normals else None
             if q := normal_rays:

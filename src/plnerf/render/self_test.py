@@ -7,6 +7,7 @@ driver, no C compiler for what Triton compiles for the host.
 import torch
 from torch import Generator, Tensor
 
+from plnerf.field.guides import Windows
 from plnerf.ops import dispatch
 from plnerf.ops.backends import Backend, BackendChoice
 from plnerf.ops.dispatch import Kernels, kernels
@@ -122,6 +123,8 @@ def _of_rays(ops: RayOps, on: torch.device, count: int) -> _Outputs:
     final = (drawn(count, _SAMPLES) / _SAMPLES).requires_grad_()
     losses = ops.interlevel_loss(s, final, other, proposal), ops.distortion_loss(s, final)
     (g_interlevel,) = torch.autograd.grad(losses[0].sum(), proposal)
+    low = 0.1 + drawn(count, 2)
+    met = Windows(low, low + 0.1, torch.zeros(count, 2, device=on).long(), drawn(count) < 0.5)
     (g_distortion,) = torch.autograd.grad(losses[1].sum(), final)
     return {
         "the distance": t,
@@ -136,6 +139,7 @@ def _of_rays(ops: RayOps, on: torch.device, count: int) -> _Outputs:
         "the gradient by density": g_density,
         "the gradient by colours": g_colours,
         "a resampled edge": ops.resample_edges(other, proposal.detach(), levels, 0.01, 0.5),
+        "an edge laid near a wire": ops.guide_edges(s, met, 8, (0.1, 100.0, 1.0), None),
         "the interlevel loss": losses[0].detach(),
         "the distortion loss": losses[1].detach(),
         "the gradient of the interlevel loss": g_interlevel,

@@ -103,8 +103,8 @@ class RadianceSystem(nn.Module):
         normals_shape_density: bool = True,
     ) -> RenderedRays:
         """Render rays.  With a generator the samples are jittered; `normals` renders the predicted normals;
-        the first `normal_rays` rays return their samples' normals for the losses, those of the density with
-        a graph only if they shall shape it."""
+        the first `normal_rays` rays return their samples' normals for the losses, of which those of the
+        density, and the features of the predicted ones, have a graph only if they shall shape the field."""
         raise NotImplementedError
 
     def mean_appearance(self, rays: int, images: Tensor) -> Float[Tensor, "{rays} A"]:

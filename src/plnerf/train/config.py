@@ -37,9 +37,9 @@ class LossWeights:
     orientation: float = 1e-3
     """Normals that face away from the camera (Ref-NeRF R_o)."""
     normals_shape_density: bool = False
-    """Whether the losses on normals also move the density, as in Ref-NeRF, or only the predicted
-    normals, as in nerfacto.  They smooth surfaces, at 0.5 to 1 dB of held-out PSNR on the fox scene after
-    600 steps."""
+    """Whether the losses on normals also move the density, as in Ref-NeRF, and the features that normals are
+    predicted from, or only the predicted normals.  They smooth surfaces, at 0.5 to 1 dB of held-out PSNR on
+    the fox scene after 600 steps."""
 
     def __post_init__(self) -> None:
         values = (
