@@ -85,7 +85,7 @@ def for_the_span(settings: Settings) -> Settings:
     """pl-nerf for the bundled span, as it is compared with pl-nerf-wire; other systems as they are.
 
     Cells across the line are three times smaller than along it, upwards twice; three times as many samples on
-    fewer rays, more of them on thin lines.
+    fewer rays.
     """
     if not isinstance(settings.model, ModelConfig):
         return settings
@@ -94,9 +94,6 @@ def for_the_span(settings: Settings) -> Settings:
         settings.train,
         rays=320,
         normal_rays=16,
-        hash_lr=0.01,
-        mlp_lr=0.01,
-        detail_share=0.6,
         detail_part=0.05,
         loss=replace(settings.train.loss, distortion=0.0003),
     )

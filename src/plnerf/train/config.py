@@ -55,7 +55,7 @@ class TrainConfig:
 
     rays: int = 512
     """Rays of a step."""
-    hash_lr: float = 2e-2
+    hash_lr: float = 4e-2
     """Learning rate of the hash tables."""
     mlp_lr: float = 2e-2
     """Learning rate of the networks and appearance vectors."""
@@ -69,7 +69,7 @@ class TrainConfig:
     """Steps over which the proposals' histograms sharpen (Mip-NeRF 360: 1000)."""
     normal_rays: int = 32
     """Rays of a step on which normals are trained; their losses are means, so this only sets the noise."""
-    detail_share: float = 0.5
+    detail_share: float = 0.2
     """Share of the rays drawn from the detail pixels (thin lines)."""
     detail_part: float = 0.1
     """Part of an image's pixels that are detail pixels."""
