@@ -24,9 +24,35 @@ def in_double(rays: Rays) -> Rays:
     return Rays(rays.origins.double(), rays.directions.double(), rays.radius.double(), rays.camera)
 
 
-def assert_same_windows(rays: Rays, one_only: bool = False) -> Windows:
+def swung_and_turned() -> Guides:
+    """Curves along any azimuth that bow sideways too, as wires in wind do."""
+    curves, turn = guides(), torch.tensor([0.5, -1.1, 2.4])
+    return replace(
+        curves,
+        along=torch.stack([turn.cos(), turn.sin()], 1),
+        y=curves.y + torch.tensor([0.0, 0.0, 0.08]) * torch.tensor([[1.0], [-1.0], [0.5]]),
+    )
+
+
+def rays_past(curves: Guides, each: int, seed: int) -> Rays:
+    """Rays from around that pass each curve some hundredths away."""
+    generator, parts = torch.Generator().manual_seed(seed), []
+    for c in range(len(curves)):
+        low, high = curves.ends[c]
+        s = low + (high - low) * torch.rand(each, generator=generator)
+        y, z = (torch.stack([s**0, s, s**2], 1) @ of[c] for of in (curves.y, curves.z))
+        ux, uy = curves.along[c]
+        on = torch.stack([ux * s - uy * y, uy * s + ux * y, z], 1)
+        on = on + torch.cat([curves.origin[c], torch.zeros(1)])
+        on = on + 0.02 * torch.randn(each, 3, generator=generator)
+        origins = on + torch.nn.functional.normalize(torch.randn(each, 3, generator=generator), dim=1)
+        parts.append((origins, on - origins))
+    return rays_from(*(torch.cat(values) for values in zip(*parts, strict=True)))
+
+
+def assert_same_windows(rays: Rays, curves: Guides | None = None) -> Windows:
     """In double precision to rounding; in single precision the reference itself loses digits."""
-    curves = guides(WIRES[0]) if one_only else guides()
+    curves = curves or guides()
     exact = Guides(*(value.double() for value in curves.tensors))
     truth = windows(in_double(rays), exact, NEAR)
     for found, off in (
@@ -47,7 +73,12 @@ def assert_same_windows(rays: Rays, one_only: bool = False) -> Windows:
 def test_windows_are_those_of_the_reference(seed: int) -> None:
     rays, _ = some_samples(seed)
     assert assert_same_windows(rays).hit.float().mean() > 0.5
-    assert_same_windows(rays, one_only=True)
+    assert_same_windows(rays, guides(WIRES[0]))
+
+
+def test_windows_along_swung_wires_of_any_azimuth_are_those_of_the_reference() -> None:
+    curves = swung_and_turned()
+    assert assert_same_windows(rays_past(curves, 100, 0), curves).hit.float().mean() > 0.5
 
 
 def test_rays_that_meet_nothing_have_no_windows() -> None:
@@ -72,9 +103,10 @@ def test_edges_are_those_of_the_reference(count: int, seed: int | None, k: int) 
     assert torch.equal(laid[~found.hit], s[~found.hit])
 
 
-def assert_same_tubes(rays: Rays, t: Tensor, found: Windows) -> InTubes:
-    truth = a_field().locate(rays, t, found)
-    at = by_kernels(a_field()).locate(rays, t, found)
+def assert_same_tubes(rays: Rays, t: Tensor, found: Windows, curves: Guides | None = None) -> InTubes:
+    field = a_field()
+    field.guides = curves or field.guides
+    truth, at = field.locate(rays, t, found), by_kernels(field).locate(rays, t, found)
     assert torch.equal(at.index, truth.index) and torch.equal(at.curve, truth.curve)
     torch.testing.assert_close(at.unit, truth.unit, atol=2e-6, rtol=0)
     return at
@@ -86,6 +118,9 @@ def test_samples_in_tubes_are_those_of_the_reference() -> None:
     every = torch.arange(len(WIRES)).expand(len(rays), -1)
     everywhere = Windows(every.float(), every.float(), every, torch.ones(len(rays), dtype=torch.bool))
     assert len(assert_same_tubes(rays, t, everywhere).index) > 200
+    curves = swung_and_turned()
+    past = rays_past(curves, 60, 1)
+    assert len(assert_same_tubes(past, t, windows(past, curves, NEAR), curves).index) > 200
     nowhere = replace(everywhere, hit=torch.zeros(len(rays), dtype=torch.bool))
     assert len(assert_same_tubes(rays, t, nowhere).index) == 0
 

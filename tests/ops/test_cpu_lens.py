@@ -52,6 +52,16 @@ def test_rays_are_the_reference(dtype: torch.dtype) -> None:
         torch.testing.assert_close(a, b, atol=tolerance, rtol=tolerance)
 
 
+def test_rays_of_single_precision_are_computed_in_double() -> None:
+    cameras, (camera, pixel) = make_cameras(torch.float32), pixels(500, torch.float32)
+    exact = Cameras(**{
+        name: value.double() if value.is_floating_point() else value for name, value in vars(cameras).items()
+    })
+    truth = pixel_rays(exact, camera, pixel.double())
+    found = pixel_rays(cameras, camera, pixel, "numba")
+    torch.testing.assert_close(found.directions.double(), truth.directions, atol=6e-8, rtol=0)  # 2^-24
+
+
 def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     cameras, (camera, pixel) = make_cameras(torch.float32), pixels(101, torch.float32)
     alone = pixel_rays(cameras, camera, pixel, "numba")

@@ -193,6 +193,22 @@ def test_losses_on_the_normals_train_the_density(backend: Backend) -> None:
         assert gradient[place].item() == pytest.approx((sides[0] - sides[1]) / 2e-6, rel=1e-4)
 
 
+@pytest.mark.parametrize("shape", [False, True])
+def test_losses_on_normals_reach_the_field_only_when_asked_to(shape: bool) -> None:
+    model, weights = make_model(), LossWeights(normals_shape_density=shape)
+    out = render(model, make_rays(6), normal_rays=6, normals_shape_density=shape)
+    terms = loss_terms(out, torch.rand(6, 3), torch.ones(6), weights)
+    (terms["normals"] + terms["orientation"]).backward()
+    assert model.field.normal_network is not None
+    moved = {
+        name
+        for name, value in model.named_parameters()
+        if value.grad is not None and bool(value.grad.abs().max() > 0)
+    }
+    normals = {name for name in moved if name.startswith("field.normal_network")}
+    assert normals and (moved > normals if shape else moved == normals)
+
+
 def test_predicted_normals_are_unit_vectors() -> None:
     samples = render(make_model(), make_rays(6), normal_rays=6).normal_samples
     assert samples is not None

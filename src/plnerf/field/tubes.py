@@ -84,13 +84,13 @@ class TubeField(nn.Module):
         return density_and_feature(self.raw(at))
 
     def raw(self, at: InTubes) -> Float[Tensor, "n O"]:
-        """What `RadianceField.raw` is in the tubes."""
+        """Logarithm of the density, not yet bounded, and feature vector of samples in tubes."""
         out = self.network(self.grid(at.unit))
         first = (FIRST_DEPTH / (2 * self.guides.reach)).log()[at.curve]
         return torch.cat([out[:, :1] + first[:, None], out[:, 1:]], 1)
 
     def replace(self, raw: Float[Tensor, "r S O"], at: InTubes) -> Float[Tensor, "r S O"]:
-        """What the density network put out for all samples; in tubes, what the tubes' own put out."""
+        """The samples' logarithms of density and feature vectors, with the tubes' own for those in tubes."""
         return raw.flatten(0, 1).index_copy(0, at.index, self.raw(at)).reshape(raw.shape)
 
     def _in_tube(

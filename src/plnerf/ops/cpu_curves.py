@@ -2,11 +2,12 @@
 
 The references are in plain torch: `windows` in `field/guides.py`, `guide_edges` in `render/guided.py` and
 `TubeField.locate` in `field/tubes.py`, with the letters used here.  Op by op they make some two hundred
-passes over a few thousand numbers.  Nothing has a gradient.  A ray is computed in float64, whatever the type
-of its arrays: it costs nothing beside the loops.
+passes over a few thousand numbers.  Nothing has a gradient.
 
-Curves come as the fields of `Guides`, one array each.  What Numba compiles is marked no_type_check: a wrapper
-that checks annotations cannot be compiled.
+Curves come as the fields of `Guides`, one array each, in float64 whatever the type of the rays, and so is
+what is computed on their bases: it costs nothing beside the loops, and float32 loses digits where a ray runs
+along a wire.  What Numba compiles is marked no_type_check: a wrapper that checks annotations cannot be
+compiled.
 """
 
 import math
@@ -66,19 +67,16 @@ def _windows(  # noqa: PLR0913 (a kernel's arrays, one by one)
         ratio[:], middle[:], half[:] = np.inf, 0.0, 0.0
         curve[ray, :] = 0
         for c in range(count):
-            ux, uy = float(along[c, 0]), float(along[c, 1])
+            ux, uy = along[c, 0], along[c, 1]
             ox, oy, oz = _on_base(
-                float(origins[ray, 0]) - origin[c, 0], float(origins[ray, 1]) - origin[c, 1],
-                float(origins[ray, 2]), ux, uy,
-            )  # fmt: skip
-            dx, dy, dz = _on_base(
-                float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]), ux, uy
+                origins[ray, 0] - origin[c, 0], origins[ray, 1] - origin[c, 1], origins[ray, 2], ux, uy
             )
+            dx, dy, dz = _on_base(directions[ray, 0], directions[ray, 1], directions[ray, 2], ux, uy)
             t, miss, oblique = _approach(
-                ox, oy, oz, dx, dy, dz, float(y[c, 0]), float(y[c, 1]), float(y[c, 2]), float(z[c, 0]),
-                float(z[c, 1]), float(z[c, 2]), float(ends[c, 0]), float(ends[c, 1]), iterations,
+                ox, oy, oz, dx, dy, dz, y[c, 0], y[c, 1], y[c, 2], z[c, 0], z[c, 1], z[c, 2],
+                ends[c, 0], ends[c, 1], iterations,
             )  # fmt: skip
-            reach = reaches[c] + float(radius[ray]) * max(t, 0.0)
+            reach = reaches[c] + radius[ray] * max(t, 0.0)
             width = reach / max(oblique, most_oblique)
             if not (miss < reach and t - width > near):
                 continue
@@ -139,15 +137,13 @@ def _in_tubes(  # noqa: PLR0913 (a kernel's arrays, one by one)
         if not hit[ray]:
             continue
         for i in range(S):
-            middle = (float(t[ray, i]) + float(t[ray, i + 1])) / 2
+            middle = (t[ray, i] + t[ray, i + 1]) / 2
             px = origins[ray, 0] + middle * directions[ray, 0]
             py = origins[ray, 1] + middle * directions[ray, 1]
             pz = origins[ray, 2] + middle * directions[ray, 2]
             for k in range(curves.shape[1]):
                 c = curves[ray, k]
-                s, side, up = _on_base(
-                    px - origin[c, 0], py - origin[c, 1], pz, float(along[c, 0]), float(along[c, 1])
-                )
+                s, side, up = _on_base(px - origin[c, 0], py - origin[c, 1], pz, along[c, 0], along[c, 1])
                 u = (side - y[c, 0] - s * (y[c, 1] + y[c, 2] * s)) / reaches[c]
                 v = (up - z[c, 0] - s * (z[c, 1] + z[c, 2] * s)) / reaches[c]
                 if u * u + v * v < 1 and ends[c, 0] < s < ends[c, 1]:
@@ -173,7 +169,7 @@ def windows(
     low, high = (origins.new_empty(rays, count) for _ in range(2))
     curve, hit = torch.empty(rays, count, dtype=torch.int64), torch.empty(rays, dtype=torch.bool)
     launch(
-        _windows, *arrays(origins, directions, radius, *curves), near, most_oblique, iterations,
+        _windows, *arrays(origins, directions, radius), *_in_double(curves), near, most_oblique, iterations,
         *arrays(low, high), curve.numpy(), hit.numpy(), rays=rays, samples=rays * len(curves[0]), ns=120.0,
     )  # fmt: skip
     return low, high, curve, hit
@@ -212,10 +208,14 @@ def in_tubes(
     """Fields of `InTubes`."""
     rays, S = t.shape[0], t.shape[1] - 1
     found, unit = torch.empty(rays, S, dtype=torch.int64), t.new_empty(rays, S, 3)
-    o, d, edges, *guides, units = arrays(origins, directions, t, *curves, unit)
+    o, d, edges, units = arrays(origins, directions, t, unit)
     launch(
-        _in_tubes, o, d, edges, of_windows.contiguous().numpy(), hit.numpy(), *guides, length, slots,
-        found.numpy(), units, rays=rays, samples=rays * S, ns=15.0 * of_windows.shape[1],
+        _in_tubes, o, d, edges, of_windows.contiguous().numpy(), hit.numpy(), *_in_double(curves),
+        length, slots, found.numpy(), units, rays=rays, samples=rays * S, ns=15.0 * of_windows.shape[1],
     )  # fmt: skip
     index = (found.view(-1) >= 0).nonzero()[:, 0]
     return index, found.view(-1)[index], unit.view(-1, 3)[index]
+
+
+def _in_double(curves: Sequence[Tensor]) -> tuple[np.ndarray, ...]:
+    return arrays(*(values.double() for values in curves))

@@ -10,6 +10,7 @@ What Numba compiles is marked no_type_check: a wrapper that checks annotations c
 import math
 from typing import NamedTuple, no_type_check
 
+import numpy as np
 from jaxtyping import Float, Int
 from torch import Tensor
 
@@ -68,9 +69,9 @@ def _cast(  # noqa: PLR0913 (a kernel's arrays, one by one)
     width = 2 / math.sqrt(12.0)
     for ray in range(start, stop):
         c = camera[ray]
-        fx, fy = float(focal[c, 0]), float(focal[c, 1])
-        x = (float(pixel[ray, 0]) - float(principal[c, 0])) / fx
-        y = (float(pixel[ray, 1]) - float(principal[c, 1])) / fy
+        fx, fy = np.float64(focal[c, 0]), np.float64(focal[c, 1])  # `float` would keep float32
+        x = (pixel[ray, 0] - np.float64(principal[c, 0])) / fx
+        y = (pixel[ray, 1] - np.float64(principal[c, 1])) / fy
         z = _undistort(complex(x, y), distortion[c])
         x, y = z.real, z.imag
         inverse = 1 / math.sqrt(x * x + y * y + 1)
