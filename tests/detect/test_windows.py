@@ -114,7 +114,25 @@ def test_pieces_of_one_wire_are_one_and_of_two_spans_two() -> None:
     assert len(joined([[first], [second]], JoinConfig())) == 2  # they overlap by the width of a support
     beside = replace(b, theta=b.theta + np.array([0.2, 0.2, 0, 0, 0, 0]))
     assert len(joined([[a], [beside]], JoinConfig())) == 2
-    assert len(joined([[a, b]], JoinConfig())) == 2  # of one window: each has ridges of its own
+
+
+def test_pieces_of_one_window_are_one_wire_only_where_no_view_could_tell_them_apart() -> None:
+    whole = hanging(0.02, 0.1)
+    known = replace(whole, covariance=np.diag([1e-6] * 6))
+    a, b = known.between(0.0, 1.2 * HALF), known.between(HALF, 2 * HALF)
+    (one,) = joined([[a, b]], JoinConfig())
+    assert one.base.length_m == pytest.approx(2 * HALF)
+    s = np.linspace(0, 2 * HALF, 20)
+    np.testing.assert_allclose(one.at(s), whole.at(s), atol=1e-9)
+    reach_m = whole.evidence.reach_m
+    assert reach_m is not None
+    vague = np.diag([reach_m**2] * 6)
+    twin = replace(b, theta=b.theta + 0.3 * reach_m * np.array([0, 0, 1, 1, 0, 0]), covariance=vague)
+    kinked = replace(b, theta=b.theta + 0.5 * reach_m * np.array([0, 0, 0, 1, 0, 0]))
+    assert len(joined([[a, replace(kinked, covariance=vague)]], JoinConfig())) == 1
+    apart = known.between(1.3 * HALF, 2 * HALF)
+    for other in (twin, kinked, apart):
+        assert joined([[a, other]], JoinConfig()) == [a, other]
 
 
 def test_a_piece_beyond_a_wires_end_is_more_of_it_if_it_lies_on_its_known_curve() -> None:

@@ -252,9 +252,18 @@ class JoinConfig:
 
     min_overlap: float = 0.3
     """Two pieces are of one wire of one span only if they overlap by this fraction of the shorter one."""
+    same_reach: float = 0.25
+    """Two of one window are one curve if where they overlap they are no farther apart than this part of the
+    smaller reach: a standard deviation, or less than a pixel,"""
+    max_misfit: float = 4.0
+    """and if the chi-square of their difference is no more than this by parameter."""
 
     def __post_init__(self) -> None:
-        check(0 < self.min_overlap <= 1, "detect.join needs a min_overlap above 0 and at most 1", self)
+        check(
+            0 < self.min_overlap <= 1 and min(self.same_reach, self.max_misfit) >= 0,
+            "detect.join needs a min_overlap above 0 and at most 1, same_reach and max_misfit of 0 or more",
+            self,
+        )
 
 
 @dataclass(frozen=True)

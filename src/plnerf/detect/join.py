@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from plnerf.detect.config import JoinConfig
+from plnerf.line.base import Base
 from plnerf.line.wire import Wire
 
 PLACES = 21
@@ -23,12 +24,12 @@ SIGMAS = 2.0
 def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
     """The wires that the pieces of windows along one direction make, in the order of their first pieces.
 
-    Pieces of one window are different wires: each has ridges of its own.
+    Pieces of one window are different wires, for each has ridges of its own, but where they are one curve.
     """
     wires: list[Wire] = []
     for pieces in windows:
         open_ones = set(range(len(wires)))
-        for piece in pieces:
+        for piece in each_curve_once(pieces, config):
             apart = {k: apart_m(wires[k], piece, config) for k in sorted(open_ones)}
             mine = min(apart, key=lambda k: apart[k], default=None)
             if mine is None or apart[mine] > reach_m(wires[mine], piece):
@@ -37,6 +38,43 @@ def joined(windows: Sequence[Sequence[Wire]], config: JoinConfig) -> list[Wire]:
                 wires[mine] = merged(wires[mine], piece)
                 open_ones.remove(mine)
     return wires
+
+
+def each_curve_once(pieces: Sequence[Wire], config: JoinConfig) -> list[Wire]:
+    """Pieces of one window, those of one curve merged.
+
+    One wire gives two pieces where some views show it thin and others ten pixels wide, or where far views and
+    near ones show different stretches of it.
+    """
+    wires = list[Wire]()
+    for piece in pieces:
+        mine = next((k for k, wire in enumerate(wires) if one_curve(wire, piece, config)), None)
+        if mine is None:
+            wires.append(piece)
+        else:
+            wires[mine] = merged(wires[mine], piece)
+    return wires
+
+
+def one_curve(a: Wire, b: Wire, config: JoinConfig) -> bool:
+    """Whether two pieces with parallel bases are one curve as far as anyone can tell.
+
+    Where they overlap they are nearer to each other than the better known one's deviation, or than a part of
+    a pixel, as twins are not; and their parameters agree, as those of two spans do not.
+    """
+    low, high = overlap(a, b)
+    if high <= low:
+        return False
+    near = config.same_reach * min(wire.evidence.reach_m or 0.0 for wire in (a, b))
+    return _mean_apart(a, b, low, high) <= near and _misfit(a, b) <= config.max_misfit
+
+
+def _misfit(a: Wire, b: Wire) -> float:
+    """The chi-square of two pieces' difference, by a parameter."""
+    base = _base_of_both(a, b)
+    one, other = a.on(base), b.on(base)
+    off = one.theta - other.theta
+    return float(off @ np.linalg.solve(one.covariance + other.covariance, off)) / len(off)
 
 
 def with_onward(wires: Sequence[Wire], pieces: Sequence[Wire]) -> list[Wire]:
@@ -71,6 +109,11 @@ def apart_m(a: Wire, b: Wire, config: JoinConfig) -> float:
     low, high = overlap(a, b)
     if high - low < config.min_overlap * min(a.base.length_m, b.base.length_m):
         return math.inf
+    return _mean_apart(a, b, low, high)
+
+
+def _mean_apart(a: Wire, b: Wire, low: float, high: float) -> float:
+    """Mean distance of a wire from another one's curve, over a stretch of its base."""
     points = a.points(np.linspace(low, high, PLACES))
     there = b.base.local(points)
     return float(np.hypot(*(there[:, 1:] - b.at(there[:, 0])).T).mean())
@@ -93,9 +136,7 @@ def merged(a: Wire, b: Wire) -> Wire:
 
     What both windows saw counts twice; the survey fits the wire to the images again.
     """
-    ends = np.array([[*b.base.a, 0.0], [*b.base.b, 0.0]])
-    first, last = sorted(a.base.local(ends)[:, 0])
-    base = a.base.cut(min(0.0, float(first)), max(a.base.length_m, float(last)))
+    base = _base_of_both(a, b)
     one, other = a.on(base), b.on(base)
     weights = [np.linalg.inv(wire.covariance) for wire in (one, other)]
     covariance = np.linalg.inv(weights[0] + weights[1])
@@ -111,3 +152,10 @@ def merged(a: Wire, b: Wire) -> Wire:
         seen_m=((low, high),),
     )
     return replace(better, base=base, theta=theta, covariance=covariance, evidence=evidence)
+
+
+def _base_of_both(a: Wire, b: Wire) -> Base:
+    """a's base, over the stretch of both."""
+    ends = np.array([[*b.base.a, 0.0], [*b.base.b, 0.0]])
+    first, last = sorted(a.base.local(ends)[:, 0])
+    return a.base.cut(min(0.0, float(first)), max(a.base.length_m, float(last)))
