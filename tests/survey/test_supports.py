@@ -196,6 +196,18 @@ def test_a_wire_has_a_sag_between_two_structures_only() -> None:
     assert line.spans[0].structures == (1, 2) and len(line.structures) == 2
 
 
+def test_a_few_metres_of_a_span_have_their_structure_once() -> None:
+    random = np.random.default_rng(8)
+    shown = surface(ground(random), body(random, 15.3), arm(random, 15.0))
+    short = [wire.between(33.0, 36.0) for wire in WIRES]  # x from 15 to 18
+    supports, chains, extents = found(shown, None, short)
+    (structure,) = supports.seen
+    assert structure.foot[0] == pytest.approx(15.0, abs=0.1)
+    for wire in wires_of(hung_between(chains, extents, supports)):
+        assert sorted(type(end).__name__ for end in wire.ends) == ["Attached", "Open"]
+        assert wire.base.length_m == pytest.approx(3.0, abs=0.2)
+
+
 def test_a_wire_ends_at_a_structure_beyond_where_images_show_it() -> None:
     random = np.random.default_rng(6)
     shown = surface(ground(random), body(random, 15.3), arm(random, 15.0))

@@ -3,7 +3,9 @@
 Letters: t along a junction's axis; b and a wires before and after it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -54,3 +56,29 @@ class Supports:
         """All structures, each once, in the order of their ids."""
         every = (one.structure for chain in self.chains for one in chain if one.mine)
         return tuple(one for one in every if one is not None)
+
+
+def each_structure_once(chain: Sequence[Support], least_span_m: float) -> list[Support]:
+    """A chain's supports; of two in a row whose structures are no span apart, one is open.
+
+    What the images show of a span may be shorter than the reach in which its end looks for what holds it.
+    The structure is the one's between two spans, or else the one's that it is nearer to.
+    """
+    found = list(chain)
+    for pair in pairwise(range(len(found))):
+        one, other = (found[k].structure for k in pair)
+        if one is not None and other is not None and _apart_m(one, other) < least_span_m:
+            k = max(pair, key=lambda k: (found[k].junction.bend_deg is None, _away_m(found[k])))
+            nowhere = (np.zeros((0, 2)), np.zeros((0, 2)))
+            found[k] = replace(found[k], structure=None, at=nowhere, strings=False, afar=False)
+    return found
+
+
+def _apart_m(one: Structure, other: Structure) -> float:
+    return float(np.linalg.norm(one.foot[:2] - other.foot[:2]))
+
+
+def _away_m(support: Support) -> float:
+    """How far from where spans meet or end their structure stands along the line."""
+    assert support.structure is not None
+    return abs(float(support.junction.axis.local(support.structure.foot[None])[0, 0]))

@@ -27,7 +27,7 @@ from plnerf.survey.held_places import Stands, held_places
 from plnerf.survey.kinks import Held, find_kinks, held_by
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.span_wires import Junction, SpanWires, crossing
-from plnerf.survey.support import Support, Supports
+from plnerf.survey.support import Support, Supports, each_structure_once
 from plnerf.survey.surface import Surface
 from plnerf.survey.tees import with_tees
 
@@ -114,7 +114,7 @@ def find_supports(
             around = _around(scenery, junction, config)
             placed.append(_support(junction, around, [one for one in near if one is not None], config))
             mine[_points_of(placed[-1], around, config)] = True
-        found.append(placed)
+        found.append(each_structure_once(placed, config.least_span_m))
     return Supports(_numbered(with_tees(found, config)), mine)
 
 
