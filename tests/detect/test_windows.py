@@ -1,5 +1,6 @@
 """Windows cover a line's direction past all cameras; pieces of one wire become one again."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from plnerf.detect.directions import Direction
 from plnerf.detect.join import joined, with_onward
 from plnerf.detect.views import project_point, views_of
 from plnerf.detect.windows import Window, spacing_along, windows_along
+from plnerf.line.base import Base
 
 CONFIG = WindowConfig()
 
@@ -131,7 +133,9 @@ def test_pieces_of_one_window_are_one_wire_only_where_no_view_could_tell_them_ap
     kinked = replace(b, theta=b.theta + 0.5 * reach_m * np.array([0, 0, 0, 1, 0, 0]))
     assert len(joined([[a, replace(kinked, covariance=vague)]], JoinConfig())) == 1
     apart = known.between(1.3 * HALF, 2 * HALF)
-    for other in (twin, kinked, apart):
+    angle, end = math.radians(30), a.base.b - 0.02 * HALF * a.base.u
+    bent = replace(a, base=Base(end, end + HALF * np.array([math.cos(angle), math.sin(angle)])))
+    for other in (twin, kinked, apart, bent):
         assert joined([[a, other]], JoinConfig()) == [a, other]
 
 

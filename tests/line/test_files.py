@@ -130,7 +130,8 @@ def survey() -> Survey:
         Requirement(2.5, ("vegetation",), "a rule", "a page", "2026-01-01", ("Indoors it is not valid.",)),
         "at 20 degrees",
         (Crossing(2, 4, 6.125, 0.05, 17.5, 31.25, *RANDOM.normal(0, 50, (2, 3)), 6.5),),
-        (Possible(place(2, "vegetation", 1.1), 2, 7), Possible(place(4, "other", 1.3), 5, 0, True)),
+        (Possible(place(2, "vegetation", 1.1), 2, 7), Possible(place(4, "other", 1.3), 5, 0, True),
+         Possible(place(4, "other", 1.4), 5, 0, at_structure=True)),
     )  # fmt: skip
     return Survey(
         frame=FRAME,

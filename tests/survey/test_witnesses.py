@@ -8,8 +8,8 @@ from tests.support.catenary_surveys import fitted, line_of
 from tests.survey.test_clearance import WIRE, survey_of
 
 from plnerf.errors import ConfigError
-from plnerf.line.cloud import GROUND, HIGH_VEGETATION, NOISE, NOT_JUDGED, Cloud
-from plnerf.line.ends import Open
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION, LOW_VEGETATION, NOISE, NOT_JUDGED, VEGETATION, Cloud
+from plnerf.line.ends import Attached, Open
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.clearance import measure_clearances
@@ -83,6 +83,26 @@ def test_uncertain_points_are_seen_at_greater_distances() -> None:
 
 def clump(at: tuple[float, float, float], size_m: float, random: np.random.Generator) -> np.ndarray:
     return np.array(at) + random.uniform(-size_m / 2, size_m / 2, (60, 3))
+
+
+def test_tips_of_conifers_and_bits_beside_a_crown_are_plants() -> None:
+    random = np.random.default_rng(1)
+    floor = np.column_stack([random.uniform(-20, 20, (4000, 2)), np.zeros(4000)])
+    tip = np.array([0, 0, 5]) + random.normal(0, (0.1, 0.1, 0.4), (60, 3))
+    crown = clump((8, 0, 5), 2.5, random)
+    near, far = clump((8, 0, 8), 0.3, random), clump((8, 0, 9.9), 0.3, random)
+    wire = np.linspace([5, 3, 5], [10, 3.2, 5.2], 60)  # within a bit's reach of the crown
+    xyz = np.concatenate([floor, tip, crown, near, far, wire])
+    label = np.repeat([GROUND, HIGH_VEGETATION], [len(floor), 300]).astype(np.uint8)
+    cloud = Cloud(xyz, label, np.zeros(len(xyz), np.int64))
+    index = np.arange(len(floor), len(xyz))
+    found = floats(cloud, index, FloatingConfig()).reshape(5, 60)
+    assert found.all(1).tolist() == found.any(1).tolist() == [False, False, False, True, True]
+    found = floats(cloud, index, FloatingConfig(upright_deg=89.0, bit_m=1.0)).reshape(5, 60)
+    assert found.all(1).tolist() == [True, False, True, True, True]
+    for wrong in ({"upright_deg": 90.0}, {"bit_m": -1.0}):
+        with pytest.raises(ConfigError, match="upright_deg"):
+            FloatingConfig(**wrong)
 
 
 def test_what_is_thin_and_in_the_air_is_no_plant() -> None:
@@ -161,6 +181,50 @@ def test_a_plant_where_a_wire_is_seen_last_may_be_a_structure(is_open: bool) -> 
     least = found.wires[0].least("vegetation")
     assert least is not None and least.distance_m == pytest.approx(4.0 if is_open else 1.5, abs=0.05)
     assert [one.at_open_end for one in found.possible] == [True] * is_open
+
+
+@pytest.mark.parametrize(("label", "aside_m", "counts"), [
+    (LOW_VEGETATION, 1.5, True), (VEGETATION, 1.5, True), (VEGETATION, 0.5, False),
+    (HIGH_VEGETATION, 1.5, False),
+])  # fmt: skip
+def test_a_bush_where_a_wire_is_seen_last_is_no_structure(label: int, aside_m: float, counts: bool) -> None:
+    """Where something high stands nearby, it may be a structure's foot."""
+    wire = fitted(WIRE)
+    wire = replace(
+        wire, ends=(wire.ends[0], Open("nothing")), evidence=replace(wire.evidence, seen_m=((0.0, 70.0),))
+    )
+    high, bush = wire.points(np.array([72.0 + aside_m, 72.0])) - np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 9.0]])
+    high, bush = high[None], bush[None]
+    same = label == HIGH_VEGETATION
+    parts = {HIGH_VEGETATION: np.concatenate([high, bush])} if same else {label: bush, HIGH_VEGETATION: high}
+    survey = survey_of(parts, wire)
+    nine, none = np.array([9, 9]), np.array([0, 0])
+    survey = replace(survey, cloud=replace(survey.cloud, sigma_m=np.full(2, 0.05), seen=nine, past=none))
+    found, _ = measure_clearances(survey, ClearanceConfig())
+    least = found.wires[0].least("vegetation")
+    assert (least is not None) == counts
+    if least is not None:
+        assert least.distance_m == pytest.approx(9.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("along_m", "aside_m", "below_m", "counts"), [
+    (1.0, 6.0, 2.0, False), (1.0, 6.0, -2.0, False), (2.0, 6.0, 2.0, True), (1.0, 11.0, 2.0, True),
+    (1.0, 6.0, 4.0, True),
+])  # fmt: skip
+def test_what_may_be_a_crossarm_has_no_verdict(
+    along_m: float, aside_m: float, below_m: float, counts: bool
+) -> None:
+    wire = fitted(WIRE)
+    base, held = wire.base, wire.points(np.array([wire.base.length_m]))[0]
+    wire = replace(wire, ends=(wire.ends[0], Attached(2, held, 0.05)))
+    plant = held + np.array([*(aside_m * base.n - along_m * base.u), -below_m])
+    survey = survey_of({HIGH_VEGETATION: plant[None]}, wire)
+    nine, none = np.array([9]), np.array([0])
+    survey = replace(survey, cloud=replace(survey.cloud, sigma_m=np.full(1, 0.05), seen=nine, past=none))
+    found, findings = measure_clearances(survey, ClearanceConfig())
+    assert (found.wires[0].least("vegetation") is not None) == counts
+    assert [one.at_structure for one in found.possible] == [True] * (not counts)
+    assert any("may be a part of it" in one.what for one in findings) != counts
 
 
 @pytest.mark.parametrize(("seen_to_m", "beside_m", "counts"), [

@@ -57,13 +57,13 @@ def each_curve_once(pieces: Sequence[Wire], config: JoinConfig) -> list[Wire]:
 
 
 def one_curve(a: Wire, b: Wire, config: JoinConfig) -> bool:
-    """Whether two pieces with parallel bases are one curve as far as anyone can tell.
+    """Whether two pieces are one curve as far as anyone can tell.
 
     Where they overlap they are nearer to each other than the better known one's deviation, or than a part of
     a pixel, as twins are not; and their parameters agree, as those of two spans do not.
     """
     low, high = overlap(a, b)
-    if high <= low:
+    if high <= low or a.base.u @ b.base.u < math.cos(MOST_TURN_RAD):
         return False
     near = config.same_reach * min(wire.evidence.reach_m or 0.0 for wire in (a, b))
     return _mean_apart(a, b, low, high) <= near and _misfit(a, b) <= config.max_misfit

@@ -125,6 +125,8 @@ class Possible:
     """How many see past it, as if nothing were there."""
     at_open_end: bool = False
     """Whether it may be a structure that was not found: it stands where a wire is seen last."""
+    at_structure: bool = False
+    """Whether it may be a crossarm: it stands beside a structure, about as high as its wires."""
     floats: bool = False
     """Whether it is too thin to be a plant in the air, and may be a wire that was not found."""
 

@@ -39,7 +39,7 @@ def possible_table(survey: Survey) -> Table | None:
         [
             str(k), one.place.to, str(one.place.wire),
             units.interval(Quantity(one.place.distance_m, one.place.sigma_m)), str(one.seen), str(one.past),
-            "open end" if one.at_open_end else "shape" if one.floats else "images",
+            _doubt(one),
             units.length(one.place.s_m, 1), units.place(shown(survey.frame, one.place.on_obstacle)),
         ]
         for k, one in enumerate(found, 1)
@@ -51,10 +51,19 @@ def possible_table(survey: Survey) -> Table | None:
         "Not counted as clearances and without a verdict. In doubt by images: too few of them see something "
         "at the place, or no more than see past it; most such places are wrong matches, but a thin twig can "
         "be one too. By an open end: it stands where a wire is seen last, and may be a structure that was "
-        "not found. By shape: it is thin and in the air, with nothing seen below it, and may be a wire "
-        "that was not found, a wrong match or the tip of a branch.",
+        "not found. By a structure: it stands beside one, about as high as its wires, and may be a part of "
+        "it. By shape: it is thin and in the air, with nothing seen below it, and may be a wire that was not "
+        "found, a wrong match or the tip of a branch.",
         frozenset({1, 6}),
     )  # fmt: skip
+
+
+def _doubt(one: Possible) -> str:
+    if one.at_open_end:
+        return "open end"
+    if one.at_structure:
+        return "structure"
+    return "shape" if one.floats else "images"
 
 
 def possible_crops(survey: Survey) -> list[CropRow]:

@@ -121,8 +121,17 @@ class FloatingConfig:
     share: float = 0.95
     """this share of its points at least: of 68 and 294 points on wires of random scenes 32 and 30 that were
     not found, a few lie 0.34 and 0.40 m off."""
+    upright_deg: float = 45.0
+    """A line that is steeper is the tip of a conifer: no wire hangs so,"""
+    bit_m: float = 2.0
+    """and a clump that is no longer than it is thin, and so near to a plant, is a part of that."""
 
     def __post_init__(self) -> None:
+        if not 0 < self.upright_deg < 90 or self.bit_m < 0:
+            raise ConfigError(
+                "What floats needs 0 < upright_deg < 90 and bit_m of 0 or more, but got "
+                f"{self.upright_deg} and {self.bit_m}."
+            )
         if not 0 < self.share <= 1:
             raise ConfigError(f"What floats needs a share above 0 and at most 1, but got {self.share}.")
         if not 0 < self.cell_m < self.gap_m:
@@ -143,6 +152,13 @@ class ObstacleConfig:
     is as scattered as a crown."""
     passes_m: float = 1.5
     """A wire that is seen so far beyond a place is held by no structure there: half of a body's width."""
+    arm_m: float = 10.0
+    """Vegetation beside a structure and so near to the end of a wire on it may be a crossarm, if it is so far
+    along the wire as the body reaches (`passes_m`),"""
+    arm_below_m: float = 3.0
+    """and at most so far below that end."""
+    bush_m: float = 1.0
+    """Low or medium vegetation is no structure that was not found if nothing high is so near in plan."""
     max_sigma_m: float = 1.0
     """Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the
     nearest to the wire is always a wrong one."""
@@ -159,14 +175,15 @@ class ObstacleConfig:
 
     @property
     def _lengths(self) -> tuple[float, ...]:
-        return self.support_m, self.plant_support_m, self.passes_m, self.own_m
+        near = self.support_m, self.plant_support_m, self.own_m
+        return *near, self.passes_m, self.arm_m, self.arm_below_m, self.bush_m
 
     def __post_init__(self) -> None:
         if not self.reach_m > 0 or min(self._lengths) < 0:
             raise ConfigError(
-                "Obstacles need reach_m > 0, and support_m, plant_support_m, passes_m and own_m from 0, "
-                f"but got reach_m={self.reach_m}, support_m={self.support_m}, plant_support_m="
-                f"{self.plant_support_m}, passes_m={self.passes_m}, own_m={self.own_m}."
+                "Obstacles need reach_m > 0, and support_m, plant_support_m, own_m, passes_m, arm_m, "
+                f"arm_below_m and bush_m from 0, but got reach_m={self.reach_m} and, in this order, "
+                f"{', '.join(f'{length:g}' for length in self._lengths)}."
             )
         if self.min_seen < 1 or self.max_possible < 0:
             raise ConfigError(

@@ -2,10 +2,13 @@
 
 A wire that was not found leaves points along it, and blurred ground without texture a handful on which many
 images agree.  Both lie along a straight line, or in one place.  A crown is seen over a metre or more in all
-directions, and mostly down to the ground.
+directions, and mostly down to the ground; of a conifer only the tip may be, a line that stands upright, and
+of a sparse one some branches, bits beside the rest of it.
 
 Letters: n points of the cloud, m those that are asked about, c clumps, which hang together.
 """
+
+import math
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,9 +30,31 @@ def floats(cloud: Cloud, index: Int[np.ndarray, " m"], config: FloatingConfig) -
     _, below = cKDTree(ground[:, :2]).query(points[:, :2], workers=-1)
     height = np.full(clump.max() + 1, np.inf)
     np.minimum.at(height, clump, points[:, 2] - ground[below, 2])
-    wide = _reached(_off_axis(points, clump), clump, config.share)
+    off, axis = _along_axes(points, clump)
+    along = (off * axis[clump]).sum(1)
+    across = np.linalg.norm(off - along[:, None] * axis[clump], axis=1)
+    wide, half = _reached(across, clump, config.share), _reached(np.abs(along), clump, config.share)
     thin: Bool[np.ndarray, " c"] = (height > config.above_ground_m) & (wide < config.thin_m)
+    small = half < config.thin_m
+    upright = ~small & (np.abs(axis[:, 2]) > math.sin(math.radians(config.upright_deg)))
+    thin &= ~upright
+    thin[_beside(points, clump, thin & small, ~thin, config.bit_m)] = False
     return thin[clump]
+
+
+def _beside(
+    points: Float[np.ndarray, "m 3"],
+    clump: Int[np.ndarray, " m"],
+    bits: Bool[np.ndarray, " c"],
+    plants: Bool[np.ndarray, " c"],
+    near_m: float,
+) -> Int[np.ndarray, " b"]:
+    """Which of the bits are near to a plant: their numbers, one for each point that is."""
+    some, of_plants = points[bits[clump]], points[plants[clump]]
+    if not len(some) or not len(of_plants):
+        return clump[:0]
+    near = cKDTree(of_plants).query(some, distance_upper_bound=near_m)[0] < near_m
+    return clump[bits[clump]][near]
 
 
 def _clumps(points: Float[np.ndarray, "m 3"], config: FloatingConfig) -> Int[np.ndarray, " m"]:
@@ -43,13 +68,14 @@ def _clumps(points: Float[np.ndarray, "m 3"], config: FloatingConfig) -> Int[np.
     return clump
 
 
-def _off_axis(points: Float[np.ndarray, "m 3"], clump: Int[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-    """Distance of each point from the straight line that fits its clump best."""
+def _along_axes(
+    points: Float[np.ndarray, "m 3"], clump: Int[np.ndarray, " m"]
+) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray, "c 3"]]:
+    """Each point from its clump's middle, and of each clump the direction of the straight line that fits it
+    best."""
     off = points - _means(points, clump)[clump]
     spread = _means((off[:, :, None] * off[:, None]).reshape(-1, 9), clump).reshape(-1, 3, 3)
-    axis = np.linalg.eigh(spread)[1][:, :, -1][clump]
-    across: Float[np.ndarray, " m"] = np.linalg.norm(off - (off * axis).sum(1, keepdims=True) * axis, axis=1)
-    return across
+    return off, np.linalg.eigh(spread)[1][:, :, -1]
 
 
 def _reached(

@@ -32,6 +32,7 @@ from plnerf.line.polylines import onto_segments
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ObstacleConfig
+from plnerf.survey.crossarm_zone import in_crossarm_zone
 from plnerf.survey.floating import floats
 from plnerf.survey.open_ends import at_open_end, open_ends
 
@@ -71,8 +72,12 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         "line goes on in another span; in clouds from images also what fewer than "
         f"{config.min_seen} images see, or no more than see past it, vegetation within "
         f"{config.plant_support_m:g} m of where a wire with an open end is seen last, unless a wire of its "
-        f"span is seen to go on for {config.passes_m:g} m, and vegetation in the air within "
-        f"{config.floating.thin_m:g} m of a straight line: all of it is listed as possible",
+        f"span is seen to go on for {config.passes_m:g} m, or it is low or medium with nothing high within "
+        f"{config.bush_m:g} m, vegetation beside a structure within {config.arm_m:g} m of a wire's end on it "
+        f"and at most {config.arm_below_m:g} m below that, and vegetation in the air within "
+        f"{config.floating.thin_m:g} m of a straight line that is no steeper than "
+        f"{config.floating.upright_deg:g} degrees, but for bits within {config.floating.bit_m:g} m of a "
+        "plant: all of it is listed as possible",
     }
 
 
@@ -101,8 +106,8 @@ def obstacles(
 ) -> dict[Group, Int[np.ndarray, " _"]]:
     """Indices of the points that count, by group; `rules` describes them in words.
 
-    possible: in their place those that only too few images see, plants at open ends of wires, and what is
-    too thin to be a plant in the air.
+    possible: in their place those that only too few images see, plants at open ends of wires and where
+    crossarms may be, and what is too thin to be a plant in the air.
     """
     cloud, all_wires = survey.cloud, survey.wires
     held, loose = _held_ends(survey), [one.place for one in open_ends(survey)]
@@ -119,7 +124,7 @@ def obstacles(
         if group == "vegetation" and cloud.sigma_m is not None:
             of_structure = _within(_tree(held), cloud.xyz[:, :2], index, config.plant_support_m)
             index, sure = index[~of_structure], sure[~of_structure]
-            sure &= ~at_open_end(survey, index, config)
+            sure &= ~at_open_end(survey, index, config) & ~in_crossarm_zone(survey, index, config)
             sure[sure] = ~floats(cloud, index[sure], config.floating)
         if group in {"structures", "other"}:
             of_structure = _within(every, cloud.xyz[:, :2], index, config.support_m)

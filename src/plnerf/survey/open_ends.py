@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
+from plnerf.line.cloud import HIGH_VEGETATION, LOW_VEGETATION, NO_WIRE, TOWER, VEGETATION, Cloud
 from plnerf.line.ends import Attached
 from plnerf.line.line import Span
 from plnerf.line.survey import Survey
@@ -38,7 +40,7 @@ def at_open_end(
     survey: Survey, index: Int[np.ndarray, " m"], config: ObstacleConfig
 ) -> Bool[np.ndarray, " m"]:
     """Which of the indexed points of a cloud from images are so near to where a wire is no longer seen that
-    they may be a structure that was not found."""
+    they may be a structure that was not found; a bush, above which nothing stands, is none."""
     near = np.zeros(len(index), np.bool_)
     if survey.cloud.sigma_m is None:
         return near
@@ -46,7 +48,17 @@ def at_open_end(
     for end in open_ends(survey):
         close = np.linalg.norm(places - end.place, axis=1) < config.plant_support_m
         near |= close & (places @ end.outwards > end.last_m - config.passes_m)
+    near[near] = ~_bushes(survey.cloud, index[near], config.bush_m)
     return near
+
+
+def _bushes(cloud: Cloud, index: Int[np.ndarray, " m"], aside_m: float) -> Bool[np.ndarray, " m"]:
+    """Which of the indexed points are low, and have nothing high so near to them in plan."""
+    bush: Bool[np.ndarray, " m"] = np.isin(cloud.label[index], (LOW_VEGETATION, VEGETATION))
+    high = np.isin(cloud.label, (HIGH_VEGETATION, TOWER)) & (cloud.wire == NO_WIRE)
+    if high.any():
+        bush &= cKDTree(cloud.xyz[high, :2]).query(cloud.xyz[index, :2], workers=-1)[0] > aside_m
+    return bush
 
 
 def _of_wire(wire: Wire, span: Span) -> Iterator[OpenEnd]:

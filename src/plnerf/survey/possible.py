@@ -14,6 +14,7 @@ from plnerf.findings import Finding, harms
 from plnerf.line.clearances import GROUPS, SIGMAS, Group, Place, Possible, WireClearance
 from plnerf.line.survey import Survey
 from plnerf.survey.config_ground import ClearanceConfig
+from plnerf.survey.crossarm_zone import in_crossarm_zone
 from plnerf.survey.obstacles import is_shown, obstacles
 from plnerf.survey.open_ends import at_open_end
 
@@ -49,9 +50,11 @@ def find_possible(
     found, shown = [], is_shown(cloud, config.obstacles)
     for place in kept[: config.obstacles.max_possible]:
         i = int(np.flatnonzero((cloud.xyz == place.on_obstacle).all(1))[0])
-        end = place.to == "vegetation" and bool(at_open_end(survey, np.array([i]), config.obstacles)[0])
-        alone = place.to == "vegetation" and not end and bool(shown[i])
-        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i]), end, alone))
+        plant, at = place.to == "vegetation", np.array([i])
+        end = plant and bool(at_open_end(survey, at, config.obstacles)[0])
+        arm = plant and not end and bool(in_crossarm_zone(survey, at, config.obstacles)[0])
+        alone = plant and not end and not arm and bool(shown[i])
+        found.append(Possible(place, int(cloud.seen[i]), int(cloud.past[i]), end, arm, alone))
     return tuple(found)
 
 
@@ -73,11 +76,13 @@ def about_possible(found: Sequence[Possible]) -> list[Finding]:
     at = f"{nearest.distance_m:.2f} m from wire {nearest.wire}"
     things = "Something" if len(found) == 1 else f"{len(found)} things"
     near, each = ("", "It") if len(found) == 1 else ("the nearest ", "Each")
-    few = any(not one.at_open_end and not one.floats for one in found)
+    few = any(not (one.at_open_end or one.at_structure or one.floats) for one in found)
     why = ", or ".join(
         ["too few images show it, or no more than see past it"] * few
         + ["it stands at an open end and may be a structure that was not found"]
         * any(one.at_open_end for one in found)
+        + ["it stands beside a structure, about as high as its wires, and may be a part of it"]
+        * any(one.at_structure for one in found)
         + ["it is thin and in the air, and may be a wire that was not found"]
         * any(one.floats for one in found)
     )
