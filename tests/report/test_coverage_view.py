@@ -57,3 +57,7 @@ def test_what_is_possible_stands_apart_with_its_pictures(crops: int) -> None:
     shown = Read(page).text.replace("\u00a0", " ")
     assert "Possible, look here" in shown and "0.77" in shown and page.count("photo ") >= 2 * crops
     assert ('class="crops"' in page) == bool(crops)
+    least = min(one.places["vegetation"][0].distance_m for one in found.wires if one.places["vegetation"])
+    assert least > 0.77 and "something may be 0.77 m from wire" in shown
+    farther = replace(found, possible=(Possible(replace(place, distance_m=least + 0.1), 2, 7),))
+    assert "something may be" not in text(replace(survey, clearances=farther))

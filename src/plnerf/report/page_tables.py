@@ -12,6 +12,7 @@ from plnerf.report.coverage_view import any_not_seen, not_seen
 from plnerf.report.figures import AS_THEY_ARE, CERTAIN, NOTHING, Units, counted, listed, share
 from plnerf.report.line_tables import least_crossings, span_headings, value_range
 from plnerf.report.nearest import Nearest, by_need, worst
+from plnerf.report.possible_view import or_nearer
 from plnerf.report.shown import height_shift, shown, units_of
 from plnerf.report.tables import XYZ, Cell, Table, Verdict, verdict_of
 from plnerf.report.words import kinds_of, numbers_of_spans, span_head, temperature, where
@@ -207,6 +208,7 @@ def cards(survey: Survey, rows: list[Nearest]) -> list[Card]:
         about = f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}"
         missing = not_seen(survey, one.place.wire)
         about += f"; of its span {missing} not seen" if missing else ""
+        about += or_nearer(survey, one.place)
         distance = units.interval_with_unit(one.distance)
         verdict = None if one.standing == "open" else verdict_of(one)
         found.append(Card(f"least to {one.to}", distance, about, verdict))

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from plnerf.line.clearances import Possible
+from plnerf.line.clearances import Place, Possible
 from plnerf.line.ends import Quantity
 from plnerf.line.survey import Crop, Survey
 from plnerf.report.colours import MARK, rgb
@@ -64,6 +64,17 @@ def _doubt(one: Possible) -> str:
     if one.at_structure:
         return "structure"
     return "shape" if one.floats else "images"
+
+
+def or_nearer(survey: Survey, least: Place) -> str:
+    """What may be nearer than the least of its group, for whoever reads no further."""
+    possible = survey.clearances.possible if survey.clearances is not None else ()
+    places = [one.place for one in possible if one.place.to == least.to]
+    nearest = min(places, key=lambda place: place.distance_m, default=least)
+    if nearest.distance_m >= least.distance_m:
+        return ""
+    distance = units_of(survey).with_unit(nearest.distance_m)
+    return f"; something may be {distance} from wire {nearest.wire}: see “Possible, look here”"
 
 
 def possible_crops(survey: Survey) -> list[CropRow]:
