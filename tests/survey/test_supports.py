@@ -15,7 +15,7 @@ from plnerf.survey.chains import Chain, find_chains, wires_of
 from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import AttachmentConfig, BodyConfig, SupportConfig
 from plnerf.survey.span_wires import rewired
-from plnerf.survey.support import Supports
+from plnerf.survey.support import Supports, each_structure_once
 from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
 
@@ -206,6 +206,11 @@ def test_a_few_metres_of_a_span_have_their_structure_once() -> None:
     for wire in wires_of(hung_between(chains, extents, supports)):
         assert sorted(type(end).__name__ for end in wire.ends) == ["Attached", "Open"]
         assert wire.base.length_m == pytest.approx(3.0, abs=0.2)
+    ((first, last),) = supports.chains
+    assert first.structure is structure and last.structure is None
+    between = replace(last, structure=structure, junction=replace(last.junction, after=last.junction.before))
+    kept = each_structure_once([first, between], CONFIG.least_span)
+    assert kept[0].structure is None and kept[1].structure is structure  # it holds two spans
 
 
 def test_a_wire_ends_at_a_structure_beyond_where_images_show_it() -> None:

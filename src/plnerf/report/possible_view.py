@@ -67,7 +67,7 @@ def _doubt(one: Possible) -> str:
 
 
 def or_nearer(survey: Survey, least: Place) -> str:
-    """What may be nearer than the least of its group, for whoever reads no further."""
+    """Words beside the least distance to a group: what may be nearer; empty if nothing may."""
     possible = survey.clearances.possible if survey.clearances is not None else ()
     places = [one.place for one in possible if one.place.to == least.to]
     nearest = min(places, key=lambda place: place.distance_m, default=least)

@@ -287,8 +287,9 @@ class SupportConfig:
     or the structure but not the wires before it."""
     surroundings_m: float = 30.0
     """Points so far around the end of a span, along the line and beside its wires, are considered."""
-    least_span_m: float = 3.0
-    """Structures at both ends of a span that are nearer to each other are one."""
+    least_span: float = 0.25
+    """Structures at both ends of a span are one if they are nearer to each other than this share of what the
+    images show of it."""
     polyline_places: int = 120
     """Places at which wires are compared with points."""
     tee_m: float = 4.0

@@ -1,7 +1,7 @@
 """Where crossarms may be that no wire was found on: beside a structure, as high as what it holds.
 
-A structure is known by the wires that were found; what it holds on its other side is farther from these than
-any tree would be taken for.  LineFrame, metres.
+A structure's place is known by the wires on it that were found.  Where those of its other side were not, the
+crossarm there stands several metres from any of them, and its points look like a plant's.  LineFrame, metres.
 """
 
 import numpy as np

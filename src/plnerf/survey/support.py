@@ -58,8 +58,10 @@ class Supports:
         return tuple(one for one in every if one is not None)
 
 
-def each_structure_once(chain: Sequence[Support], least_span_m: float) -> list[Support]:
-    """A chain's supports; of two in a row whose structures are no span apart, one is open.
+def each_structure_once(chain: Sequence[Support], least_span: float) -> list[Support]:
+    """A chain's supports; where both structures of a span are one, one of its ends is open.
+
+    They are if they stand nearer to each other than this share of what the images show of the span.
 
     What the images show of a span may be shorter than the reach in which its end looks for what holds it.
     The structure is the one's between two spans, or else the one's that it is nearer to.
@@ -67,7 +69,10 @@ def each_structure_once(chain: Sequence[Support], least_span_m: float) -> list[S
     found = list(chain)
     for pair in pairwise(range(len(found))):
         one, other = (found[k].structure for k in pair)
-        if one is not None and other is not None and _apart_m(one, other) < least_span_m:
+        span = found[pair[0]].junction.after
+        if one is None or other is None or span is None:
+            continue
+        if _apart_m(one, other) < least_span * span.base.length_m:
             k = max(pair, key=lambda k: (found[k].junction.bend_deg is None, _away_m(found[k])))
             nowhere = (np.zeros((0, 2)), np.zeros((0, 2)))
             found[k] = replace(found[k], structure=None, at=nowhere, strings=False, afar=False)
@@ -79,6 +84,6 @@ def _apart_m(one: Structure, other: Structure) -> float:
 
 
 def _away_m(support: Support) -> float:
-    """How far from where spans meet or end their structure stands along the line."""
+    """Distance along the line from the junction to its structure."""
     assert support.structure is not None
     return abs(float(support.junction.axis.local(support.structure.foot[None])[0, 0]))

@@ -114,7 +114,7 @@ def find_supports(
             around = _around(scenery, junction, config)
             placed.append(_support(junction, around, [one for one in near if one is not None], config))
             mine[_points_of(placed[-1], around, config)] = True
-        found.append(each_structure_once(placed, config.least_span_m))
+        found.append(each_structure_once(placed, config.least_span))
     return Supports(_numbered(with_tees(found, config)), mine)
 
 
