@@ -126,6 +126,27 @@ def test_adjacent_spans_share_a_hanging_clamp_and_are_two_tension_strings_apart(
     assert raised.height_m == line.towers[2].height_m + 1.5
 
 
+def test_tension_strings_point_down_as_steeply_as_their_wires() -> None:
+    """On a slope as well, where one end of a span climbs and the other falls steeply."""
+    line = stand(drawn(42).span).lines[0]
+    steep, apart = [], []
+    for tower in line.towers[1:-1]:
+        if tower.config.kind != "strain":
+            continue
+        k = line.towers.index(tower)
+        sides = (line.spans[k - 1], tower.behind, True), (line.spans[k], tower.ahead, False)
+        for span, ends, last in sides:
+            for wire, end, held in zip(span.wires, ends, tower.held, strict=True):
+                L = wire.base.length_m
+                near, far = wire.points(np.array([L, L - 0.01] if last else [0.0, 0.01]))
+                string, tangent = np.subtract(end, held), far - near
+                angles = [math.atan2(-one[2], math.hypot(*one[:2])) for one in (string, tangent)]
+                steep.append(angles[1])
+                apart.append(angles[0] - angles[1])
+    assert max(steep) - min(steep) > 0.1
+    assert np.abs(apart).max() < 0.015
+
+
 @pytest.mark.parametrize("config", [BENT, LINE_SCENES["crossing"].span], ids=["bent", "crossing"])
 def test_something_carries_every_wire_and_jumpers_join_strained_ones(config: SpanConfig) -> None:
     site = stand(config)

@@ -129,6 +129,10 @@ def _tower(config: LineConfig, k: int, route: Route, ground: Ground, numbers: _N
         x, y = foot[0] - uy * across_m + ux * ahead, foot[1] + ux * across_m + uy * ahead
         return x, y, foot[2] + wire.height_m
 
+    def rise_m(other: int) -> float:
+        far = ground.point(*route.feet[other])[2] + config.structure(other).raised_m
+        return far - foot[2] - structure.raised_m
+
     held = [(wire, clamp(wire, y)) for wire in design.wires for _, y in sub_conductors(wire)]
     return Tower(
         next(numbers.towers),
@@ -139,8 +143,8 @@ def _tower(config: LineConfig, k: int, route: Route, ground: Ground, numbers: _N
         design,
         structure,
         tuple(point for _, point in held),
-        _pulled(held, config, k - 1, (before + 180.0)) if k > 0 else (),
-        _pulled(held, config, k, after) if k < last else (),
+        _pulled(held, config, k - 1, (before + 180.0), rise_m(k - 1)) if k > 0 else (),
+        _pulled(held, config, k, after, rise_m(k + 1)) if k < last else (),
     )
 
 
@@ -162,11 +166,12 @@ def _design(config: LineConfig, structure: StructureConfig) -> LineConfig:
 
 
 def _pulled(
-    held: Sequence[tuple[WireConfig, Point]], config: LineConfig, k: int, azimuth_deg: float
+    held: Sequence[tuple[WireConfig, Point]], config: LineConfig, k: int, azimuth_deg: float, rise_m: float
 ) -> tuple[Point, ...]:
     """Where the conductors of span k end: at the clamps, or a tension string's length out along the span.
 
-    Such a string points down as steeply as its wire, whose slope is taken as that of a level span.
+    Such a string points down as steeply as its wire does, which is taken as a parabola between the clamps.
+    rise_m: how much higher than here the span's other structure holds its wires.
     """
     dx, dy = unit(azimuth_deg)
     index = {wire.name: i for i, wire in enumerate(config.wires)}
@@ -176,7 +181,7 @@ def _pulled(
             ends.append((x, y, z))
             continue
         length = config.support.string_length_m
-        slope = math.atan(4 * config.sag_m(k, index[wire.name]) / config.lengths_m[k])
+        slope = math.atan((4 * config.sag_m(k, index[wire.name]) - rise_m) / config.lengths_m[k])
         out = length * math.cos(slope)
         ends.append((x + dx * out, y + dy * out, z - length * math.sin(slope)))
     return tuple(ends)
