@@ -13,7 +13,7 @@ from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.config import CrossedConfig
-from plnerf.survey.refine.crossed_pairs import _better, _differ, _moved, _Pair, _pairs, uncrossed
+from plnerf.survey.refine.crossed_pairs import Pair, _better, _differ, _moved, _pairs, uncrossed
 from plnerf.survey.refine.refine import refine_wires
 
 CONFIG = replace(REFINE, crossed=CrossedConfig(same_m=3 * PIXEL, alike_m=PIXEL))
@@ -68,7 +68,7 @@ def test_pairs_that_are_right_stay(photos: Photos) -> None:
 @pytest.mark.slow
 def test_more_that_is_seen_counts_before_how_pairs_hang(photos: Photos) -> None:
     right, other = refine_wires(photos, TRUE, CONFIG), refine_wires(photos, crossed(photos), CONFIG)
-    pair = _Pair(0, 1, np.zeros((2, 6)))
+    pair = Pair(0, 1, np.zeros((2, 6)))
     assert _better(right, other, pair, CONFIG.crossed) and not _better(other, right, pair, CONFIG.crossed)
     seen = replace(right, counts=(10, 10))
     assert not _better(seen, other, pair, CONFIG.crossed)
@@ -92,7 +92,7 @@ def test_pairs_whose_other_corners_are_each_others_places_are_not_in_doubt(photo
     """Where wires are above each other as one sees them from both sides, they only change their names."""
     right = refine_wires(photos, TRUE, CONFIG)
     swapped = replace(right, wires=right.wires[::-1], counts=right.counts[::-1])
-    pair = _Pair(0, 1, np.zeros((2, 6)))
+    pair = Pair(0, 1, np.zeros((2, 6)))
     assert _differ(right, swapped, pair) == 0
     assert _differ(right, refine_wires(photos, crossed(photos), CONFIG), pair) > 5 * PIXEL
 

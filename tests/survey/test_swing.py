@@ -19,6 +19,7 @@ from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES, project_wire
 from plnerf.survey.refine.refine import refine_wires
+from plnerf.survey.refine.twins import Twins
 
 PIXEL = 0.45 / FOCAL
 CONFIG = RefineConfig(diameter_m=2 * PIXEL)
@@ -198,7 +199,7 @@ def test_a_step_ends_where_its_sum_of_squares_is_least() -> None:
         made.theta + 0.02 * random.normal(size=(W, 6)), 0.1 * random.normal(size=(N, MOVES)),
         random.normal(size=(W, config.views)), random.normal(size=(W, 2)), random.normal(size=2), 0.03,
     )  # fmt: skip
-    prior = Prior(made.theta, np.full(W, 0.1), np.full(MOVES, 0.2))
+    prior = Prior(made.theta, np.full(W, 0.1), np.full(MOVES, 0.2), (Twins(0, 1, 1.0, 9.0),))
     found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
     after = adjust(base, state, prior, found, config).state
     least = _sum_of_squares(base, state, after, prior, found, config)
@@ -224,6 +225,13 @@ def _sum_of_squares(
     own = (after.shading - after.common_shading) / (config.own_shading * config.shading_grey)
     swings = np.degrees([*after.theta[:, SWING] - after.common_swing, after.common_swing])
     total += (own**2).sum() + ((swings / [*[config.own_swing_deg] * W, config.swing_deg]) ** 2).sum()
+    for pair in prior.twins:
+        beside = np.linspace(pair.from_m, pair.to_m, config.prior_places)
+        between = np.zeros((config.prior_places, 2))
+        for sign, k in ((1, pair.one), (-1, pair.other)):
+            between += sign * curve_at(before.theta[k], L, beside)
+            between += sign * curve_by_theta(before.theta[k], L, beside) @ moved[k]
+        total += ((between - between.mean(0)) ** 2).sum() / config.prior_places / config.twins_m**2
     for w in range(W):
         pulled = curve_at(before.theta[w], L, held) - curve_at(prior.theta[w], L, held)
         pulled += curve_by_theta(before.theta[w], L, held) @ moved[w]

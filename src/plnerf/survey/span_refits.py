@@ -10,6 +10,7 @@ import numpy as np
 from plnerf.line.wire import Wire
 from plnerf.survey.chains import Chain, with_wires
 from plnerf.survey.posed_photos import Photos
+from plnerf.survey.refine.alike import alike
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.crossed_pairs import uncrossed
 from plnerf.survey.refine.refine import refine_wires
@@ -38,7 +39,7 @@ def refine_spans(
         seen = full.of(points)
         refined = refine_wires(seen, span.wires, config, report)
         if photos.frame.unit == "m":
-            refined = uncrossed(seen, refined, config)
+            refined = alike(seen, uncrossed(seen, refined, config), config)
         wires += refined.wires
         shown += refined.shown
         residuals.append(refined.pose_residual_px / photos.reduced)

@@ -2,7 +2,7 @@
 
     minimise  sum rho((B + A (g . dy + m . t_n) - k (n . l_w + c_wv)) / sigma)
               + sum |y_w - y_w0|^2 / trust_w^2 + sum |t_n|^2 / sd^2 + sum c_wv^2 / uneven^2
-              + sum (phi_w - phi)^2 / own^2 + phi^2 / wind^2 + that of l
+              + sum (phi_w - phi)^2 / own^2 + phi^2 / wind^2 + that of l + that of twins
 
 over the curve theta of every wire w, through its places y across; the pose residual t_n of every image n; the
 light l_w on every wire; and what else makes one of its edges brighter, c_wv, alike for all measurements of
@@ -14,7 +14,8 @@ from the same side, are shifted by.  Wires of one scene stand in the same light 
 l_w = l + what is its own.  They hang in the same wind, too: the swing phi_w of each is a common phi and what
 is its own, for thin wires swing further than heavy ones.  Of a wire that sags by h, the swing is what it bows
 aside, h sin phi, where all else in y is linear along the wire; where the views do not show that, as of a taut
-wire, it stays near 0, and as uncertain as wind is.
+wire, it stays near 0, and as uncertain as wind is.  Twins of a bundle are held apart by spacers: from what is
+between them, y_w - y_x where there are both, its mean is taken, and what is left is near to 0.
 
 Letters: w wires, n images and, beside l_w, a profile's normal, v directions times stretches, g and m a
 measurement's derivatives by the wire's place and by the pose residual.  The unknowns come in the order theta,
@@ -33,6 +34,7 @@ from plnerf.line.curve import curve_at, curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES
+from plnerf.survey.refine.twins import Twins
 
 FREE = 6
 """Numbers of theta."""
@@ -67,6 +69,7 @@ class Prior:
     """Standard deviation of a wire's place."""
     pose_sd_px: Float[np.ndarray, "6"]
     """Standard deviations of an image's pose residual."""
+    twins: tuple[Twins, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +219,16 @@ def _prior(
         J = curve_by_theta(state.theta[w], L, s).reshape(-1, FREE) / held
         P[own, own] = J.T @ J
         pull[own] = J.T @ (curve_at(prior.theta[w], L, s) - curve_at(state.theta[w], L, s)).ravel() / held
+    for pair in prior.twins:
+        (w, x), beside = (pair.one, pair.other), np.linspace(pair.from_m, pair.to_m, places)
+        both = np.concatenate([FREE * w + np.arange(FREE), FREE * x + np.arange(FREE)])
+        between = curve_at(state.theta[w], L, beside) - curve_at(state.theta[x], L, beside)
+        by_one, by_other = (curve_by_theta(state.theta[k], L, beside) for k in (w, x))
+        by_both = np.concatenate([by_one, -by_other], axis=2)
+        held = config.twins_m * np.sqrt(places)
+        J = (by_both - by_both.mean(0)).reshape(-1, 2 * FREE) / held
+        P[np.ix_(both, both)] += J.T @ J
+        pull[both] -= J.T @ (between - between.mean(0)).ravel() / held
     pose = np.arange(at.pose, at.shading)
     P[pose, pose] = np.tile(prior.pose_sd_px**-2, N)
     pull[pose] = -(state.pose / prior.pose_sd_px**2).ravel()

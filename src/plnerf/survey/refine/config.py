@@ -66,6 +66,8 @@ class AdjustConfig:
     """No wire swings further: what a step would turn beyond is a wire too taut to show its swing."""
     prior_places: int = 10
     """Places at which a wire is held to where it was detected."""
+    twins_m: float = 0.05
+    """Standard deviation of the distance between the twins of a bundle from its mean along their span."""
 
     def __post_init__(self) -> None:
         if min(self.directions, self.stretches, self.prior_places) < 1:
@@ -73,10 +75,10 @@ class AdjustConfig:
                 "The refit needs directions, stretches and prior_places of 1 or more, but got "
                 f"{self.directions}, {self.stretches} and {self.prior_places}."
             )
-        if min(self.swing_deg, self.own_swing_deg, self.max_swing_deg) <= 0:
+        if min(self.swing_deg, self.own_swing_deg, self.max_swing_deg, self.twins_m) <= 0:
             raise ConfigError(
-                "The refit needs swing_deg, own_swing_deg and max_swing_deg above 0, but got "
-                f"{self.swing_deg}, {self.own_swing_deg} and {self.max_swing_deg}."
+                "The refit needs swing_deg, own_swing_deg, max_swing_deg and twins_m above 0, but got "
+                f"{self.swing_deg}, {self.own_swing_deg}, {self.max_swing_deg} and {self.twins_m}."
             )
 
     @property
@@ -109,6 +111,11 @@ class CrossedConfig:
     """and counts as so much at least."""
     same_m: float = 0.05
     """Places that are nearer to each other are the same."""
+    least_alike: int = 3
+    """If so many pairs of a span and half of all lie at one vector from twin to twin, those at another are
+    tried at this one,"""
+    as_much: float = 0.8
+    """and stay there if so many times as much is seen of them, or more."""
 
     def __post_init__(self) -> None:
         metres = self.near_m, self.parallel_m, self.alike_m, self.same_m
@@ -116,6 +123,11 @@ class CrossedConfig:
             raise ConfigError(
                 "Crossed pairs need near_m, distinct, least_deg, parallel_m, alike_m and same_m above 0 and "
                 f"least_more and least_unlike of 1 or more, but got {self}."
+            )
+        if self.least_alike < 2 or self.as_much <= 0:
+            raise ConfigError(
+                "Crossed pairs need least_alike of 2 or more and as_much above 0, but got "
+                f"{self.least_alike} and {self.as_much}."
             )
 
 
@@ -126,6 +138,9 @@ class RefineConfig:
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     adjust: AdjustConfig = field(default_factory=AdjustConfig)
     crossed: CrossedConfig = field(default_factory=CrossedConfig)
+    twin_m: float = 0.6
+    """Wires that are each other's nearest and no farther apart are twins of a bundle: spacers hold these at
+    0.3 to 0.5 m from each other."""
     diameter_m: float = 0.03
     """Diameter assumed at first, learnt where wires are wider than their blur; conductors have 1 to 5 cm."""
     thin_px: float = 8.0

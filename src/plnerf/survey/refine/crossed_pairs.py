@@ -25,6 +25,7 @@ from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import CrossedConfig, RefineConfig
 from plnerf.survey.refine.refine import Refinement, refine_wires
+from plnerf.survey.refine.twins import side_by_side
 
 HALF_TURN = 180.0
 SHARES = np.linspace(0.1, 0.9, 9)
@@ -36,7 +37,7 @@ LINE_RAD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
+class Pair:
     """Two wires by their indices, and theta of each at its other corner."""
 
     one: int
@@ -53,20 +54,20 @@ def uncrossed(photos: Photos, refined: Refinement, config: RefineConfig) -> Refi
     pairs = _pairs(photos, refined.wires, config.crossed)
     if not pairs:
         return refined
-    crossed = _refitted(photos, refined, pairs, config)
+    crossed = refitted(photos, refined, pairs, config)
     pairs = [pair for pair in pairs if _differ(refined, crossed, pair) > config.crossed.same_m]
     better = [pair for pair in pairs if _better(crossed, refined, pair, config.crossed)]
     doubted = [
         pair for pair in pairs if pair not in better and not _better(refined, crossed, pair, config.crossed)
     ]
-    found = _refitted(photos, refined, better, config) if 0 < len(better) < len(pairs) else crossed
+    found = refitted(photos, refined, better, config) if 0 < len(better) < len(pairs) else crossed
     found = found if better else refined
     return _doubted(found, doubted) if doubted else found
 
 
-def _better(one: Refinement, other: Refinement, pair: _Pair, config: CrossedConfig) -> bool:
+def _better(one: Refinement, other: Refinement, pair: Pair, config: CrossedConfig) -> bool:
     """Whether more is seen of a pair in one fit than in the other, or about as much, and it hangs alike."""
-    seen, seen_there = (fit.counts[pair.one] + fit.counts[pair.other] for fit in (one, other))
+    seen, seen_there = seen_of(one, pair), seen_of(other, pair)
     if max(seen, seen_there) > config.least_more * min(seen, seen_there):
         return seen > seen_there
     unlike, unlike_there = (
@@ -76,8 +77,13 @@ def _better(one: Refinement, other: Refinement, pair: _Pair, config: CrossedConf
     return unlike_there >= config.least_unlike * unlike
 
 
-def _refitted(
-    photos: Photos, refined: Refinement, pairs: Sequence[_Pair], config: RefineConfig
+def seen_of(fit: Refinement, pair: Pair) -> int:
+    """At how many places, of all images, its two wires stand out."""
+    return fit.counts[pair.one] + fit.counts[pair.other]
+
+
+def refitted(
+    photos: Photos, refined: Refinement, pairs: Sequence[Pair], config: RefineConfig
 ) -> Refinement:
     """With pairs at their other corners.
 
@@ -86,7 +92,7 @@ def _refitted(
     return refine_wires(photos, _moved(refined.wires, pairs), config, widths=refined.widths)
 
 
-def _differ(one: Refinement, other: Refinement, pair: _Pair) -> float:
+def _differ(one: Refinement, other: Refinement, pair: Pair) -> float:
     """How far the two wires of a pair move between two fits; wires that change places do not move."""
     s, both = SHARES * one.wires[0].base.length_m, (pair.one, pair.other)
     here, there = (np.array([fit.wires[k].points(s) for k in both]) for fit in (one, other))
@@ -94,7 +100,7 @@ def _differ(one: Refinement, other: Refinement, pair: _Pair) -> float:
     return float(min(np.median(each, axis=1).max() for each in apart))
 
 
-def _doubted(refined: Refinement, pairs: Sequence[_Pair]) -> Refinement:
+def _doubted(refined: Refinement, pairs: Sequence[Pair]) -> Refinement:
     """With intervals that hold the other corner, and a note."""
     wires = list(refined.wires)
     for pair in pairs:
@@ -110,7 +116,7 @@ def _doubted(refined: Refinement, pairs: Sequence[_Pair]) -> Refinement:
     return replace(refined, wires=tuple(wires))
 
 
-def _moved(wires: Sequence[Wire], pairs: Sequence[_Pair]) -> list[Wire]:
+def _moved(wires: Sequence[Wire], pairs: Sequence[Pair]) -> list[Wire]:
     found = list(wires)
     for pair in pairs:
         for k, theta in zip((pair.one, pair.other), pair.thetas, strict=True):
@@ -118,21 +124,17 @@ def _moved(wires: Sequence[Wire], pairs: Sequence[_Pair]) -> list[Wire]:
     return found
 
 
-def _pairs(photos: Photos, wires: Sequence[Wire], config: CrossedConfig) -> list[_Pair]:
+def _pairs(photos: Photos, wires: Sequence[Wire], config: CrossedConfig) -> list[Pair]:
     """Wires that are each other's nearest, and that photos see from two directions only."""
-    if len(wires) < 2:
+    if not wires:
         return []
     s = SHARES * wires[0].base.length_m
     places = np.array([wire.points(s) for wire in wires])
-    apart = np.median(np.linalg.norm(places[:, None] - places, axis=3), axis=2)
-    np.fill_diagonal(apart, np.inf)
-    nearest = apart.argmin(1)
     found = []
-    for i, j in enumerate(nearest.tolist()):
-        if i < j and nearest[j] == i and apart[i, j] <= config.near_m:
-            thetas = _other_corners(photos, (wires[i], wires[j]), places[[i, j]], config)
-            if thetas is not None:
-                found.append(_Pair(i, j, thetas))
+    for i, j in side_by_side(places, config.near_m):
+        thetas = _other_corners(photos, (wires[i], wires[j]), places[[i, j]], config)
+        if thetas is not None:
+            found.append(Pair(i, j, thetas))
     return found
 
 

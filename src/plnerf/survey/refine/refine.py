@@ -25,6 +25,7 @@ from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.judge import believed, between, on_stretches, pose_residual_px, stretches_seen
 from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Projection, project_wire
+from plnerf.survey.refine.twins import twins_of
 
 Widths = tuple[tuple[float, ...], float]
 """The diameters of wires, metres, and the blur of the images, pixels."""
@@ -73,7 +74,10 @@ def refine_wires(
     v = config.adjust.views
     state = State(before, np.zeros((N, MOVES)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
-    prior = Prior(before, trust, np.full(MOVES, config.pose_sd_px))
+    metres = photos.frame.unit == "m"
+    places = np.array([wire.at(s) for wire in started])
+    twins = twins_of(wires, base, places, config.twin_m) if metres else ()
+    prior = Prior(before, trust, np.full(MOVES, config.pose_sd_px), twins)
     usual_m = _usual_distance(photos, started, s)
     diameters, blur_px = widths or (_first_diameters(cameras, base, before, s, config), config.blur_px)
     first_blur_px = blur_px if widths else config.first_blur_px
