@@ -98,6 +98,18 @@ def test_holes_go_on_from_one_rim_to_the_other() -> None:
     assert ground.below(inside) == pytest.approx(0.2 * (inside[:, 0] - 20.5), abs=0.25)
 
 
+def test_the_edge_of_a_canopy_that_hides_the_ground_behind_it_is_no_ground() -> None:
+    """It rises in small steps, and nothing is seen beyond it."""
+    x, y = np.meshgrid(np.arange(-25.0, 25.0, 0.4), np.arange(-20.0, 6.0, 0.4))
+    crowns = np.clip((y + np.sin(x)) * 0.75, 0.0, 5.0)
+    shown = (crowns < 0.3) | (crowns > 0.9)
+    points = np.column_stack([x[shown], y[shown], crowns[shown]])
+    ground = find_ground(points, GroundConfig())
+    assert ground is not None
+    under = np.column_stack([np.linspace(-20, 20, 30), np.full(30, 4.5)])
+    assert ground.below(under).max() < 2.1  # of crowns of 2.6 to 4.1 m; by single steps up to 2.7
+
+
 def test_moving_the_cloud_moves_the_ground(cloud: tuple[np.ndarray, np.ndarray]) -> None:
     points, _ = cloud
     shift = np.array([250_000.0, 5_800_000.0, 30.0])

@@ -10,10 +10,10 @@ from plnerf.line.ends import Attached, Evidence, Open
 from plnerf.line.wire import Wire
 from plnerf.survey.attach import hung_between, lines_of, trimmed
 from plnerf.survey.attachments import held_at
-from plnerf.survey.bodies import find_bodies
+from plnerf.survey.bodies import Body, find_bodies, pole_axis
 from plnerf.survey.chains import Chain, find_chains, wires_of
 from plnerf.survey.config_spans import ChainConfig
-from plnerf.survey.config_wires import AttachmentConfig, BodyConfig, SupportConfig
+from plnerf.survey.config_wires import AttachmentConfig, BodyConfig, PoleConfig, SupportConfig
 from plnerf.survey.span_wires import rewired
 from plnerf.survey.support import Supports, each_structure_once
 from plnerf.survey.supports import find_supports, scenery_of
@@ -109,6 +109,18 @@ def test_a_body_is_where_other_points_show_something_too() -> None:
     assert alone is not None and abs(alone.x_m - 15.0) > 0.5
     assert both is not None and both.x_m == pytest.approx(15.0, abs=0.1)
     assert find_bodies(field, ends, BodyConfig(), floor) == (None, None)
+
+
+def test_a_poles_axis_is_between_its_sides_wherever_its_crossarm_holds_the_wires() -> None:
+    random = np.random.default_rng(8)
+    turn = random.uniform(0, 2 * np.pi, 900)
+    pole = np.column_stack([15 + 0.15 * np.cos(turn), 0.1 + 0.15 * np.sin(turn), random.uniform(-10, 0, 900)])
+    held = Body(15.2, 0.0, -10.0, 1.0)  # on pins before it
+    assert pole_axis(held, pole, 0.0, PoleConfig()) == pytest.approx(15.0, abs=0.02)
+    upper = pole[pole[:, 2] > -3]
+    assert pole_axis(held, upper, 0.0, PoleConfig()) == pytest.approx(15.0, abs=0.02)
+    for none in (pole[pole[:, 2] > -1.2], pole[:40], pole * [1, 1, 0.05], body(random, 15.0)):
+        assert pole_axis(held, none, 0.0, PoleConfig()) is None  # a crossarm, too little, a lattice
 
 
 def found(

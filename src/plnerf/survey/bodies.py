@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter1d
 
-from plnerf.survey.config_wires import BodyConfig
+from plnerf.survey.config_wires import BodyConfig, PoleConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +92,25 @@ def body_at(
     upper = around[near & (around[:, 2] > (foot_m + lowest_m) / 2)]
     y_m = float(np.median(upper[:, 1])) if len(upper) else float(at[:, 0].mean())
     return Body(x_m, y_m, foot_m, float(upper[:, 2].max(initial=lowest_m)))
+
+
+def pole_axis(
+    body: Body, points: Float[np.ndarray, "n 3"], lowest_m: float, config: PoleConfig
+) -> float | None:
+    """Where along the line the axis of a pole stands that is seen at a body's place; None where no pole is.
+
+    A crossarm may carry its wires before the pole or behind it, so that these do not say where it stands.
+    lowest_m: height of the lowest wire there.
+    """
+    low, high = body.foot_m + config.foot_m, lowest_m - config.below_wires_m
+    beside = np.abs(points[:, :2] - [body.x_m, body.y_m]).max(1) <= config.about_m
+    own = points[beside & (points[:, 2] > low) & (points[:, 2] < high)]
+    if len(own) < config.least_points:
+        return None
+    tall_m = len(np.unique((own[:, 2] / config.step_m).astype(int))) * config.step_m
+    first, last = np.percentile(own[:, 0], config.edges)
+    slender = last - first <= config.widest_m
+    return float(first + last) / 2 if slender and tall_m >= config.least_tall_m else None
 
 
 def _seen(

@@ -130,14 +130,20 @@ def _filled_with_nearest(
 
 
 def _opened(z: Float[np.ndarray, "r c"], cell_m: float, config: GroundConfig) -> Bool[np.ndarray, "r c"]:
-    """Cells that no opening lowers by more than its threshold; cells without points are infinite."""
-    seen = np.isfinite(z)
+    """Cells that no opening lowers by more than its threshold, nor all together by more than a slope does.
+
+    Cells without points are infinite.  The edge of a canopy that hides the ground beyond it is a staircase:
+    no step is high, and the paper's threshold alone lets it through.
+    """
+    seen, first = np.isfinite(z), z
     ground, before = seen.copy(), 1
     for window in config.windows:
         eroded = ndimage.minimum_filter(z, window, mode="constant", cval=np.inf)
         lower = ndimage.maximum_filter(np.where(seen, eroded, -np.inf), window, mode="constant", cval=-np.inf)
         threshold = config.max_slope * (window - before) * cell_m + config.min_step_m
         ground[seen] &= (z[seen] - lower[seen]) <= min(threshold, config.max_step_m)
+        most = config.max_slope * (window - 1) / 2 * cell_m + config.min_step_m
+        ground[seen] &= (first[seen] - lower[seen]) <= most
         z, before = np.where(seen, lower, np.inf), window
     return ground
 

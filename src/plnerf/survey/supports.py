@@ -18,7 +18,7 @@ from plnerf.line.ends import TWO_SIDED_95
 from plnerf.line.line import Structure
 from plnerf.line.wire import Wire
 from plnerf.survey.attachments import held_at
-from plnerf.survey.bodies import Body, body_at, find_bodies
+from plnerf.survey.bodies import Body, body_at, find_bodies, pole_axis
 from plnerf.survey.chains import Chain, junctions
 from plnerf.survey.config_spans import ChainConfig
 from plnerf.survey.config_wires import SupportConfig
@@ -167,8 +167,11 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
     stands = body_at(t0 if body is None else body, around.best, lines, config.body)
     # A structure is as high as its highest wire.
     top = max(stands.top_m, *(float(np.interp(t0, line[:, 0], line[:, 2])) for line in lines))
-    foot = axis.place(np.array([t0]), np.array([[stands.y_m, stands.foot_m]]))[0]
-    structure = Structure(0, foot, top - stands.foot_m, sigma, ", and ".join(words))
+    lowest = min(float(np.interp(t0, line[:, 0], line[:, 2])) for line in lines)
+    pole = pole_axis(replace(stands, x_m=t0), around.best, lowest, config.pole)
+    at = (t0, sigma) if pole is None else (pole, config.pole.sigma_m)
+    foot = axis.place(np.array(at[:1]), np.array([[stands.y_m, stands.foot_m]]))[0]
+    structure = Structure(0, foot, top - stands.foot_m, at[1], ", and ".join(words))
     above = () if shown is None else shown.above
     places = held_places(junction, Stands(t0, sigma, stands.y_m, above), held, around.photos, config)
     afar = held is None and shown is not None and shown.afar
