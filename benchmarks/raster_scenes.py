@@ -1,8 +1,9 @@
-"""Random scenes of `plnerf synth` drawn by `raster.py`, several times as fast as by its path tracer:
-`python benchmarks/raster_scenes.py OUT --seeds 2 4 6`.
+"""Scenes of `plnerf synth` drawn by `raster.py`, several times as fast as by its path tracer:
+`python benchmarks/raster_scenes.py OUT --seeds 2 4 6 --names wind orbit`.
 
 OUT/random-N is a scene folder with its truth, as `plnerf synth OUT/random-N --scene random --seed N` makes
-it: the same line, land, plants, flight, exposure, blur, noise and JPEG, in simpler light.
+it, and OUT/NAME as `plnerf synth OUT/NAME --scene NAME` does: the same line, land, plants, flight, exposure,
+blur, noise and JPEG, in simpler light.
 `plnerf bench --suite coverage --scenes OUT/random-*` then measures the intervals of their surveys.
 """
 
@@ -63,19 +64,23 @@ def draw_scene(out: Path, name: str, seed: int | None) -> Path:
     return out
 
 
-def _draw(task: tuple[Path, int]) -> str:
+def _draw(task: tuple[Path, str, int | None]) -> str:
     began = time.monotonic()
-    draw_scene(task[0], RANDOM, task[1])
+    draw_scene(*task)
     return f"{task[0]}: {time.monotonic() - began:.0f} s"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--seeds", type=int, nargs="+", required=True)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[], help="of random scenes")
+    parser.add_argument("--names", nargs="+", default=[], help="of scenes of plnerf synth")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    tasks = [(options.out / f"random-{seed}", seed) for seed in options.seeds]
+    tasks: list[tuple[Path, str, int | None]] = [
+        *((options.out / f"random-{seed}", RANDOM, seed) for seed in options.seeds),
+        *((options.out / name, name, None) for name in options.names),
+    ]
     with multiprocessing.get_context("fork").Pool(usable_cores()) as pool:
         for line in pool.imap(_draw, [task for task in tasks if not task[0].exists()]):
             print(line, flush=True)
