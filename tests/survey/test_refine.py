@@ -98,6 +98,14 @@ def test_wires_come_to_where_they_are_drawn(photos: Photos) -> None:
     assert refine_wires(photos, [], CONFIG).wires == ()
 
 
+def test_what_is_thicker_than_conductors_must_stand_out_more(photos: Photos) -> None:
+    assert all(refine_wires(photos, WIRES, CONFIG).shown)
+    thin = CONFIG.diameter_m / 2
+    for least, shown in ((1.0, True), (1e9, False)):
+        found = refine_wires(photos, WIRES, replace(CONFIG, thick_m=thin, least_beside_thick=least))
+        assert found.shown == (shown,) * 3
+
+
 @pytest.mark.slow
 def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) -> None:
     """Each picture shifted by a pixel or so of its own."""

@@ -121,8 +121,9 @@ def refine_wires(
     for w in range(W):
         count = sum(len(row[w]) for row in found)
         often = len(step.off_px[w]) >= config.least_visible * count
-        told = more[w] >= config.least_beside
-        sharp = trust[w] <= config.doubtful_diameters * config.diameter_m
+        thick = metres and diameters[w] > config.thick_m
+        told = more[w] >= (config.least_beside_thick if thick else config.least_beside)
+        sharp = not thick and trust[w] <= config.doubtful_diameters * config.diameter_m
         long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
         shown.append((often or bool(seen[w])) and bool(told or (sharp and long)))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
