@@ -141,6 +141,33 @@ class FloatingConfig:
 
 
 @dataclass(frozen=True)
+class GreenConfig:
+    """What is green and goes on well below is a plant.  Of what few images see, or stands where wires are no
+    longer seen, in random scenes of even seeds: plants have an excess of green of 0.14 and more and go on
+    below, all else has 0.07 or less, or nothing below it."""
+
+    cell_m: float = 0.25
+    """Points in a cell of this side count once for what is below."""
+    within_m: float = 1.0
+    """Colours are those of all that is so near."""
+    least: float = 0.1
+    """Excess of green from which on it is green."""
+    aside_m: float = 0.75
+    """Below a place is what is so near to it in plan,"""
+    below_m: float = 3.0
+    """and no further down;"""
+    least_below_m: float = 1.0
+    """of these heights so many, in sum, must be seen."""
+
+    def __post_init__(self) -> None:
+        if not self.cell_m > 0 or not 0 <= self.least_below_m <= self.below_m:
+            raise ConfigError(
+                "Green plants need cell_m > 0 and 0 <= least_below_m <= below_m, but got "
+                f"{self.cell_m}, {self.least_below_m} and {self.below_m}."
+            )
+
+
+@dataclass(frozen=True)
 class ObstacleConfig:
     """Which points of a cloud count as obstacles."""
 
@@ -170,6 +197,7 @@ class ObstacleConfig:
     """Images that must see a thing where a point of a cloud from images is, and more than see past it: two
     images of a pair make the same mistake.  Other points are possible obstacles, listed apart."""
     floating: FloatingConfig = field(default_factory=FloatingConfig)
+    green: GreenConfig = field(default_factory=GreenConfig)
     max_possible: int = 8
     """Possible obstacles that are listed, the nearest to a wire first."""
 

@@ -34,6 +34,7 @@ from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import ObstacleConfig
 from plnerf.survey.crossarm_zone import in_crossarm_zone
 from plnerf.survey.floating import floats
+from plnerf.survey.green import green_plants
 from plnerf.survey.open_ends import at_open_end, open_ends
 
 WATER, RAIL, ROAD = 9, 10, 11
@@ -77,7 +78,9 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         f"and at most {config.arm_below_m:g} m below that, and vegetation in the air within "
         f"{config.floating.thin_m:g} m of a straight line that is no steeper than "
         f"{config.floating.upright_deg:g} degrees, but for bits within {config.floating.bit_m:g} m of a "
-        "plant: all of it is listed as possible",
+        "plant: all of it is listed as possible, unless no more images see past it than see it, it is green "
+        f"(excess of {config.green.least:g} or more) and {config.green.least_below_m:g} m or more of it are "
+        "seen below",
     }
 
 
@@ -126,6 +129,7 @@ def obstacles(
             index, sure = index[~of_structure], sure[~of_structure]
             sure &= ~at_open_end(survey, index, config) & ~in_crossarm_zone(survey, index, config)
             sure[sure] = ~floats(cloud, index[sure], config.floating)
+            sure[~sure] = green_plants(cloud, index[~sure], config.green)
         if group in {"structures", "other"}:
             of_structure = _within(every, cloud.xyz[:, :2], index, config.support_m)
             index, sure = index[~of_structure], sure[~of_structure]
