@@ -245,6 +245,8 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
         score = scored(stated, other)
         assert score.vegetation is None and why in score.notes[-1]
     assert "states no distance" in scored((), truth).notes[-1]
+    beyond = stating(2, place(2, truth.plants[2].foot, 3.0, "vegetation"))
+    assert "stands beyond a wire's end" in scored([beyond], truth).notes[-1]
     without = [match for match in matches if match.wire != "A"]
     score = score_clearances(without, found, stated, truth, DEFAULT.wires)
     assert score.vegetation is None and "3.02 m from A, which the survey does not have" in score.notes[-1]

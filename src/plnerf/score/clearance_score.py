@@ -27,7 +27,7 @@ RULES = {
     "leaves of the plants whose clearance truth.json states and that stand between the ends of a conductor, "
     "with half the wire's diameter added; compared where the survey has the wire that is nearest to one; "
     "plants that too few images have in their frames, as truth.json states, count only where the survey "
-    "finds them",
+    "finds them; not compared where what the survey states as nearest stands beyond a wire's end",
     "off_along": "how far apart along the line the two places are, horizontally",
     "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations",
 }
@@ -154,7 +154,8 @@ def _vegetation(
     plants = [
         one for one in every if one.observable or (found is not None and _is_at(one, found.on_obstacle))
     ]
-    if not plants or truth.houses or found is None:
+    at_end = found is not None and _is_beyond(found.on_obstacle, truth.plants, every)
+    if not plants or truth.houses or found is None or at_end:
         why = (
             f"the truth has {truth.houses} houses, which surveys do not distinguish from plants"
             if truth.houses
@@ -164,6 +165,9 @@ def _vegetation(
             if not every
             else "too few images have one of the truth's in their frames"
             if not plants
+            else "the nearest that the survey states stands beyond a wire's end and reaches beside the wire; "
+            "how near that part is the truth does not say"
+            if at_end
             else "the survey states no distance to any"
         )
         notes.append(f"Distances to plants are not compared: {why}.")
@@ -184,6 +188,13 @@ def _vegetation(
         )
         return None
     return Compared(nearest.wire, found.wire, axis_m[nearest], found.distance_m, found.sigma_m, None)
+
+
+def _is_beyond(
+    place: Float[np.ndarray, "3"], plants: Sequence[TruePlant], beside: Sequence[TruePlant]
+) -> bool:
+    """Whether a point lies in a plant, and in none that stands beside a wire."""
+    return any(_is_at(one, place) for one in plants) and not any(_is_at(one, place) for one in beside)
 
 
 def _is_at(plant: TruePlant, place: Float[np.ndarray, "3"]) -> bool:
