@@ -22,7 +22,7 @@ from tests.support.drawn import (
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.config_lines import DirectionConfig, OnwardConfig
 from plnerf.detect.detect import detect_wires
-from plnerf.detect.in_window import Known, search_of
+from plnerf.detect.in_window import Known, search_of, wires_in
 from plnerf.detect.line_maps import line_maps, ridges_of
 from plnerf.detect.onward import places
 from plnerf.detect.views import views_of
@@ -97,3 +97,23 @@ def test_a_search_that_is_turned_finds_the_same_and_leaves_the_first_as_it_is(tm
     turned.mask_ridges(same)
     assert not first.masks.any() and first.odds is before and turned.masks.any()
     assert turned.chains is first.chains
+
+
+def test_a_line_that_is_known_in_one_plane_is_no_wire(tmp_path: Path) -> None:
+    """Its ends are moved up to where its place is known, and these are one."""
+    cameras = two_passes(6)
+    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(SPAN[0])]))
+    views = views_of(scene.photo_cameras[list(scene.train)], 1280)
+    maps = line_maps(scene.photos, scene.photo_cameras, scene.train, 1280, CONFIG.lines)
+    every = np.arange(len(views.R))
+    window = Window(np.zeros(3), 0.0, HALF, -np.ones(2), np.ones(2), every, 60)
+    nothing = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
+    known = Known([], nothing, nothing.copy())
+    ridges = ridges_of(maps, views, every)
+    line, _ = search_of(window, views, ridges, known, CONFIG).best(
+        SPAN[0].theta[None] / HALF * [1, 1, 1, 1, 1, 0], CONFIG.select.min_odds
+    )
+    assert line is not None
+    one = replace(line, covariance=line.covariance + np.diag([1.0] * 4 + [0.0] * 2), seen=(7, 7))
+    assert len(wires_in(window, views, ridges, known, FRAME, CONFIG, lambda _: ([line], []))) == 1
+    assert wires_in(window, views, ridges, known, FRAME, CONFIG, lambda _: ([one], [])) == []

@@ -90,18 +90,21 @@ def wires_in(
     found, rest = find(search)
     known.sharpness = search.sharpness
     _mark([*found, *rest], search, replace(window, views=np.arange(len(views.R))).seen_by(views), known.taken)
-    return [_as_wire(line, found, search, window, frame) for line in found]
+    wires = [_as_wire(line, found, search, window, frame) for line in found]
+    return [wire for wire in wires if wire is not None]
 
 
 def _as_wire(
     line: Candidate, found: Sequence[Candidate], search: Search, window: Window, frame: LineFrame
-) -> Wire:
-    """A line as far as it is known.  found: all wires of its window."""
+) -> Wire | None:
+    """A line as far as it is known; None where that is one plane.  found: all wires of its window."""
     x, config = search.x, search.config
     footprint = typical_footprint(search.views, line.theta, x, config.certainty)
     ends = common_ends(line, found, search.length, config.select)
     ends = known_ends(line, ends, x, footprint, config.certainty)
     ends = certain_stretch(line, ends, x, footprint, window.unit_m(frame), config.certainty)
+    if ends[0] == ends[1]:
+        return None
     return wire_of(line, ends, window, x, footprint, frame, config.certainty)
 
 

@@ -93,7 +93,7 @@ class CrossedConfig:
 
     near_m: float = 1.0
     """Wires farther apart than this are not confused."""
-    distinct: float = 2.0
+    distinct: float = 1.0
     """Photos look from two directions if the angle between these is so many times what either of them
     spans,"""
     least_deg: float = 5.0
