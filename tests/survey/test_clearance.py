@@ -20,7 +20,8 @@ from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey import obstacles as room
 from plnerf.survey.clearance import _lowest, measure_clearances
-from plnerf.survey.config_ground import ClearanceConfig, GroundSectionConfig, ObstacleConfig, SamplingConfig
+from plnerf.survey.config_ground import ClearanceConfig, GroundSectionConfig, SamplingConfig
+from plnerf.survey.config_obstacles import ObstacleConfig
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import CLASSES, obstacles, onto_wire, rules, stations
 

@@ -7,7 +7,7 @@ import pytest
 
 from plnerf.errors import ConfigError
 from plnerf.line.cloud import HIGH_VEGETATION, NO_WIRE, Cloud
-from plnerf.survey.config_ground import GreenConfig
+from plnerf.survey.config_obstacles import GreenConfig
 from plnerf.survey.green import green_plants
 
 GREEN, GREY = (70, 110, 60), (120, 124, 118)

@@ -13,7 +13,8 @@ from plnerf.line.ends import Attached, Open
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.clearance import measure_clearances
-from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig, FloatingConfig, ObstacleConfig
+from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig
+from plnerf.survey.config_obstacles import FloatingConfig, ObstacleConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.floating import floats
 from plnerf.survey.possible import POSSIBLE

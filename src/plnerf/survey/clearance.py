@@ -29,7 +29,8 @@ from plnerf.line.cloud import GROUND, NO_WIRE, Cloud
 from plnerf.line.line import Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
-from plnerf.survey.config_ground import ClearanceConfig, ObstacleConfig
+from plnerf.survey.config_ground import ClearanceConfig
+from plnerf.survey.config_obstacles import ObstacleConfig
 from plnerf.survey.crossings import find_crossings, variance_towards
 from plnerf.survey.ground_section import ground_under
 from plnerf.survey.obstacles import (

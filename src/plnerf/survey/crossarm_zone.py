@@ -9,7 +9,7 @@ from jaxtyping import Bool, Int
 
 from plnerf.line.ends import Attached
 from plnerf.line.survey import Survey
-from plnerf.survey.config_ground import ObstacleConfig
+from plnerf.survey.config_obstacles import ObstacleConfig
 
 
 def in_crossarm_zone(

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from plnerf.line.cloud import GROUND, Cloud
-from plnerf.survey.config_ground import FloatingConfig
+from plnerf.survey.config_obstacles import FloatingConfig
 
 
 def floats(cloud: Cloud, index: Int[np.ndarray, " m"], config: FloatingConfig) -> Bool[np.ndarray, " m"]:

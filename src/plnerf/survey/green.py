@@ -16,7 +16,7 @@ from jaxtyping import Bool, Int
 from scipy.spatial import cKDTree
 
 from plnerf.line.cloud import HIGH_VEGETATION, LOW_VEGETATION, NO_WIRE, VEGETATION, Cloud
-from plnerf.survey.config_ground import GreenConfig
+from plnerf.survey.config_obstacles import GreenConfig
 
 
 def green_plants(cloud: Cloud, index: Int[np.ndarray, " m"], config: GreenConfig) -> Bool[np.ndarray, " m"]:

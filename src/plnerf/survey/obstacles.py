@@ -31,7 +31,7 @@ from plnerf.line.ends import Attached
 from plnerf.line.polylines import onto_segments
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
-from plnerf.survey.config_ground import ObstacleConfig
+from plnerf.survey.config_obstacles import ObstacleConfig
 from plnerf.survey.crossarm_zone import in_crossarm_zone
 from plnerf.survey.floating import floats
 from plnerf.survey.green import green_plants

@@ -16,7 +16,7 @@ from plnerf.line.ends import Attached
 from plnerf.line.line import Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
-from plnerf.survey.config_ground import ObstacleConfig
+from plnerf.survey.config_obstacles import ObstacleConfig
 
 
 @dataclass(frozen=True, eq=False)
