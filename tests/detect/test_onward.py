@@ -24,8 +24,9 @@ from plnerf.detect.config_lines import DirectionConfig, OnwardConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.detect.in_window import Known, search_of, wires_in
 from plnerf.detect.line_maps import line_maps, ridges_of
+from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.onward import places
-from plnerf.detect.views import views_of
+from plnerf.detect.views import Views, views_of
 from plnerf.detect.windows import Window
 
 PIXEL = 0.45 / FOCAL
@@ -75,18 +76,23 @@ def test_wires_that_end_together_are_one_place_with_the_views_that_see_it() -> N
     assert list(places([], views, FRAME, CONFIG)) == []
 
 
-def test_a_search_that_is_turned_finds_the_same_and_leaves_the_first_as_it_is(tmp_path: Path) -> None:
-    """In a window that lies the other way: the same line, its ends exchanged."""
+def drawn_window(tmp_path: Path) -> tuple[Window, Views, LineRidges, Known]:
+    """Along one wire that is drawn, of which nothing is known."""
     cameras = two_passes(6)
     scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(SPAN[0])]))
     views = views_of(scene.photo_cameras[list(scene.train)], 1280)
     maps = line_maps(scene.photos, scene.photo_cameras, scene.train, 1280, CONFIG.lines)
     every = np.arange(len(views.R))
     window = Window(np.zeros(3), 0.0, HALF, -np.ones(2), np.ones(2), every, 60)
-    other = replace(window, azimuth_rad=np.pi)
     nothing = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
-    known = Known([], nothing, nothing.copy())
-    first = search_of(window, views, ridges_of(maps, views, every), known, CONFIG)
+    return window, views, ridges_of(maps, views, every), Known([], nothing, nothing.copy())
+
+
+def test_a_search_that_is_turned_finds_the_same_and_leaves_the_first_as_it_is(tmp_path: Path) -> None:
+    """In a window that lies the other way: the same line, its ends exchanged."""
+    window, views, ridges, known = drawn_window(tmp_path)
+    other = replace(window, azimuth_rad=np.pi)
+    first = search_of(window, views, ridges, known, CONFIG)
     turned = first.turned(other.seen_by(views))
     (y_A, y_B, z_A, z_B, b, d), least = SPAN[0].theta / HALF, CONFIG.select.min_odds
     line, _ = first.best(np.array([[y_A, y_B, z_A, z_B, b, d]]), least)
@@ -101,15 +107,7 @@ def test_a_search_that_is_turned_finds_the_same_and_leaves_the_first_as_it_is(tm
 
 def test_a_line_that_is_known_in_one_plane_is_no_wire(tmp_path: Path) -> None:
     """Its ends are moved up to where its place is known, and these are one."""
-    cameras = two_passes(6)
-    scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(SPAN[0])]))
-    views = views_of(scene.photo_cameras[list(scene.train)], 1280)
-    maps = line_maps(scene.photos, scene.photo_cameras, scene.train, 1280, CONFIG.lines)
-    every = np.arange(len(views.R))
-    window = Window(np.zeros(3), 0.0, HALF, -np.ones(2), np.ones(2), every, 60)
-    nothing = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
-    known = Known([], nothing, nothing.copy())
-    ridges = ridges_of(maps, views, every)
+    window, views, ridges, known = drawn_window(tmp_path)
     line, _ = search_of(window, views, ridges, known, CONFIG).best(
         SPAN[0].theta[None] / HALF * [1, 1, 1, 1, 1, 0], CONFIG.select.min_odds
     )

@@ -107,7 +107,7 @@ def pole_axis(
     own = points[beside & (points[:, 2] > low) & (points[:, 2] < high)]
     if len(own) < config.least_points:
         return None
-    tall_m = len(np.unique((own[:, 2] / config.step_m).astype(int))) * config.step_m
+    tall_m = len(np.unique(np.floor(own[:, 2] / config.step_m))) * config.step_m
     first, last = np.percentile(own[:, 0], config.edges)
     slender = last - first <= config.widest_m
     return float(first + last) / 2 if slender and tall_m >= config.least_tall_m else None

@@ -39,7 +39,8 @@ def refine_spans(
         seen = full.of(points)
         refined = refine_wires(seen, span.wires, config, report)
         if photos.frame.unit == "m":
-            refined = alike(seen, uncrossed(seen, refined, config), config)
+            # In this order: what `alike` fits again would lose the doubts that `uncrossed` adds.
+            refined = uncrossed(seen, alike(seen, refined, config), config)
         wires += refined.wires
         shown += refined.shown
         residuals.append(refined.pose_residual_px / photos.reduced)
