@@ -30,7 +30,7 @@ from PIL import Image
 from raster import Bodies, bodies_of, picture
 
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.config_lines import WindowConfig
+from plnerf.detect.config_windows import WindowConfig
 from plnerf.mechanics.config import MechanicsConfig
 from plnerf.ops.cpu_arrays import usable_cores
 from plnerf.pipeline import survey as survey_of

@@ -21,11 +21,10 @@ from plnerf.detect.config_lines import (
     DirectionConfig,
     EvidenceConfig,
     LineMapConfig,
-    OnwardConfig,
     RidgeConfig,
     SegmentConfig,
-    WindowConfig,
 )
+from plnerf.detect.config_windows import OnwardConfig, WindowConfig
 from plnerf.errors import ConfigError
 from plnerf.train.settings import from_json, to_json
 

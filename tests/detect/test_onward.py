@@ -20,7 +20,8 @@ from tests.support.drawn import (
 )
 
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.config_lines import DirectionConfig, OnwardConfig
+from plnerf.detect.config_lines import DirectionConfig
+from plnerf.detect.config_windows import OnwardConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.detect.in_window import Known, search_of, wires_in
 from plnerf.detect.line_maps import line_maps, ridges_of

@@ -8,7 +8,7 @@ import pytest
 from tests.support.drawn import HALF, hanging, pinhole_cameras, two_passes, uncertain
 
 from plnerf.detect.config import JoinConfig
-from plnerf.detect.config_lines import WindowConfig
+from plnerf.detect.config_windows import WindowConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.join import joined, with_onward
 from plnerf.detect.views import project_point, views_of

@@ -12,13 +12,12 @@ from plnerf.detect.config_lines import (
     DirectionConfig,
     EvidenceConfig,
     LineMapConfig,
-    OnwardConfig,
     RidgeConfig,
     SegmentConfig,
     SurroundingsConfig,
-    WindowConfig,
     check,
 )
+from plnerf.detect.config_windows import OnwardConfig, WindowConfig
 
 
 @dataclass(frozen=True)

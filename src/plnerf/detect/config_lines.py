@@ -1,4 +1,4 @@
-"""What decides which thin lines images show, which way they run, and where wires are searched.
+"""What decides which thin lines images show, and which way they run.
 
 Letters and frames as in `config.py`.
 """
@@ -253,17 +253,20 @@ class DirectionConfig:
     """A direction is the middle of the votes within this angle of the strongest azimuth."""
     min_excess: float = 1.0
     """Votes of a direction over those of the median azimuth, as a multiple of these and of `few_px`, that it
-    takes to be searched;"""
+    takes to be looked at."""
+    least_in_air: float = 150.0
+    """Nats that a line needs with which thin lines alone show that a direction is one of wires."""
+    aside_rad: float = math.radians(2.0)
+    """Where such lines run farther than this beside it, clutter has drawn the votes aside."""
     min_share: float = 0.1
-    """and as a fraction of what the first direction had,"""
-    clear: float = 6.0
-    """unless it is so many: lines before a clear sky vote so much that few metres of the next span, which
-    nothing else resembles, have but a small part of it."""
+    """Where they show none, the votes that a direction needs as a fraction of what the first one had."""
     few_px: float = 100.0
     """Votes that a few pairs of different lines collect by chance."""
 
     def __post_init__(self) -> None:
-        angles = (self.step_rad, self.smooth_rad, self.sag_rad, self.apart_rad, self.peak_rad)
+        angles = (
+            self.step_rad, self.smooth_rad, self.sag_rad, self.apart_rad, self.peak_rad, self.aside_rad,
+        )  # fmt: skip
         check(
             min(angles) > 0 and self.step_rad < 0.2 and self.step_rad <= self.max_slope_rad < math.pi / 2,
             "detect.directions needs angles above 0, a step_rad below 0.2 and a max_slope_rad below pi / 2",
@@ -281,80 +284,9 @@ class DirectionConfig:
         )
         check(
             min(self.most, self.partners) >= 1
-            and min(self.min_excess, self.few_px, self.min_share, self.clear) > 0,
+            and min(self.min_excess, self.few_px, self.min_share, self.least_in_air) > 0,
             "detect.directions needs most and partners of 1 or more, and min_excess, few_px, min_share and "
-            "clear above 0",
-            self,
-        )
-
-
-@dataclass(frozen=True)
-class WindowConfig:
-    """Windows along a direction, and the volume of each that is searched (`windows.py`)."""
-
-    whole: float = 40.0
-    """A flight of so many distances between one image and the next is one window;"""
-    spacings: float = 25.0
-    """windows of a longer one are as long as so many."""
-    least_step: float = 0.12
-    """Images nearer to each other than this fraction of a footprint count as so far apart: a film shows no
-    more of a line than photos that overlap, and its windows hold as much of it."""
-    margin: float = 0.27
-    """A direction is searched beyond the first and the last camera, as a fraction of their distance or of
-    `whole` spacings, whichever is less."""
-    follow: float = 0.33
-    """Wires that are found are followed so far beyond the ends of a direction's windows, as a fraction of a
-    window's length."""
-    planes: int = 80
-    """Planes across a window in which lines are looked for, for each stretch as long as what was flown past
-    or as a window of a longer flight."""
-    aside: float = 0.5
-    """Wires are searched so far to either side of the cameras, as a fraction of the window's length,"""
-    below: float = 0.5
-    """below the lowest of them,"""
-    above: float = 0.35
-    """and above the highest."""
-    near: float = 1.0
-    """Views that stand within this fraction of a window's length before and behind it are used."""
-
-    def __post_init__(self) -> None:
-        check(
-            0 < self.spacings <= self.whole
-            and min(self.aside, self.below, self.above, self.near) > 0
-            and min(self.margin, self.follow, self.least_step) >= 0 and self.planes >= 10,
-            "detect.windows needs positive lengths, whole not below spacings, margin, follow and least_step "
-            "of 0 or more, and 10 planes or more",
-            self,
-        )
-
-
-@dataclass(frozen=True)
-class OnwardConfig:
-    """The search for what begins where wires end (`onward.py`), in windows about their ends."""
-
-    half_px: float = 500.0
-    """Half a window's length, in pixels of the views that see it."""
-    planes: int = 60
-    """Planes across it."""
-    step_rad: float = math.radians(10.0)
-    """From the direction of one window to the next: curves may run askew by half of it and a little more."""
-    least_views: int = 6
-    """Views that must see the place."""
-    around: float = 0.3
-    """A wire may end so far before or behind the structure, in units of half a window's length,"""
-    past: float = 0.03
-    """and the next one's line run past it by so much."""
-    most: int = 3
-    """Directions that are searched at a place, at most."""
-    min_odds: float = 100.0
-    """Nats that a line needs there, beside another that runs as it does: planes are near to each other."""
-
-    def __post_init__(self) -> None:
-        check(
-            min(self.half_px, self.around, self.past, self.min_odds) > 0 and 0 < self.step_rad < 1
-            and min(self.least_views, self.planes) >= 3 and self.most >= 1,
-            "detect.onward needs half_px, around, past and min_odds above 0, a step_rad above 0 and below 1, "
-            "least_views and planes of 3 or more, and most of 1 or more",
+            "least_in_air above 0",
             self,
         )
 

@@ -1,7 +1,8 @@
 """All wires of a scene, detected in its training images: which way lines run, then where they hang.
 
 Thin lines of all images vote for a direction; windows along it are searched (`window_search.py`); what was
-found there votes no longer, and the next direction is searched, as long as lines of many images agree on one.
+found there votes no longer, and the next direction is searched, as long as lines of many images agree on one
+(`next_direction.py`).
 At last the ends of wires are searched for what begins there (`onward.py`).  Nobody needs to know where a line
 runs, how many there are, and where they bend.
 """
@@ -17,12 +18,13 @@ from plnerf.detect.candidate import Candidate
 from plnerf.detect.chains import chains_of
 from plnerf.detect.config import DEFAULT, DetectConfig
 from plnerf.detect.continuations import ends_of_wires
-from plnerf.detect.directions import Direction, given, stands_out, strongest, vote
+from plnerf.detect.directions import Direction, vote
 from plnerf.detect.in_window import KeptRidges, Known, wires_in
 from plnerf.detect.join import joined
 from plnerf.detect.line_maps import LineMaps, line_maps
 from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.meets import curves_where_chains_meet
+from plnerf.detect.next_direction import Directions
 from plnerf.detect.onward import wires_onward
 from plnerf.detect.search import Search
 from plnerf.detect.segments import Segments, linked, segments_of
@@ -33,7 +35,6 @@ from plnerf.detect.window_search import find_lines
 from plnerf.detect.windows import Window, windows_along
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
-from plnerf.scene.orientation import heading
 from plnerf.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
@@ -55,7 +56,7 @@ def detect_wires(
     catenary, its base along its own direction; both ends are open.  Progress is counted in thousandths of
     the work, roughly.  Raises SceneError where an azimuth is given and the scene has no north.
     """
-    images, most, shown = len(scene.train), config.directions.most, 0
+    images, count, shown = len(scene.train), 0, 0
 
     def report(share: float) -> None:
         nonlocal shown
@@ -73,15 +74,16 @@ def detect_wires(
     at = views.starts[maps.view] + maps.pixel
     none = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
     surroundings = Surroundings(scene.photos, scene.train, most_px, config.surroundings)
-    known, searched = Known([], none, none.copy()), list[Direction]()
-    while len(searched) < most:
-        left = segments.of(_left(piece[piece >= 0], known.taken[at[piece >= 0]], len(segments.owner)))
-        direction = _next_direction(scene, views, left, searched, config)
-        if direction is None:
-            break
-        searched.append(direction)
+    known, directions = Known([], none, none.copy()), Directions(scene, views, maps, surroundings, config)
+
+    def following() -> Direction | None:
+        left = _left(piece[piece >= 0], known.taken[at[piece >= 0]], len(segments.owner))
+        return directions.following(segments.of(left), known)
+
+    while (direction := following()) is not None:
         ridges = KeptRidges(scene, direction, config.evidence)
-        begin, end = (1 - (1 - MAPS) * LATER ** (len(searched) - k) for k in (1, 0))
+        begin, end = (1 - (1 - MAPS) * LATER**k for k in (count, count + 1))
+        count += 1
         windows, pieces = list(windows_along(direction, views, config.windows)), list[list[Wire]]()
         edges = np.linspace(begin, end, len(windows) + 1)
         for window, *edge in zip(windows, edges, edges[1:], strict=False):
@@ -121,26 +123,6 @@ def compile_kernels() -> None:
     line = Candidate(np.zeros(6), np.eye(6), 1.0, images=1)
     search.odds_in_planes(line, search.odds.sharp_px)
     search.mask_ridges(line)
-
-
-def _next_direction(
-    scene: Scene,
-    views: Views,
-    segments: Segments,
-    searched: list[Direction],
-    config: DetectConfig,
-) -> Direction | None:
-    """The direction in which most lines run that are not found yet; None where images agree on none."""
-    known_deg = config.directions.azimuth_deg
-    if known_deg is not None and searched:
-        return None
-    votes = vote(segments, views, config.directions)
-    if known_deg is not None:
-        x, y, _ = heading(scene.frames, known_deg)
-        return given(float(np.arctan2(y, x)) % np.pi, votes, config.directions)
-    direction = strongest(votes, [one.azimuth_rad for one in searched], config.directions)
-    first = searched[0] if searched else None
-    return direction if stands_out(direction, first, config.directions) else None
 
 
 def _left(piece: Int[np.ndarray, " m"], taken: UInt8[np.ndarray, " m"], count: int) -> Bool[np.ndarray, " s"]:

@@ -9,7 +9,7 @@ Letters: s segments; n views; a azimuths in [0, pi) from the scene's x towards i
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, no_type_check
 
 import numpy as np
@@ -178,19 +178,26 @@ def strongest(votes: Votes, searched: Sequence[float], config: DirectionConfig) 
     k = int(left.argmax())
     turn = (azimuths - azimuths[k] + np.pi / 2) % np.pi - np.pi / 2
     votes_near = np.where(np.abs(turn) <= config.peak_rad, np.maximum(best - usual, 0.0), 0.0)
-    azimuth = azimuths[k] + (votes_near @ turn) / max(votes_near.sum(), 1e-12)
+    aside = float(votes_near @ turn) / max(float(votes_near.sum()), 1e-12)
     e = int(around[k].argmax())
-    slope, excess, footprint = float(slopes[e]), float(left[k]) - usual, _footprint(votes, k, e, config)
-    if not 0 <= azimuth < np.pi:  # the same line from its other end
-        azimuth, slope = azimuth % np.pi, -slope
+    excess = (float(left[k]) - usual) / (usual + config.few_px)
+    middle = Direction(float(azimuths[k]), 0.0, excess, _footprint(votes, k, e, config))
     # To a microradian: sums in another order must not change what is searched.
-    return Direction(round(float(azimuth), 6), slope, excess / (usual + config.few_px), footprint)
+    return turned_to(middle, aside, float(slopes[e]))
 
 
 def stands_out(direction: Direction, first: Direction | None, config: DirectionConfig) -> bool:
-    """Whether a direction has enough votes to be searched.  first: the first one searched, if any."""
-    share = min(config.min_share * first.excess, config.clear) if first else 0.0
+    """Whether a direction has enough votes to be searched.  first: the one with most, if it is another."""
+    share = config.min_share * first.excess if first else 0.0
     return direction.excess >= max(config.min_excess, share)
+
+
+def turned_to(direction: Direction, aside_rad: float, slope_rad: float) -> Direction:
+    """A direction with another slope, and an azimuth so much larger, to a microradian."""
+    azimuth, slope = direction.azimuth_rad + aside_rad, slope_rad
+    if not 0 <= azimuth < np.pi:  # the same line from its other end
+        azimuth, slope = azimuth % np.pi, -slope
+    return replace(direction, azimuth_rad=round(azimuth, 6), slope_rad=round(slope, 6))
 
 
 def given(azimuth_rad: float, votes: Votes, config: DirectionConfig) -> Direction:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.config_lines import OnwardConfig
+from plnerf.detect.config_windows import OnwardConfig
 from plnerf.detect.continuations import ends_of_wires, of_next_span, slopes_of
 from plnerf.detect.directions import Direction
 from plnerf.detect.in_window import Found, KeptRidges, Known, search_of, wires_in

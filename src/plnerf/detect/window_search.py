@@ -51,10 +51,8 @@ def find_lines(
     ends: of wires of other directions (`continuations.py`).  report: takes the share that is done, roughly.
     """
     config = search.config
-    met = search.distinct(search.met(window, config.chains.spare))
-
     judged = partial(judge, search, window, surroundings)
-    lines = _found_near(search, met, config.select.min_odds, config.search.max_lines, judged)
+    lines = lines_met(search, window, config.select.min_odds, judged)
     first = leaders(lines, search.length, config.select)
     report(0.4)
     if first and first[0].fixed:
@@ -88,6 +86,16 @@ def find_lines(
     # Of a few metres the sag is not known: those were found, and are no wires by themselves.
     more = of_next_span(onwards, search.x, config.select)
     return [*wires, *more], [line for line in others if line not in more]
+
+
+def lines_met(search: Search, window: Window, least: float, judged: Judge) -> list[Candidate]:
+    """The lines of any shape near curves in which chains of two views meet, the best first.
+
+    least: nats that a line needs.
+    """
+    config = search.config
+    met = search.distinct(search.met(window, config.chains.spare))
+    return _found_near(search, met, least, config.search.max_lines, judged)
 
 
 def _like_the_leaders(

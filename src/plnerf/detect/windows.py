@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from plnerf.detect.config_lines import WindowConfig
+from plnerf.detect.config_windows import WindowConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.views import Views
 from plnerf.line.frame import LineFrame

@@ -1,0 +1,64 @@
+"""In which direction is searched next: first those whose thin lines are in the air, strongest first.
+
+Where none has such lines, nor any wire been found, those with most votes are searched all the same: wires of
+a pixel show as ridges along a direction where they do not show as thin lines.
+"""
+
+import numpy as np
+
+from plnerf.detect.config import DetectConfig
+from plnerf.detect.directions import Direction, given, stands_out, strongest, vote
+from plnerf.detect.glance import direction_in_air
+from plnerf.detect.in_window import Known
+from plnerf.detect.line_maps import LineMaps
+from plnerf.detect.segments import Segments
+from plnerf.detect.surroundings import Surroundings
+from plnerf.detect.views import Views
+from plnerf.scene.orientation import heading
+from plnerf.scene.scene import Scene
+
+
+class Directions:
+    """The directions of a scene, one after the other."""
+
+    def __init__(
+        self, scene: Scene, views: Views, maps: LineMaps, surroundings: Surroundings, config: DetectConfig
+    ) -> None:
+        self._scene, self._views, self._maps = scene, views, maps
+        self._surroundings, self._config = surroundings, config
+        self._looked: list[float] = []
+        """Azimuths that were looked at."""
+        self._silent: list[Direction] = []
+        """Those whose thin lines show nothing in the air, and that were not searched."""
+        self._first: Direction | None = None
+        self._count = 0
+
+    def following(self, left: Segments, known: Known) -> Direction | None:
+        """The next one to search; None where there is none.  left: the segments that no line has taken.
+
+        Raises SceneError where an azimuth is given and the scene has no north.
+        """
+        config = self._config.directions
+        self._count += 1
+        if self._count > (config.most if config.azimuth_deg is None else 1):
+            return None
+        votes = vote(left, self._views, config)
+        if config.azimuth_deg is not None:
+            x, y, _ = heading(self._scene.frames, config.azimuth_deg)
+            return given(float(np.arctan2(y, x)) % np.pi, votes, config)
+        while True:
+            direction = strongest(votes, self._looked, config)
+            if not stands_out(direction, None, config):
+                break
+            self._first = self._first or direction
+            self._looked.append(direction.azimuth_rad)
+            in_air = direction_in_air(
+                direction, self._views, self._maps, self._surroundings, known, self._config
+            )
+            if in_air is not None:
+                return in_air
+            self._silent.append(direction)
+        if any(wire.evidence.certain for wire in known.wires) or not self._silent:
+            return None
+        direction = self._silent.pop(0)
+        return direction if stands_out(direction, self._first, config) else None

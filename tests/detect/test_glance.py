@@ -1,0 +1,101 @@
+"""Thin lines tell a direction of wires from one of clutter before anything is searched."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.drawn import draw, hanging, polyline, scene_of, two_passes
+
+from plnerf.detect import next_direction
+from plnerf.detect.config import DetectConfig
+from plnerf.detect.config_lines import DirectionConfig
+from plnerf.detect.directions import Direction
+from plnerf.detect.glance import direction_in_air
+from plnerf.detect.in_window import Known
+from plnerf.detect.line_maps import LineMaps, line_maps
+from plnerf.detect.next_direction import Directions
+from plnerf.detect.segments import Segments, segments_of
+from plnerf.detect.surroundings import Surroundings
+from plnerf.detect.views import Views, views_of
+from plnerf.scene.scene import Scene
+
+CONFIG = DetectConfig()
+SPAN = (hanging(-0.08, 0.05), hanging(0.06, 0.02))
+Shown = tuple[Scene, Views, LineMaps, Surroundings]
+
+
+def shown(folder: Path, lines: list[np.ndarray]) -> Shown:
+    """What a search begins with, where two passes see these lines."""
+    cameras = two_passes(8)
+    scene = scene_of(folder, cameras, draw(cameras, lines))
+    views = views_of(scene.photo_cameras[list(scene.train)], 1280)
+    maps = line_maps(scene.photos, scene.photo_cameras, scene.train, 1280, CONFIG.lines)
+    return scene, views, maps, Surroundings(scene.photos, scene.train, 1280, CONFIG.surroundings)
+
+
+def nothing_known(views: Views) -> Known:
+    none = np.zeros(int(views.sizes.prod(1).sum()), np.uint8)
+    return Known([], none, none.copy())
+
+
+@pytest.fixture(scope="module")
+def span(tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    """Two wires along x."""
+    return shown(tmp_path_factory.mktemp("span"), [polyline(wire) for wire in SPAN])
+
+
+def test_a_direction_of_wires_stays_unless_clutter_has_drawn_it_aside(span: Shown) -> None:
+    _, views, maps, surroundings = span
+    known = nothing_known(views)
+    for aside_deg, stays in ((1.0, True), (4.0, False)):
+        voted = Direction(np.radians(aside_deg), 0.1, 3.0, 1.0)
+        found = direction_in_air(voted, views, maps, surroundings, known, CONFIG)
+        assert found is not None and (found == voted) == stays
+        if not stays:
+            off = (found.azimuth_rad + np.pi / 2) % np.pi - np.pi / 2
+            assert abs(off) < np.radians(0.5) and (found.excess, found.footprint) == (3.0, 1.0)
+
+
+def test_what_lines_took_and_other_directions_show_nothing(span: Shown) -> None:
+    _, views, maps, surroundings = span
+    along, across = Direction(0.0, 0.0, 3.0), Direction(np.pi / 2, 0.0, 3.0)
+    known = nothing_known(views)
+    assert direction_in_air(across, views, maps, surroundings, known, CONFIG) is None
+    known.taken[:] = 1
+    assert direction_in_air(along, views, maps, surroundings, known, CONFIG) is None
+    assert not known.others.any()
+
+
+def test_without_lines_in_the_air_directions_are_searched_until_wires_are_found(
+    span: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the order of their votes, the weak ones not."""
+    scene, views, maps, surroundings = span
+    some = [Direction(a, 0.0, excess) for a, excess in ((0.1, 30.0), (0.5, 8.0), (0.9, 2.0), (1.3, 0.5))]
+    monkeypatch.setattr(next_direction, "direction_in_air", lambda *args: None)
+    monkeypatch.setattr(next_direction, "strongest", lambda votes, looked, config: some[len(looked)])
+    known, none = nothing_known(views), segments_of(maps, views, CONFIG.segments)[0]
+    directions = Directions(scene, views, maps, surroundings, CONFIG)
+    assert directions.following(none, known) == some[0]
+    assert directions.following(none, known) == some[1]
+    assert directions.following(none, known) is None
+    directions = Directions(scene, views, maps, surroundings, CONFIG)
+    known.wires.append(SPAN[0])
+    assert directions.following(none, known) is None
+
+
+def test_directions_are_no_more_than_asked_and_a_given_one_is_the_only_one(
+    span: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, views, maps, surroundings = span
+    segments: Segments = segments_of(maps, views, CONFIG.segments)[0]
+    config = replace(CONFIG, directions=DirectionConfig(most=1))
+    directions, known = Directions(scene, views, maps, surroundings, config), nothing_known(views)
+    first = directions.following(segments, known)
+    assert first is not None and abs(np.sin(first.azimuth_rad)) < 0.03
+    assert directions.following(segments, known) is None
+    directions = Directions(scene, views, maps, surroundings, CONFIG.along(90.0))
+    given = directions.following(segments, known)
+    assert given is not None and abs(np.sin(given.azimuth_rad)) < 1e-9
+    assert directions.following(segments, known) is None
