@@ -14,6 +14,7 @@ from plnerf.survey.refine.alike import alike
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.crossed_pairs import uncrossed
 from plnerf.survey.refine.refine import refine_wires
+from plnerf.survey.refine.strays import without_strays
 
 
 def refine_spans(
@@ -41,6 +42,7 @@ def refine_spans(
         if photos.frame.unit == "m":
             # In this order: what `alike` fits again would lose the doubts that `uncrossed` adds.
             refined = uncrossed(seen, alike(seen, refined, config), config)
+            refined = without_strays(refined, span.wires, config)
         wires += refined.wires
         shown += refined.shown
         residuals.append(refined.pose_residual_px / photos.reduced)
