@@ -123,6 +123,8 @@ def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             "state": clearances.state,
             "temperature_c": survey.temperature_c,
             **_quantity("distance", Quantity(place.distance_m, place.sigma_m)),
+            "at_most": place.at_most,
+            "air_seen": place.air_seen,
             "vertical_m": place.vertical_m,
             "s_m": place.s_m,
             "station_m": float(stretch.station(place.on_wire[None])[0]),

@@ -21,7 +21,7 @@ IN_WORDS: dict[Group, str] = {
     "other": "other things",
 }
 """For people, to whom the structures of a line are its towers and poles."""
-Verdict = Literal["closer than required", "within its uncertainty", "clear"]
+Verdict = Literal["closer than required", "within its uncertainty", "not all seen", "clear"]
 SIGMAS = 2.0
 """A distance differs from the required one if they are so many standard deviations apart."""
 
@@ -68,6 +68,10 @@ class Place:
     s_m: float
     on_wire: Float[np.ndarray, "3"]
     on_obstacle: Float[np.ndarray, "3"]
+    air_seen: float | None = None
+    """Share of the air nearer to the wire than the nearest plant that enough images see; None: not known."""
+    at_most: bool = False
+    """Whether that is too little, so that something nearer may be there: the distance is an upper limit."""
 
     @property
     def vertical_m(self) -> float:
@@ -169,7 +173,8 @@ class Clearances:
         """None where nothing is required: of shield wires, and of what the requirement does not apply to."""
         if self.requirement is None or place.kind != "phase" or place.to not in self.requirement.applies_to:
             return None
-        return self.requirement.verdict(place.distance_m, place.sigma_m)
+        verdict = self.requirement.verdict(place.distance_m, place.sigma_m)
+        return "not all seen" if verdict == "clear" and place.at_most else verdict
 
     def all_places(self) -> tuple[Place, ...]:
         """Of every wire, by group and then by distance; last the height above the ground."""

@@ -10,10 +10,11 @@ from plnerf.line.ends import Quantity
 from plnerf.line.survey import Survey
 
 Standing = Literal["short", "doubtful", "kept", "open"]
-"""Less than required; within its uncertainty of it; more; nothing is required."""
+"""Less than required; within its uncertainty of it, or of what was seen; more; nothing is required."""
 STANDINGS: dict[Verdict | None, Standing] = {
     "closer than required": "short",
     "within its uncertainty": "doubtful",
+    "not all seen": "doubtful",
     "clear": "kept",
     None: "open",
 }
@@ -37,6 +38,11 @@ class Nearest:
     def distance(self) -> Quantity:
         """With its standard deviation."""
         return Quantity(self.place.distance_m, self.place.sigma_m)
+
+    @property
+    def sign(self) -> str:
+        """Before the distance: that it is an upper limit."""
+        return "≤\u00a0" if self.place.at_most else ""
 
     @property
     def margin_m(self) -> float | None:

@@ -127,6 +127,7 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     units = units_of(survey)
     span = numbers_of_spans(survey)
     judged, silent = any(one.standing != "open" for one in rows), any_not_seen(survey)
+    upper = any(one.place.at_most for one in rows)
     order = "Nothing is required: give a voltage or a distance to have them judged."
     if judged:
         order = "First those that fall short of what is required, or come nearest to it."
@@ -135,7 +136,7 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
     cells: list[list[Cell]] = [
         [
             *[verdict_of(one)] * judged, one.to.replace(" ", "\u00a0"), str(one.place.wire),
-            span[one.place.wire], units.interval(one.distance),
+            span[one.place.wire], one.sign + units.interval(one.distance),
             *[units.length(one.required_m), units.length(one.margin_m)] * judged,
             units.length(one.place.s_m, 1), *[not_seen(survey, one.place.wire) or NOTHING] * silent,
             units.place(shown(survey.frame, one.place.on_wire)),
@@ -152,7 +153,8 @@ def _clearances(survey: Survey, rows: list[Nearest], folded: str) -> Table:
         cells,
         f"Least distance in space {which} to each group of things, where along the span (horizontally from "
         f"the wire's first end) and between which points. {order}"
-        + " Where stretches were not seen, distances are those to what was seen." * silent,
+        + " Where stretches were not seen, distances are those to what was seen." * silent
+        + " ≤: too little of the air nearer to the wire was seen, so that a plant may be nearer." * upper,
         frozenset({0, 1} if judged else {0}), folded=folded,
     )  # fmt: skip
 
@@ -209,7 +211,7 @@ def cards(survey: Survey, rows: list[Nearest]) -> list[Card]:
         missing = not_seen(survey, one.place.wire)
         about += f"; of its span {missing} not seen" if missing else ""
         about += or_nearer(survey, one.place)
-        distance = units.interval_with_unit(one.distance)
+        distance = one.sign + units.interval_with_unit(one.distance)
         verdict = None if one.standing == "open" else verdict_of(one)
         found.append(Card(f"least to {one.to}", distance, about, verdict))
     for crossing in least_crossings(survey)[:1]:

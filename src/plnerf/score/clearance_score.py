@@ -29,7 +29,8 @@ RULES = {
     "plants that too few images have in their frames, as truth.json states, count only where the survey "
     "finds them; not compared where what the survey states as nearest stands beyond a wire's end",
     "off_along": "how far apart along the line the two places are, horizontally",
-    "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations",
+    "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations, or below what is "
+    "stated as an upper limit",
 }
 
 
@@ -46,6 +47,8 @@ class Compared:
     sigma_m: float | None
     off_along_m: float | None
     """None where either place is not known."""
+    at_most: bool = False
+    """Whether the survey states an upper limit."""
 
     @property
     def error_m(self) -> float | None:
@@ -57,6 +60,8 @@ class Compared:
         """None where no deviation is stated."""
         if self.error_m is None or self.sigma_m is None:
             return None
+        if self.at_most and self.error_m > 0:
+            return True
         return abs(self.error_m) <= TWO_SIDED_95 * self.sigma_m
 
 
@@ -181,13 +186,17 @@ def _vegetation(
             f"Of the truth's plants {len(nearer)}, the nearest {nearer[0]:.2f} m from a wire, are in the "
             "frames of too few images: the nearest of the others is compared."
         )
-    if nearest.wire not in {match.wire for match in matches}:
+    by_wire = {match.wire: match.conductor for match in matches}
+    if nearest.wire not in by_wire:
         notes.append(
             f"Distances to plants are not compared: the nearest is {axis_m[nearest]:.2f} m from "
             f"{nearest.wire}, which the survey does not have."
         )
         return None
-    return Compared(nearest.wire, found.wire, axis_m[nearest], found.distance_m, found.sigma_m, None)
+    mine = (found.wire, by_wire[nearest.wire])
+    limits = any(place.at_most for place in stated if place.wire in mine)
+    stated_m = (found.distance_m, found.sigma_m)
+    return Compared(nearest.wire, found.wire, axis_m[nearest], *stated_m, None, limits)
 
 
 def _is_beyond(

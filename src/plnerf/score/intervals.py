@@ -18,19 +18,23 @@ from plnerf.line.clearances import Group, WireClearance
 from plnerf.line.ends import TWO_SIDED_95, Attached
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
+from plnerf.score.clearance_score import Compared
 from plnerf.score.config import ScoreConfig
 from plnerf.score.survey_score import score_survey
 from plnerf.score.truth import load_truth, read_truth
 from plnerf.score.wire_matches import Match, common_with
 
 FigureKind = Literal[
-    "sag", "wire across", "wire up", "attachment", "ground", "vegetation", "building", "structure"
+    "sag", "wire across", "wire up", "attachment", "ground", "vegetation", "vegetation, at most", "building",
+    "structure",
 ]
 FIGURE_KINDS: tuple[FigureKind, ...] = get_args(FigureKind)
 GROUPS: Mapping[FigureKind, Group] = {
     "vegetation": "vegetation", "building": "structures", "structure": "other",
 }  # fmt: skip
 """Of the survey's clearances, by the kind of figure."""
+LIMIT: FigureKind = "vegetation, at most"
+"""An upper limit: too little of the air nearer than the nearest plant was seen."""
 ANY_CURVE = ScoreConfig(truth_departs_m=2.0)
 """True wires need not hang in a plane: for what is matched with what, the nearest catenary is near enough."""
 SPREAD = 0.6180339887
@@ -56,10 +60,12 @@ class Figure:
 
     @property
     def deviations(self) -> float:
-        """The error in stated standard deviations; infinite where none is stated but there is an error."""
+        """The error in stated standard deviations; infinite where none is stated but there is an error.  An
+        upper limit has none where less is true."""
+        error_m = min(self.error_m, 0.0) if self.kind == LIMIT else self.error_m
         if self.sigma_m > 0:
-            return self.error_m / self.sigma_m
-        return float(np.sign(self.error_m) * np.inf) if self.error_m else 0.0
+            return error_m / self.sigma_m
+        return float(np.sign(error_m) * np.inf) if error_m else 0.0
 
     @property
     def within_95(self) -> bool:
@@ -89,12 +95,15 @@ def figures_of(survey: Survey, truth_at: Path) -> tuple[Figure, ...]:
             found += _of_clearances(match.wire, stated[wire.id], row["clearances"])
     if not any(row.get("clearances") for row in rows.values()):
         of = score.clearances
-        for kind, compared in (("ground", of.ground), ("vegetation", [of.vegetation] * bool(of.vegetation))):
-            found += [
-                Figure(kind, one.wire, one.true_m, one.found_m, one.sigma_m)  # type: ignore[arg-type]
-                for one in compared
-                if one is not None and one.found_m is not None and one.sigma_m is not None
-            ]
+        plants = [] if of.vegetation is None else [of.vegetation]
+        of_kinds: Sequence[tuple[FigureKind, Sequence[Compared]]] = (
+            ("ground", of.ground), ("vegetation", plants),
+        )  # fmt: skip
+        for kind, compared in of_kinds:
+            for one in compared:
+                if one.found_m is not None and one.sigma_m is not None:
+                    as_stated: FigureKind = LIMIT if one.at_most else kind
+                    found.append(Figure(as_stated, one.wire, one.true_m, one.found_m, one.sigma_m))
     return tuple(found)
 
 

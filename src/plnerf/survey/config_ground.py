@@ -248,10 +248,21 @@ class CoverageConfig:
     """Points of a greater standard deviation show no ground."""
     unknown_drop_m: float = 10.0
     """Where no ground is known at all, air is counted so far below the lowest wire."""
+    above_ground_m: float = 0.7
+    """What is lower is no plant that a wire comes near to."""
+    most_stations: int = 30
+    """Stations along a wire at which the air about it is sampled, at most,"""
+    directions: int = 13
+    """and as many directions across it, from one side down to the other, and distances."""
     witnesses: WitnessConfig = field(default_factory=WitnessConfig)
     """Which images see a place."""
 
     def __post_init__(self) -> None:
+        if min(self.most_stations, self.directions) < 1 or self.above_ground_m < 0:
+            raise ConfigError(
+                "Coverage needs most_stations and directions of 1 or more, and above_ground_m of 0 or more, "
+                f"but got {self.most_stations}, {self.directions} and {self.above_ground_m}."
+            )
         if not 0 < self.step_m <= self.stretch_m or self.side_m < 0 or self.min_images < 1:
             raise ConfigError(
                 "Coverage needs 0 < step_m <= stretch_m, side_m >= 0 and min_images >= 1, but got "

@@ -61,6 +61,7 @@ from plnerf.survey.supports import find_supports, scenery_of
 from plnerf.survey.surface import Surface
 from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
 from plnerf.survey.thresholds import check_altitude
+from plnerf.survey.unseen_air import with_air_seen
 from plnerf.survey.unseen_ground import without_unseen_ground
 from plnerf.survey.wire_evidence import counts, with_evidence
 from plnerf.survey.wire_points import wire_points
@@ -304,10 +305,11 @@ def _finished(survey: Survey, config: SurveyConfig, sights: Sequence[Sight] = ()
     survey, doubted = without_unseen_ground(survey, coverage, *ground)
     unseen = about_coverage(coverage, several_lines=len(survey.lines) > 1)
     clearances, findings = measure_clearances(survey, config.clearance)
+    clearances, limits = with_air_seen(clearances, survey, sights, config.coverage)
     states, about = compute_states(survey.lines, config.temperature_c, config.mechanics)
     survey = replace(survey, coverage=coverage, clearances=clearances, states=states)
     rules, by_rule = judge_rules(survey, config.clearance, config.rules)
-    findings = (*survey.findings, *unseen, *doubted, *findings, *about, *by_rule)
+    findings = (*survey.findings, *unseen, *doubted, *findings, *limits, *about, *by_rule)
     survey = replace(survey, rules=rules, findings=findings)
     maps, *_ = maps_near(survey, config.clearance.obstacles.reach_m, config.rules)
     found = find_encroachments(survey, maps, config.clearance, config.rules, config.encroachments)

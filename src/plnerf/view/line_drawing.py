@@ -135,7 +135,7 @@ def clearances_shown(survey: Survey) -> list[Nearest]:
 def clearance_name(one: Nearest, units: Units) -> str:
     """The distance with its 95 % interval, to what, and the verdict if there is one."""
     verdict = f" · {one.verdict}" if one.verdict is not None else ""
-    return f"{units.interval_with_unit(one.distance)} to {one.to}{verdict}"
+    return f"{one.sign}{units.interval_with_unit(one.distance)} to {one.to}{verdict}"
 
 
 def ribbons(survey: Survey) -> Iterator[Ribbon]:

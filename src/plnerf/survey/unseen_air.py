@@ -1,0 +1,105 @@
+"""Whether a plant may stand nearer to a wire than the nearest that is found, because images do not show it.
+
+The least distance to plants is that to what was matched.  A crown that few images have in their frames, or
+from places far from each other, leaves no points; neither does anything show past it.  So the air nearer to
+the wire than the nearest plant is sampled, down to the ground: where enough images see through too little of
+it, the distance is an upper limit.
+
+Letters: k stations along a wire, a directions across it, r distances from it.  LineFrame, metres.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from plnerf.findings import Finding, harms
+from plnerf.line.clearances import Clearances, Place, Profile, WireClearance
+from plnerf.line.survey import Survey
+from plnerf.line.wire import Wire
+from plnerf.survey.config_ground import CoverageConfig
+from plnerf.survey.stereo.witnesses import Sight, witnesses
+
+LEAST = "nearest plants"
+"""Kind of the finding."""
+
+
+def with_air_seen(
+    clearances: Clearances, survey: Survey, sights: Sequence[Sight], config: CoverageConfig
+) -> tuple[Clearances, list[Finding]]:
+    """With how much of the air nearer than the nearest plant was seen, of each wire; as they are without
+    images."""
+    if not sights:
+        return clearances, []
+    by_id = {wire.id: wire for wire in survey.wires}
+    wires = tuple(_of_wire(one, by_id[one.wire], sights, config) for one in clearances.wires)
+    return replace(clearances, wires=wires), _about(wires, config)
+
+
+def _of_wire(
+    one: WireClearance, wire: Wire, sights: Sequence[Sight], config: CoverageConfig
+) -> WireClearance:
+    least = one.least("vegetation")
+    if least is None:
+        return one
+    places, weights = air_around(wire, one.profile, least.distance_m, config)
+    if not len(places):
+        return one
+    seen, past = witnesses(places, np.zeros(len(places)), sights, config.witnesses)
+    share = float(np.average(seen + past >= config.min_images, weights=weights))
+    marked = tuple(
+        replace(place, air_seen=share, at_most=share < config.least_share)
+        for place in one.places["vegetation"]
+    )
+    return replace(one, places={**one.places, "vegetation": marked})
+
+
+def air_around(
+    wire: Wire, profile: Profile, reach_m: float, config: CoverageConfig
+) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
+    """Places beside and below a wire nearer to it than `reach_m` and clear of the ground, and the volume that
+    each stands for, in any unit."""
+    length = wire.base.length_m
+    s = (np.arange(n := max(1, min(config.most_stations, math.ceil(length / config.step_m)))) + 0.5) / n
+    angle = np.linspace(-np.pi / 2, np.pi / 2, config.directions)  # 0: straight down
+    r = (np.arange(config.directions) + 0.5) / config.directions * reach_m
+    aside = np.array([-wire.base.u[1], wire.base.u[0], 0.0])
+    across = np.sin(angle)[:, None] * aside - np.cos(angle)[:, None] * np.array([0.0, 0.0, 1.0])
+    at = wire.points(s * length)[:, None, None] + r[:, None] * across[:, None]
+    lowest = _ground(profile, s * length, config) + config.above_ground_m
+    clear: Bool[np.ndarray, "k a r"] = at[..., 2] > lowest[:, None, None]
+    return at[clear], np.broadcast_to(r, clear.shape)[clear]
+
+
+def _ground(
+    profile: Profile, s_m: Float[np.ndarray, " k"], config: CoverageConfig
+) -> Float[np.ndarray, " k"]:
+    """Height of the ground below stations, between those where it is known; far below the wire if nowhere."""
+    known = np.isfinite(profile.ground_z)
+    if not known.any():
+        height: Float[np.ndarray, " k"] = np.interp(s_m, profile.s_m, profile.points[:, 2])
+        return height - config.unknown_drop_m
+    return np.interp(s_m, profile.s_m[known], profile.ground_z[known])
+
+
+def _about(wires: Sequence[WireClearance], config: CoverageConfig) -> list[Finding]:
+    least = [place for one in wires if (place := one.least("vegetation")) is not None and place.at_most]
+    if not least:
+        return []
+    listed = ", ".join(_listed(place) for place in least)
+    return [
+        harms(
+            LEAST,
+            "Plants may stand nearer than the nearest that are found, whose distances are upper limits: of "
+            f"the air nearer to the wire {config.min_images} images or more see less than "
+            f"{config.least_share:.0%} ({listed}).",
+            "See under Coverage, and take more images there, nearer to each other.",
+        )
+    ]
+
+
+def _listed(place: Place) -> str:
+    assert place.air_seen is not None
+    return f"wire {place.wire}: {place.air_seen:.0%}"

@@ -1,0 +1,96 @@
+"""The nearest plant is an upper limit where images do not see the air that is nearer to the wire."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.catenary_surveys import cloud, fitted, line_of
+
+from plnerf.line.clearances import Clearances, Requirement
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION
+from plnerf.line.files import read_survey, write_survey_json
+from plnerf.line.frame import LineFrame
+from plnerf.line.hang import hang
+from plnerf.line.survey import Survey
+from plnerf.report.nearest import by_need
+from plnerf.survey import unseen_air
+from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig
+from plnerf.survey.stereo.depth import DepthMap
+from plnerf.survey.stereo.stereo_views import View
+from plnerf.survey.stereo.witnesses import Sight
+from plnerf.survey.unseen_air import air_around, with_air_seen
+
+CONFIG = CoverageConfig()
+WIRE = hang((0.0, 0.0, 12.0), (60.0, 0.0, 12.0), 2.0)
+TREE = np.random.default_rng(0).uniform([29.0, 4.0, 2.0], [31.0, 6.0, 10.0], (400, 3))
+VIEW = View(np.eye(3), np.zeros(3), np.full(2, 10.0), np.full(2, 4.0), np.zeros(5), 8, 8)
+SIGHTS = [Sight.of(VIEW, DepthMap(np.ones((8, 8)), np.full((8, 8), 0.1)))]
+
+
+@pytest.fixture
+def survey() -> Survey:
+    x, y = np.meshgrid(np.arange(-5.0, 65.0, 0.5), np.arange(-12.0, 12.0, 0.5))
+    ground = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    points = cloud({GROUND: ground, HIGH_VEGETATION: TREE})
+    many = np.full(len(points.xyz), 9)
+    points = replace(points, sigma_m=np.full(len(points.xyz), 0.1), seen=many, past=0 * many)
+    frame = LineFrame(np.eye(3), 1.0, np.zeros(3), "m")
+    whole = Survey(frame, (line_of([fitted(WIRE)]),), points, "test", from_images=True)
+    return replace(whole, clearances=measure_clearances(whole, ClearanceConfig())[0])
+
+
+def clearances(survey: Survey) -> Clearances:
+    assert survey.clearances is not None
+    return survey.clearances
+
+
+def test_the_air_is_below_and_beside_the_wire_above_the_ground_and_counts_by_volume(survey: Survey) -> None:
+    profile, (wire,) = clearances(survey).wires[0].profile, survey.wires
+    for reach in (4.0, 20.0):
+        places, weights = air_around(wire, profile, reach, CONFIG)
+        s, off = wire.base.local(places)[:, 0], wire.base.local(places)[:, 1:]
+        away = np.linalg.norm(off - wire.at(s), axis=1)
+        assert away.max() < reach and away.max() > 0.9 * reach
+        assert places[:, 2].min() > CONFIG.above_ground_m and (off[:, 1] <= wire.at(s)[:, 1] + 1e-9).all()
+        np.testing.assert_allclose(weights, away, atol=1e-9)
+        assert len(np.unique(s.round(6))) == CONFIG.most_stations
+    unknown = replace(profile, ground_z=np.full_like(profile.ground_z, np.nan))
+    places, _ = air_around(wire, unknown, 20.0, CONFIG)
+    assert places[:, 2].min() < 10.0 - CONFIG.unknown_drop_m + 3.0
+
+
+@pytest.mark.parametrize(("farthest", "at_most"), [(30.0, False), (1.0, True)])
+def test_the_nearest_plant_is_at_most_so_far_where_less_than_half_was_seen(
+    survey: Survey, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, farthest: float, at_most: bool
+) -> None:
+    """Images see what is within 30 m of the wire's axis in plan, or within 1."""
+
+    def seen(points: np.ndarray, *_: object) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(len(points)), np.where(np.abs(points[:, 1]) < farthest, CONFIG.min_images, 0)
+
+    monkeypatch.setattr(unseen_air, "witnesses", seen)
+    found, findings = with_air_seen(clearances(survey), survey, SIGHTS, CONFIG)
+    least = found.wires[0].least("vegetation")
+    assert least is not None and least.air_seen is not None
+    assert least.at_most == at_most == (least.air_seen < CONFIG.least_share) == bool(findings)
+    asked = Requirement(1.0, ("vegetation",), "test", "test")
+    kept = replace(survey, clearances=replace(found, requirement=asked))
+    assert clearances(kept).verdict(least) == ("not all seen" if at_most else "clear")
+    short = replace(asked, distance_m=30.0)
+    assert replace(found, requirement=short).verdict(least) == "closer than required"
+    (row,) = [one for one in by_need(kept) if one.to == "vegetation"]
+    assert (row.sign, row.standing) == (("≤\u00a0", "doubtful") if at_most else ("", "kept"))
+    path = tmp_path / "survey.json"
+    write_survey_json(path, kept)
+    again = clearances(read_survey(path)).wires[0].least("vegetation")
+    assert again is not None and (again.air_seen, again.at_most) == (least.air_seen, at_most)
+
+
+def test_clouds_and_wires_without_plants_state_nothing_about_the_air(survey: Survey) -> None:
+    assert with_air_seen(clearances(survey), survey, [], CONFIG) == (clearances(survey), [])
+    bare = replace(clearances(survey).wires[0], places=dict.fromkeys(clearances(survey).wires[0].places, ()))
+    none = replace(clearances(survey), wires=(bare,))
+    found, findings = with_air_seen(none, survey, SIGHTS, CONFIG)
+    assert found.wires == (bare,) and findings == []
