@@ -11,6 +11,7 @@ from plnerf.line.stations import Stretch, chains
 from plnerf.line.survey import Survey
 from plnerf.report.figures import NOTHING, Units, counted, runs_of
 from plnerf.report.line_tables import structure_table, value_range
+from plnerf.report.nearest import limit_sign
 from plnerf.report.page import asset, environment
 from plnerf.report.plan import plan
 from plnerf.report.tables import Table
@@ -117,7 +118,9 @@ def _of_block(page: SpanPage | None, span: Span, units: Units) -> tuple[str, ...
         for to in groups
     ]  # fmt: skip
     least = [
-        units.interval(None if place is None else Quantity(place.distance_m, place.sigma_m))
+        NOTHING
+        if place is None
+        else limit_sign(place) + units.interval(Quantity(place.distance_m, place.sigma_m))
         for place in (low, *near)
     ]
     records = survey.encroachments

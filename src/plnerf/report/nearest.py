@@ -42,7 +42,7 @@ class Nearest:
     @property
     def sign(self) -> str:
         """Before the distance: that it is an upper limit."""
-        return "≤\u00a0" if self.place.at_most else ""
+        return limit_sign(self.place)
 
     @property
     def margin_m(self) -> float | None:
@@ -58,6 +58,11 @@ class Nearest:
     def words(self) -> str:
         """The verdict."""
         return self.verdict or "nothing is required"
+
+
+def limit_sign(place: Place) -> str:
+    """Before a distance: that it is an upper limit."""
+    return "≤\u00a0" if place.at_most else ""
 
 
 def by_need(survey: Survey) -> list[Nearest]:
