@@ -12,7 +12,7 @@ from plnerf.bench import coverage_suite
 from plnerf.bench.config import BenchConfig
 from plnerf.bench.coverage_page import coverage_svg, coverage_table
 from plnerf.errors import ConfigError
-from plnerf.score.intervals import FIGURE_KINDS, Figure
+from plnerf.score.intervals import FIGURE_KINDS, LIMIT, Figure
 
 
 def figures(kind: str, deviations: np.ndarray) -> list[Figure]:
@@ -30,6 +30,15 @@ def test_normal_errors_are_not_rejected_and_intervals_too_narrow_or_too_wide_are
     assert float(rows["ground"][4]) == pytest.approx(3 * np.abs(errors).max(), rel=0.1)
     assert rows["sag"][5] == "0.1" and float(rows["sag"][6]) == pytest.approx(0.067, abs=0.01)
     assert coverage_svg(some).count("<polyline") == 4
+
+
+def test_upper_limits_that_all_hold_are_not_rejected_and_have_no_curve() -> None:
+    some = figures(LIMIT, np.abs(np.random.default_rng(1).normal(size=400)))
+    (row,) = [row for row in coverage_table("images", 20, some).rows if row[0] == LIMIT]
+    assert row[1:3] == ("400", "100.0 %") and "*" not in row[3]
+    assert coverage_svg(some).count("<polyline") == 1
+    low = figures(LIMIT, np.full(400, -3.0))
+    assert "*" in next(row for row in coverage_table("images", 20, low).rows if row[0] == LIMIT)[3]
 
 
 def test_a_scene_that_has_its_figures_is_not_surveyed_again(

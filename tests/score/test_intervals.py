@@ -9,7 +9,7 @@ import pytest
 from tests.support.catenary_surveys import corridor
 
 from plnerf.line.survey import Survey
-from plnerf.score.intervals import Figure, figures_of
+from plnerf.score.intervals import LIMIT, Figure, figures_of
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
 
@@ -69,3 +69,9 @@ def test_without_a_deviation_any_error_is_outside() -> None:
     assert not Figure("sag", "A", 1.0, 1.1, 0.0).within_95
     assert Figure("sag", "A", 1.0, 1.1, 0.0).deviations == np.inf
     assert Figure("sag", "A", 1.0, 1.0, 0.0).within_95
+
+
+def test_an_upper_limit_errs_only_where_more_is_true() -> None:
+    assert Figure(LIMIT, "A", 3.0, 26.0, 0.5).within_95 and Figure(LIMIT, "A", 3.0, 26.0, 0.5).deviations == 0
+    assert not Figure(LIMIT, "A", 3.0, 2.0, 0.5).within_95
+    assert Figure(LIMIT, "A", 3.0, 2.0, 0.5).deviations == pytest.approx(-2.0)

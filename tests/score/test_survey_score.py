@@ -237,6 +237,9 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
     plant = scored(stated, truth).vegetation  # the third stands beyond the wires' ends
     assert plant is not None and (plant.wire, plant.conductor) == ("A", 2)
     assert plant.true_m == pytest.approx(3.02) and plant.error_m == pytest.approx(0.3) and not plant.within_95
+    limit = stating(2, replace(place(2, np.zeros(3), 3.32, "vegetation"), at_most=True))
+    plant = scored([stated[0], limit], truth).vegetation
+    assert plant is not None and plant.at_most and plant.within_95
     for other, why in (
         (replace(truth, houses=2), "2 houses, which surveys do not distinguish from plants"),
         (replace(truth, plants=()), "the truth has none"),
