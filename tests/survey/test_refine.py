@@ -104,6 +104,9 @@ def test_what_is_thicker_than_conductors_must_stand_out_more(photos: Photos) -> 
     for least, shown in ((1.0, True), (1e9, False)):
         found = refine_wires(photos, WIRES, replace(CONFIG, thick_m=thin, least_beside_thick=least))
         assert found.shown == (shown,) * 3
+    # Of what does not stand out nothing is known to be thick.
+    faint = replace(CONFIG, thick_m=thin, least_beside=1e8, least_beside_thick=1e9, doubtful_diameters=1e9)
+    assert refine_wires(photos, WIRES, faint).shown == (True,) * 3
 
 
 @pytest.mark.slow

@@ -121,7 +121,8 @@ def refine_wires(
     for w in range(W):
         count = sum(len(row[w]) for row in found)
         often = len(step.off_px[w]) >= config.least_visible * count
-        thick = metres and diameters[w] > config.thick_m
+        # How thick a curve is that does not stand out is nothing that was measured.
+        thick = metres and diameters[w] > config.thick_m and more[w] >= config.least_beside
         told = more[w] >= (config.least_beside_thick if thick else config.least_beside)
         sharp = not thick and trust[w] <= config.doubtful_diameters * config.diameter_m
         long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
