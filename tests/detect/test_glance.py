@@ -21,6 +21,7 @@ from plnerf.detect.views import Views, views_of
 from plnerf.scene.scene import Scene
 
 CONFIG = DetectConfig()
+LEAST = CONFIG.directions.least_in_air
 SPAN = (hanging(-0.08, 0.05), hanging(0.06, 0.02))
 Shown = tuple[Scene, Views, LineMaps, Surroundings]
 
@@ -50,7 +51,7 @@ def test_a_direction_of_wires_stays_unless_clutter_has_drawn_it_aside(span: Show
     known = nothing_known(views)
     for aside_deg, stays in ((1.0, True), (4.0, False)):
         voted = Direction(np.radians(aside_deg), 0.1, 3.0, 1.0)
-        found = direction_in_air(voted, views, maps, surroundings, known, CONFIG)
+        found = direction_in_air(voted, views, maps, surroundings, known, LEAST, CONFIG)
         assert found is not None and (found == voted) == stays
         if not stays:
             off = (found.azimuth_rad + np.pi / 2) % np.pi - np.pi / 2
@@ -61,28 +62,58 @@ def test_what_lines_took_and_other_directions_show_nothing(span: Shown) -> None:
     _, views, maps, surroundings = span
     along, across = Direction(0.0, 0.0, 3.0), Direction(np.pi / 2, 0.0, 3.0)
     known = nothing_known(views)
-    assert direction_in_air(across, views, maps, surroundings, known, CONFIG) is None
+    assert direction_in_air(across, views, maps, surroundings, known, LEAST, CONFIG) is None
     known.taken[:] = 1
-    assert direction_in_air(along, views, maps, surroundings, known, CONFIG) is None
+    assert direction_in_air(along, views, maps, surroundings, known, LEAST, CONFIG) is None
     assert not known.others.any()
 
 
-def test_without_lines_in_the_air_directions_are_searched_until_wires_are_found(
-    span: Shown, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In the order of their votes, the weak ones not."""
-    scene, views, maps, surroundings = span
-    some = [Direction(a, 0.0, excess) for a, excess in ((0.1, 30.0), (0.5, 8.0), (0.9, 2.0), (1.3, 0.5))]
-    monkeypatch.setattr(next_direction, "direction_in_air", lambda *args: None)
+Looks = list[tuple[Direction, float]]
+
+
+@pytest.fixture
+def looks(monkeypatch: pytest.MonkeyPatch) -> Looks:
+    """What was looked at, and the nats that a line needed: nothing is shown."""
+    made: Looks = []
+
+    def nothing(direction: Direction, *rest: object) -> None:
+        made.append((direction, rest[-2]))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(next_direction, "direction_in_air", nothing)
+    return made
+
+
+def vote_for(monkeypatch: pytest.MonkeyPatch, *excess: float) -> list[Direction]:
+    some = [Direction(0.3 * k, 0.0, one) for k, one in enumerate((*excess, 0.0))]
     monkeypatch.setattr(next_direction, "strongest", lambda votes, looked, config: some[len(looked)])
+    return some
+
+
+def test_without_lines_in_the_air_directions_are_searched_until_wires_are_found(
+    span: Shown, looks: Looks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the order of their votes, the faint ones not."""
+    scene, views, maps, surroundings = span
     known, none = nothing_known(views), segments_of(maps, views, CONFIG.segments)[0]
+    some = vote_for(monkeypatch, 19.0, 8.0, 1.8, 1.2)
     directions = Directions(scene, views, maps, surroundings, CONFIG)
-    assert directions.following(none, known) == some[0]
-    assert directions.following(none, known) == some[1]
-    assert directions.following(none, known) is None
+    assert [directions.following(none, known) for _ in range(3)] == [some[0], some[1], None]
+    usual = CONFIG.directions.least_in_air
+    assert looks == [(some[0], usual), (some[1], usual), (some[2], CONFIG.select.min_odds)]
     directions = Directions(scene, views, maps, surroundings, CONFIG)
     known.wires.append(SPAN[0])
     assert directions.following(none, known) is None
+
+
+def test_what_many_lines_vote_for_is_searched_without_a_look(
+    span: Shown, looks: Looks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, views, maps, surroundings = span
+    known, none = nothing_known(views), segments_of(maps, views, CONFIG.segments)[0]
+    some = vote_for(monkeypatch, 300.0, 21.0, 19.0)
+    directions = Directions(scene, views, maps, surroundings, CONFIG)
+    assert [directions.following(none, known) for _ in range(3)] == [some[0], some[1], None]
+    assert looks == [(some[2], CONFIG.select.min_odds)]
 
 
 def test_directions_are_no_more_than_asked_and_a_given_one_is_the_only_one(

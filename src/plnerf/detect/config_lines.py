@@ -253,13 +253,18 @@ class DirectionConfig:
     """A direction is the middle of the votes within this angle of the strongest azimuth."""
     min_excess: float = 1.0
     """Votes of a direction over those of the median azimuth, as a multiple of these and of `few_px`, that it
-    takes to be looked at."""
+    takes to be looked at,"""
+    min_share: float = 0.1
+    """and as a fraction of what the first direction had; one with less is faint,"""
+    min_faint: float = 1.5
+    """and needs so many, since looks take time."""
+    clear: float = 20.0
+    """With so many a direction is searched without a look."""
     least_in_air: float = 150.0
-    """Nats that a line needs with which thin lines alone show that a direction is one of wires."""
+    """Nats that a line needs with which thin lines alone show that a direction is one of wires; of a faint
+    one as many as any first line."""
     aside_rad: float = math.radians(2.0)
     """Where such lines run farther than this beside it, clutter has drawn the votes aside."""
-    min_share: float = 0.1
-    """Where they show none, the votes that a direction needs as a fraction of what the first one had."""
     few_px: float = 100.0
     """Votes that a few pairs of different lines collect by chance."""
 
@@ -284,9 +289,10 @@ class DirectionConfig:
         )
         check(
             min(self.most, self.partners) >= 1
-            and min(self.min_excess, self.few_px, self.min_share, self.least_in_air) > 0,
-            "detect.directions needs most and partners of 1 or more, and min_excess, few_px, min_share and "
-            "least_in_air above 0",
+            and min(self.min_excess, self.few_px, self.min_share) > 0
+            and min(self.min_faint, self.clear, self.least_in_air) > 0,
+            "detect.directions needs most and partners of 1 or more, and min_excess, few_px, min_share, "
+            "min_faint, clear and least_in_air above 0",
             self,
         )
 

@@ -29,11 +29,12 @@ def direction_in_air(
     maps: LineMaps,
     surroundings: Surroundings,
     known: Known,
+    least: float,
     config: DetectConfig,
 ) -> Direction | None:
     """A direction if thin lines that no line has taken meet near to it in some that lie on nothing; theirs,
-    where it is another; None where there are none."""
-    left, least = Known([], known.taken, known.taken, known.sharpness), config.directions.least_in_air
+    where it is another; None where there are none.  least: nats that such a line needs."""
+    left = Known([], known.taken, known.taken, known.sharpness)
     slopes, odds = list[Float[np.ndarray, "2"]](), list[float]()
     for window in windows_along(direction, views, config.windows):
         search = search_of(window, views, ridges_of(maps, views, window.views), left, config)

@@ -1,4 +1,4 @@
-"""In which direction is searched next: first those whose thin lines are in the air, strongest first.
+"""In which direction is searched next: those that many lines vote for, or whose thin lines are in the air.
 
 Where none has such lines, nor any wire been found, those with most votes are searched all the same: wires of
 a pixel show as ridges along a direction where they do not show as thin lines.
@@ -48,17 +48,26 @@ class Directions:
             return given(float(np.arctan2(y, x)) % np.pi, votes, config)
         while True:
             direction = strongest(votes, self._looked, config)
-            if not stands_out(direction, None, config):
+            faint = not stands_out(direction, self._first, config)
+            if direction.excess < (config.min_faint if faint else config.min_excess):
                 break
             self._first = self._first or direction
             self._looked.append(direction.azimuth_rad)
-            in_air = direction_in_air(
-                direction, self._views, self._maps, self._surroundings, known, self._config
-            )
+            if direction.excess >= config.clear:
+                return direction
+            in_air = self._in_air(direction, known, faint)
             if in_air is not None:
                 return in_air
-            self._silent.append(direction)
+            if not faint:
+                self._silent.append(direction)
         if any(wire.evidence.certain for wire in known.wires) or not self._silent:
             return None
-        direction = self._silent.pop(0)
-        return direction if stands_out(direction, self._first, config) else None
+        return self._silent.pop(0)
+
+    def _in_air(self, direction: Direction, known: Known, faint: bool) -> Direction | None:
+        """What a look shows.  Of faint directions there are many, and most are of nothing."""
+        config = self._config
+        least = config.select.min_odds if faint else config.directions.least_in_air
+        return direction_in_air(
+            direction, self._views, self._maps, self._surroundings, known, least, config
+        )

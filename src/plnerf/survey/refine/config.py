@@ -202,8 +202,8 @@ class RefineConfig:
     least_seen: float = 0.1
     """A wire that does not stand out so is left out where enough images show less than this share of it."""
     thick_m: float = 0.1
-    """What stands out and is thicker is seldom a conductor, the thickest of which have 5 cm: of true wires of 15
-    random scenes of even seeds one comes out thicker than 4 cm.  Edges of patches on the ground do,"""
+    """What stands out and is thicker is seldom a conductor, the thickest of which have 5 cm: of true wires
+    of 15 random scenes of even seeds one comes out thicker than 4 cm.  Edges of patches on the ground do,"""
     least_beside_thick: float = 6.0
     """and so it must stand out so many times as often as what is beside it."""
     stray_m: float = 0.2
