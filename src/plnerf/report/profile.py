@@ -342,7 +342,7 @@ def _crossings(scale: Scale, survey: Survey, of_wire: dict[int, Stretch]) -> lis
 
 def _about_mark(one: Nearest, units: Units) -> str:
     return (
-        f"least distance to {one.to}: {units.interval_with_unit(one.distance)} ({CERTAIN}), "
+        f"least distance to {one.to}: {one.sign}{units.interval_with_unit(one.distance)} ({CERTAIN}), "
         f"wire {one.place.wire}, at {units.with_unit(one.place.s_m, 1)}"
         + (f": {one.verdict}" if one.verdict else "")
     )

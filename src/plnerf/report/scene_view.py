@@ -125,7 +125,7 @@ def scene(survey: Survey, rows: list[Nearest]) -> dict[str, Any]:
         "marks": [
             {
                 "points": _plain(shown(frame, _gap(one)) - middle),
-                "text": f"{one.to} {units.interval_with_unit(one.distance)}",
+                "text": f"{one.to} {one.sign}{units.interval_with_unit(one.distance)}",
             }
             for one in worst(rows)
         ],
