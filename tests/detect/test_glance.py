@@ -105,6 +105,25 @@ def test_without_lines_in_the_air_directions_are_searched_until_wires_are_found(
     assert directions.following(none, known) is None
 
 
+def test_a_direction_to_which_votes_on_both_sides_lead_is_searched_once(
+    span: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, views, maps, surroundings = span
+    known, none = nothing_known(views), segments_of(maps, views, CONFIG.segments)[0]
+    voted, theirs = Direction(0.50, 0.0, 5.0), Direction(0.43, 0.0, 5.0)
+    asked: list[list[float]] = []
+
+    def strongest(votes: object, looked: list[float], config: object) -> Direction:
+        asked.append(list(looked))
+        return replace(voted, excess=0.0) if looked else voted
+
+    monkeypatch.setattr(next_direction, "strongest", strongest)
+    monkeypatch.setattr(next_direction, "direction_in_air", lambda *_: theirs)
+    directions = Directions(scene, views, maps, surroundings, CONFIG)
+    assert [directions.following(none, known) for _ in range(2)] == [theirs, None]
+    assert asked == [[], [0.50, 0.43]]
+
+
 def test_what_many_lines_vote_for_is_searched_without_a_look(
     span: Shown, looks: Looks, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -187,7 +187,7 @@ def strongest(votes: Votes, searched: Sequence[float], config: DirectionConfig) 
 
 
 def stands_out(direction: Direction, first: Direction | None, config: DirectionConfig) -> bool:
-    """Whether a direction has enough votes to be searched.  first: the one with most, if it is another."""
+    """Whether a direction has enough votes not to be faint.  first: the one that had most, if any had."""
     share = config.min_share * first.excess if first else 0.0
     return direction.excess >= max(config.min_excess, share)
 

@@ -27,7 +27,7 @@ class Directions:
         self._scene, self._views, self._maps = scene, views, maps
         self._surroundings, self._config = surroundings, config
         self._looked: list[float] = []
-        """Azimuths that were looked at."""
+        """Azimuths that were voted for and looked at, or searched."""
         self._silent: list[Direction] = []
         """Those whose thin lines show nothing in the air, and that were not searched."""
         self._first: Direction | None = None
@@ -57,6 +57,7 @@ class Directions:
                 return direction
             in_air = self._in_air(direction, known, faint)
             if in_air is not None:
+                self._looked.append(in_air.azimuth_rad)  # votes on its other side may lead to it again
                 return in_air
             if not faint:
                 self._silent.append(direction)
