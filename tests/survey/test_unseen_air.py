@@ -1,5 +1,6 @@
 """The nearest plant is an upper limit where images do not see the air that is nearer to the wire."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +15,14 @@ from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
 from plnerf.line.survey import Survey
 from plnerf.report.nearest import by_need
+from plnerf.report.rule_table import rule_tables
 from plnerf.survey import unseen_air
 from plnerf.survey.clearance import measure_clearances
+from plnerf.survey.config_encroachments import EncroachmentConfig
 from plnerf.survey.config_ground import ClearanceConfig, CoverageConfig
+from plnerf.survey.config_rules import RulesConfig
+from plnerf.survey.encroachments import find_encroachments
+from plnerf.survey.rules import judge_rules
 from plnerf.survey.stereo.depth import DepthMap
 from plnerf.survey.stereo.stereo_views import View
 from plnerf.survey.stereo.witnesses import Sight
@@ -61,6 +67,31 @@ def test_the_air_is_below_and_beside_the_wire_above_the_ground_and_counts_by_vol
     assert places[:, 2].min() < 10.0 - CONFIG.unknown_drop_m + 3.0
 
 
+def _check_rules(survey: Survey, tmp: Path, *, at_most: bool) -> None:
+    """A limit is clear of no rule about plants, falls short as any distance, and is none for the ground."""
+    row = "[[row]]\nobject = '{}'\ndirection = 'radial'\ndistance = {}\nread_in = 'here'\n"
+    text = "name = 'a rule'\nsource = 'a page'\ndate = '2026'\n"
+    for kind, distance in (("vegetation", 1.0), ("vegetation", 30.0), ("ground", 1.0)):
+        text += row.format(kind, distance).replace("radial", "vertical" if kind == "ground" else "radial")
+    (tmp / "rule.toml").write_text(text)
+    config = RulesConfig(matrix=tmp / "rule.toml", voltage_kv=110.0)
+    report, _ = judge_rules(survey, ClearanceConfig(), config)
+    assert report is not None
+    verdicts = {one.rule: (one.verdict, one.at_most) for one in report.judged}
+    assert verdicts[1] == (("not all seen", True) if at_most else ("clear", False))
+    assert verdicts[2] == ("closer than required", at_most) and verdicts[3] == ("clear", False)
+    judged = replace(survey, rules=report)
+    write_survey_json(tmp / "rules.json", judged)
+    again = read_survey(tmp / "rules.json").rules
+    assert again is not None
+    assert [one.at_most for one in again.judged] == [one.at_most for one in report.judged]
+    words = json.dumps([str(table.rows) for table in rule_tables(judged)], ensure_ascii=False)
+    assert ("≤" in words) == at_most == ("not all seen" in words)
+    found = find_encroachments(judged, [], ClearanceConfig(), config, EncroachmentConfig())
+    assert found is not None
+    assert any("images do not show" in text for text in found.not_examined) == at_most
+
+
 @pytest.mark.parametrize(("farthest", "at_most"), [(30.0, False), (1.0, True)])
 def test_the_nearest_plant_is_at_most_so_far_where_less_than_half_was_seen(
     survey: Survey, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, farthest: float, at_most: bool
@@ -82,6 +113,7 @@ def test_the_nearest_plant_is_at_most_so_far_where_less_than_half_was_seen(
     assert replace(found, requirement=short).verdict(least) == "closer than required"
     (row,) = [one for one in by_need(kept) if one.to == "vegetation"]
     assert (row.sign, row.standing) == (("≤\u00a0", "doubtful") if at_most else ("", "kept"))
+    _check_rules(kept, tmp_path, at_most=at_most)
     path = tmp_path / "survey.json"
     write_survey_json(path, kept)
     again = clearances(read_survey(path)).wires[0].least("vegetation")

@@ -19,9 +19,9 @@ def rule_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
         row: Row = {
             "rule": one.rule, "object": rule.object, "direction": rule.direction, "state": one.state,
             "line": one.line, "span": one.span, "wire": one.wire, "distance_m": one.distance.value,
-            "distance_95_m": one.distance.half_95, "required_m": rule.required_m,
-            "margin_m": margin.value, "verdict": one.verdict, "read_in": rule.read_in,
-            "verified": str(rule.verified).lower(), "why": None,
+            "distance_95_m": one.distance.half_95, "at_most": one.at_most,
+            "required_m": rule.required_m, "margin_m": margin.value, "verdict": one.verdict,
+            "read_in": rule.read_in, "verified": str(rule.verified).lower(), "why": None,
         }  # fmt: skip
         ends = {"on_wire": one.on_wire, "on_object": one.on_object}
         rows.append(plain_row(row) | coordinates(transform, ends))

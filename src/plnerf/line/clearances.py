@@ -22,15 +22,20 @@ IN_WORDS: dict[Group, str] = {
 }
 """For people, to whom the structures of a line are its towers and poles."""
 Verdict = Literal["closer than required", "within its uncertainty", "not all seen", "clear"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+"""The most urgent first."""
 SIGMAS = 2.0
 """A distance differs from the required one if they are so many standard deviations apart."""
 
 
-def verdict_of(distance_m: float, sigma_m: float, required_m: float) -> Verdict:
-    """How a distance, with its standard deviation, compares with a required one."""
+def verdict_of(
+    distance_m: float, sigma_m: float, required_m: float, *, at_most: bool = False
+) -> Verdict:
+    """How a distance, with its standard deviation, compares with a required one; at_most: it is an upper
+    limit, since something nearer may be where images do not see."""
     spare = distance_m - required_m
     if spare > SIGMAS * sigma_m:
-        return "clear"
+        return "not all seen" if at_most else "clear"
     return "closer than required" if spare < -SIGMAS * sigma_m else "within its uncertainty"
 
 
@@ -45,9 +50,9 @@ class Requirement:
     date: str | None = None
     caveats: tuple[str, ...] = ()
 
-    def verdict(self, distance_m: float, sigma_m: float) -> Verdict:
-        """On a distance and its standard deviation."""
-        return verdict_of(distance_m, sigma_m, self.distance_m)
+    def verdict(self, distance_m: float, sigma_m: float, *, at_most: bool = False) -> Verdict:
+        """On a distance and its standard deviation, or on an upper limit."""
+        return verdict_of(distance_m, sigma_m, self.distance_m, at_most=at_most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +178,7 @@ class Clearances:
         """None where nothing is required: of shield wires, and of what the requirement does not apply to."""
         if self.requirement is None or place.kind != "phase" or place.to not in self.requirement.applies_to:
             return None
-        verdict = self.requirement.verdict(place.distance_m, place.sigma_m)
-        return "not all seen" if verdict == "clear" and place.at_most else verdict
+        return self.requirement.verdict(place.distance_m, place.sigma_m, at_most=place.at_most)
 
     def all_places(self) -> tuple[Place, ...]:
         """Of every wire, by group and then by distance; last the height above the ground."""

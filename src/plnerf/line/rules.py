@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from plnerf.line.clearances import Verdict
+from plnerf.line.clearances import VERDICTS, Verdict
 from plnerf.line.ends import Quantity
 
 RuleObject = Literal["ground", "road", "rail", "water", "building", "vegetation", "line", "other"]
@@ -61,6 +61,8 @@ class Judged:
     on_wire: Float[np.ndarray, "3"]
     on_object: Float[np.ndarray, "3"]
     verdict: Verdict
+    at_most: bool = False
+    """Whether a plant may stand nearer to one of the span's wires, where images do not see."""
 
 
 @dataclass(frozen=True)
@@ -104,12 +106,10 @@ class RuleReport:
         return Quantity(one.distance.value - self.rule(one.rule).required_m, one.distance.sigma)
 
     def worst(self) -> tuple[Judged, ...]:
-        """The least margin of every rule in every state."""
+        """Of every rule in every state the least margin, among the most urgent verdicts."""
         found: dict[tuple[int, str], Judged] = {}
-        for one in self.judged:
-            key = (one.rule, one.state)
-            if key not in found or one.distance.value < found[key].distance.value:
-                found[key] = one
+        for one in sorted(self.judged, key=lambda one: (VERDICTS.index(one.verdict), one.distance.value)):
+            found.setdefault((one.rule, one.state), one)
         return tuple(found.values())
 
 

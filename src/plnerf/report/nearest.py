@@ -7,6 +7,7 @@ from typing import Literal
 from plnerf.errors import SurveyError
 from plnerf.line.clearances import IN_WORDS, Place, Verdict
 from plnerf.line.ends import Quantity
+from plnerf.line.rules import Judged
 from plnerf.line.survey import Survey
 
 Standing = Literal["short", "doubtful", "kept", "open"]
@@ -60,7 +61,7 @@ class Nearest:
         return self.verdict or "nothing is required"
 
 
-def limit_sign(place: Place) -> str:
+def limit_sign(place: Place | Judged) -> str:
     """Before a distance: that it is an upper limit."""
     return "≤\u00a0" if place.at_most else ""
 

@@ -8,7 +8,7 @@ from plnerf.line.rules import Judged, RuleReport
 from plnerf.line.survey import Survey
 from plnerf.report.coverage_view import any_not_seen, not_seen
 from plnerf.report.figures import NOTHING, Units, counted, listed
-from plnerf.report.nearest import STANDINGS
+from plnerf.report.nearest import STANDINGS, limit_sign
 from plnerf.report.shown import shown, units_of
 from plnerf.report.tables import XYZ, Cell, Table, Verdict
 from plnerf.report.words import numbers_of_spans, span_head
@@ -55,16 +55,20 @@ def rule_summary(survey: Survey) -> str:
 
 def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], folded: str) -> Table:
     units, span, silent = units_of(survey), numbers_of_spans(survey), any_not_seen(survey)
+    upper = any(one.at_most for one in judged)
     rows: list[list[Cell]] = []
     for one in judged:
         rule, margin = report.rule(one.rule), report.margin(one)
         rows.append([
             Verdict(one.verdict, STANDINGS[one.verdict]), rule.name.replace(" ", "\u00a0"), one.state,
-            span[one.wire], str(one.wire), units.interval(one.distance), units.length(rule.required_m),
-            units.interval(margin), *[not_seen(survey, one.wire) or NOTHING] * silent,
+            span[one.wire], str(one.wire), limit_sign(one) + units.interval(one.distance),
+            units.length(rule.required_m), limit_sign(one) + units.interval(margin),
+            *[not_seen(survey, one.wire) or NOTHING] * silent,
             units.place(shown(survey.frame, one.on_wire)), units.place(shown(survey.frame, one.on_object)),
         ])  # fmt: skip
-    which = "Every span" if folded else "The least margin of every rule in every state, the least first"
+    which = "Every span" if folded else (
+        "Of every rule in every state the most urgent verdict with the least margin, the least first"
+    )
     return Table(
         ["verdict", "rule", "state", span_head(survey), "wire", *units.heads_95("distance"),
          *units.heads("required"), *units.heads_95("margin"), *["not seen at stations"] * silent,
@@ -72,7 +76,8 @@ def _verdicts(survey: Survey, report: RuleReport, judged: tuple[Judged, ...], fo
         rows,
         f"{which}; phase conductors only. Margin: the distance less what is required. Within two of its "
         "standard deviations of 0 the verdict is \"within its uncertainty\"."
-        + " Where stretches were not seen, a verdict is about what was seen." * silent,
+        + " Where stretches were not seen, a verdict is about what was seen." * silent
+        + " ≤: a plant may be nearer, where too little of the air about the span's wires was seen." * upper,
         frozenset({0, 1, 2}), folded=folded,
     )  # fmt: skip
 

@@ -28,6 +28,7 @@ from plnerf.survey.encroaching_objects import Near, ThingsNear, falls, sigma_tow
 from plnerf.survey.map_objects import MapObject
 from plnerf.survey.obstacles import beyond_ends_m, obstacles, onto_wire, shared_structures
 from plnerf.survey.rule_scene import RuleState, objects_by_class, rule_states
+from plnerf.survey.unseen_air import upper_limits
 
 OF_GROUP: dict[str, RuleObject] = {"vegetation": "vegetation", "structures": "building", "other": "other"}
 UP = np.array([0.0, 0.0, 1.0])
@@ -332,6 +333,12 @@ class _Search:
             left.append(
                 f"{self.near.wires} groups of points of plants are taken for wires that were not found: they "
                 "are level and narrow, with nothing below."
+            )
+        limits = upper_limits(self.survey)
+        if "vegetation" in objects and limits:
+            left.append(
+                f"Plants that images do not show are not examined: in {len(limits)} of the spans one may "
+                "stand nearer than the nearest that is found."
             )
         unruled = [
             name for kind, name in (("vegetation", "plants"), ("building", "buildings"), ("other", "other "

@@ -7,10 +7,11 @@
     line              the wires of other lines that cross, as they hang in the same state
 
 A matrix is for phase conductors.  Sag and swing are those of the states (`mechanics/`); the survey itself is
-judged too, whatever states a row is for.
+judged too, whatever states a row is for.  Where the nearest plant of a span is an upper limit
+(`unseen_air.py`) nothing there is clear of plants.
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
@@ -24,6 +25,7 @@ from plnerf.survey.config_rules import RulesConfig
 from plnerf.survey.map_objects import MapObject, near_line, read_objects
 from plnerf.survey.rule_file import Matrix, Row, load_matrix
 from plnerf.survey.rule_scene import ON_MAPS, Least, RuleScene, RuleState, rule_states
+from plnerf.survey.unseen_air import upper_limits
 
 KIND = "clearances by rule"
 """Kind of the findings."""
@@ -47,12 +49,13 @@ def judge_rules(
         if one.direction == "vertical":
             lower_m[one.object] = max(one.required_m, lower_m.get(one.object, 0.0))
     scene = RuleScene(survey, maps, clearance, config, lower_m)
+    limits = upper_limits(survey)
     judged: list[Judged] = []
     for rule in rules:
         found: list[Judged] = []
         for state in states:
             if state.name == SURVEYED or set(state.kinds) & set(rule.states):
-                found += _judge(rule, state, scene.least(rule, state))
+                found += _judge(rule, state, scene.least(rule, state), limits)
         judged += found
         why = _why_not(rule, states, given, judged=bool(found))
         if why:
@@ -103,14 +106,17 @@ def _out_of_place(row: Row, config: RulesConfig, altitude: Altitude) -> str:
     return ""
 
 
-def _judge(rule: Rule, state: RuleState, least: Least) -> list[Judged]:
-    found = [
-        Judged(
-            rule.number, state.name, line, span, wire.id, one.distance, one.on_wire, one.on_object,
-            verdict_of(one.distance.value, one.distance.sigma, rule.required_m),
-        )
-        for (line, span), (wire, one) in least.items()
-    ]  # fmt: skip
+def _judge(
+    rule: Rule, state: RuleState, least: Least, limits: Container[tuple[int, int]]
+) -> list[Judged]:
+    found = []
+    for (line, span), (wire, one) in least.items():
+        at_most = rule.object == "vegetation" and (line, span) in limits
+        verdict = verdict_of(one.distance.value, one.distance.sigma, rule.required_m, at_most=at_most)
+        found.append(Judged(
+            rule.number, state.name, line, span, wire.id, one.distance, one.on_wire, one.on_object, verdict,
+            at_most,
+        ))  # fmt: skip
     return sorted(found, key=lambda one: one.distance.value)
 
 

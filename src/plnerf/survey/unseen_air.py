@@ -38,6 +38,19 @@ def with_air_seen(
     return replace(clearances, wires=wires), _about(wires, config)
 
 
+def upper_limits(survey: Survey) -> set[tuple[int, int]]:
+    """The lines and spans with a phase conductor whose nearest plant is an upper limit."""
+    if survey.clearances is None:
+        return set()
+    wires = {one.wire for one in survey.clearances.wires if (p := one.least("vegetation")) and p.at_most}
+    return {
+        (line.id, span.id)
+        for line in survey.lines
+        for span in line.spans
+        if any(wire.id in wires and wire.kind == "phase" for wire in span.wires)
+    }
+
+
 def _of_wire(
     one: WireClearance, wire: Wire, sights: Sequence[Sight], config: CoverageConfig
 ) -> WireClearance:
