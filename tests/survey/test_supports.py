@@ -116,11 +116,14 @@ def test_a_poles_axis_is_between_its_sides_wherever_its_crossarm_holds_the_wires
     turn = random.uniform(0, 2 * np.pi, 900)
     pole = np.column_stack([15 + 0.15 * np.cos(turn), 0.1 + 0.15 * np.sin(turn), random.uniform(-10, 0, 900)])
     held = Body(15.2, 0.0, -10.0, 1.0)  # on pins before it
-    assert pole_axis(held, pole, 0.0, PoleConfig()) == pytest.approx(15.0, abs=0.02)
+    assert pole_axis(held, 0.05, pole, 0.0, PoleConfig()) == pytest.approx(15.0, abs=0.02)
     upper = pole[pole[:, 2] > -3]
-    assert pole_axis(held, upper, 0.0, PoleConfig()) == pytest.approx(15.0, abs=0.02)
+    assert pole_axis(held, 0.05, upper, 0.0, PoleConfig()) == pytest.approx(15.0, abs=0.02)
     for none in (pole[pole[:, 2] > -1.2], pole[:40], pole * [1, 1, 0.05], body(random, 15.0)):
-        assert pole_axis(held, none, 0.0, PoleConfig()) is None  # a crossarm, too little, a lattice
+        assert pole_axis(held, 0.05, none, 0.0, PoleConfig()) is None  # a crossarm, too little, a lattice
+    afar = replace(held, x_m=15.45)  # a leg of a lattice, unless where wires are held is known no better
+    assert pole_axis(afar, 0.05, pole, 0.0, PoleConfig()) is None
+    assert pole_axis(afar, 0.3, pole, 0.0, PoleConfig()) is not None
 
 
 def found(

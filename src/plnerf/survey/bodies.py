@@ -95,12 +95,14 @@ def body_at(
 
 
 def pole_axis(
-    body: Body, points: Float[np.ndarray, "n 3"], lowest_m: float, config: PoleConfig
+    body: Body, held_sigma_m: float, points: Float[np.ndarray, "n 3"], lowest_m: float, config: PoleConfig
 ) -> float | None:
-    """Where along the line the axis of a pole stands that is seen at a body's place; None where no pole is.
+    """Where along the line the axis of a pole stands that is seen where a body holds wires; None where no
+    pole is.
 
-    A crossarm may carry its wires before the pole or behind it, so that these do not say where it stands.
-    lowest_m: height of the lowest wire there.
+    A crossarm may carry its wires before the pole or behind it, so that these do not say where it stands;
+    what stands farther from them is another thing, such as a leg of a lattice.  held_sigma_m: standard
+    deviation of where they are held; lowest_m: height of the lowest wire there.
     """
     low, high = body.foot_m + config.foot_m, lowest_m - config.below_wires_m
     beside = np.abs(points[:, :2] - [body.x_m, body.y_m]).max(1) <= config.about_m
@@ -109,8 +111,9 @@ def pole_axis(
         return None
     tall_m = len(np.unique(np.floor(own[:, 2] / config.step_m))) * config.step_m
     first, last = np.percentile(own[:, 0], config.edges)
-    slender = last - first <= config.widest_m
-    return float(first + last) / 2 if slender and tall_m >= config.least_tall_m else None
+    axis, slender = float(first + last) / 2, last - first <= config.widest_m
+    carries = abs(axis - body.x_m) <= config.carries_m + held_sigma_m
+    return axis if slender and carries and tall_m >= config.least_tall_m else None
 
 
 def _seen(

@@ -168,7 +168,7 @@ def _support(junction: Junction, around: _Around, bodies: Sequence[Place], confi
     # A structure is as high as its highest wire.
     top = max(stands.top_m, *(float(np.interp(t0, line[:, 0], line[:, 2])) for line in lines))
     lowest = min(float(np.interp(t0, line[:, 0], line[:, 2])) for line in lines)
-    pole = pole_axis(replace(stands, x_m=t0), around.best, lowest, config.pole)
+    pole = pole_axis(replace(stands, x_m=t0), sigma, around.best, lowest, config.pole)
     at = (t0, sigma) if pole is None else (pole, config.pole.sigma_m)
     foot = axis.place(np.array(at[:1]), np.array([[stands.y_m, stands.foot_m]]))[0]
     structure = Structure(0, foot, top - stands.foot_m, at[1], ", and ".join(words))
