@@ -1,5 +1,5 @@
 """Scenes of `plnerf synth` drawn by `raster.py`, several times as fast as by its path tracer:
-`python benchmarks/raster_scenes.py OUT --seeds 2 4 6 --names wind orbit`.
+`python benchmarks/raster_scenes.py OUT --seeds 2 4 6 --names wind orbit [--width PX] [--views N]`.
 
 OUT/random-N is a scene folder with its truth, as `plnerf synth OUT/random-N --scene random --seed N` makes
 it, and OUT/NAME as `plnerf synth OUT/NAME --scene NAME` does: the same line, land, plants, flight, exposure,
@@ -12,7 +12,7 @@ import multiprocessing
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +50,9 @@ class RasterStudio:
         return depth(self.bodies, view, self.capture)
 
 
-def draw_scene(out: Path, name: str, seed: int | None) -> Path:
-    """The scene of `plnerf synth --scene name --seed seed` in the new folder `out`."""
-    config = SceneOptions(seed=seed).apply(find_scene(name, seed))
+def draw_scene(out: Path, name: str, options: SceneOptions) -> Path:
+    """The scene of `plnerf synth --scene name` with these options in the new folder `out`."""
+    config = options.apply(find_scene(name, options.seed))
     site = build_site(config.span)
     views = plan_flight(site, config.capture)
     check_cameras(site, views)
@@ -64,7 +64,7 @@ def draw_scene(out: Path, name: str, seed: int | None) -> Path:
     return out
 
 
-def _draw(task: tuple[Path, str, int | None]) -> str:
+def _draw(task: tuple[Path, str, SceneOptions]) -> str:
     began = time.monotonic()
     draw_scene(*task)
     return f"{task[0]}: {time.monotonic() - began:.0f} s"
@@ -75,11 +75,14 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", type=int, nargs="+", default=[], help="of random scenes")
     parser.add_argument("--names", nargs="+", default=[], help="of scenes of plnerf synth")
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    tasks: list[tuple[Path, str, int | None]] = [
-        *((options.out / f"random-{seed}", RANDOM, seed) for seed in options.seeds),
-        *((options.out / name, name, None) for name in options.names),
+    parser.add_argument("--width", type=int, help="of the images, in pixels; the same pictures")
+    parser.add_argument("--views", type=int, help="images of each pass")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    common = SceneOptions(width=given.width, views=given.views)
+    tasks: list[tuple[Path, str, SceneOptions]] = [
+        *((given.out / f"random-{seed}", RANDOM, replace(common, seed=seed)) for seed in given.seeds),
+        *((given.out / name, name, common) for name in given.names),
     ]
     with multiprocessing.get_context("fork").Pool(usable_cores()) as pool:
         for line in pool.imap(_draw, [task for task in tasks if not task[0].exists()]):

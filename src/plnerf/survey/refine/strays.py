@@ -2,7 +2,8 @@
 
 Wires of a span are held apart: twins all along by the same way, others by more.  A curve that comes nearer to
 another than any spacer holds twins, and is farther and several times as far from it elsewhere, was made of
-pieces of that wire and of what lies behind it.
+pieces of that wire and of what lies behind it.  So is one that comes less near, if it stands out no more than
+what is beside it.
 """
 
 from collections.abc import Sequence
@@ -38,5 +39,7 @@ def _strays(refined: Refinement, wires: Sequence[Wire], k: int, j: int, config: 
         return False
     s = np.linspace(low, high, config.samples)
     apart = np.linalg.norm(one.at(s) - other.at(s), axis=1)
-    far_m = max(config.stray_m, config.stray_ratio * float(apart.min()))
-    return bool(apart.min() < config.stray_m and apart.max() > far_m)
+    untold = bool(refined.told) and not refined.told[k]
+    near_m = config.stray_untold_m if untold else config.stray_m
+    far_m = max(near_m, config.stray_ratio * float(apart.min()))
+    return bool(apart.min() < near_m and apart.max() > far_m)
