@@ -456,7 +456,7 @@ def test_rules_hold_the_settings() -> None:
         (ObstacleConfig, {"max_sigma_m": 0.0}, "max_sigma_m > 0"),
         (GroundSectionConfig, {"cell_m": 0.0}, "0 < cell_m <= side_m"),
         (GroundSectionConfig, {"scatter_cells": 3}, "scatter_cells of 4 or more"),
-        (GroundSectionConfig, {"max_gap_m": -1.0}, "max_gap_m of 0 or more"),
+        (GroundSectionConfig, {"max_gap_m": -1.0}, "below_plants_m of 0 or more"),
     ],
 )
 def test_settings_that_measure_nothing_are_refused(config: Any, wrong: dict[str, Any], text: str) -> None:

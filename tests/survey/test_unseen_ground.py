@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from tests.support.catenary_surveys import cloud, fitted, line_of
 
-from plnerf.line.cloud import GROUND, UNCLASSIFIED
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION, UNCLASSIFIED
 from plnerf.line.coverage import Coverage
 from plnerf.line.files import read_survey, write_survey_json
 from plnerf.line.frame import LineFrame
@@ -59,6 +59,26 @@ def test_what_is_lowest_beyond_an_end_that_was_not_seen_is_no_ground() -> None:
     survey = survey_of(np.concatenate([plain(-5.0, 75.0), top[np.abs(top[:, 1]) <= 3.0]]))
     found, _ = without_unseen_ground(survey, [coverage((1.0, 1.0, 1.0, 0.0))], CONFIG, FILTER)
     assert np.array_equal(found.cloud.label, np.where(survey.cloud.xyz[:, 0] > 100.0, UNCLASSIFIED, GROUND))
+
+
+def test_the_lowest_leaves_of_a_crown_are_no_ground_though_they_rise_no_more_than_ground_may() -> None:
+    """A crown from 30 to 40 m hides the ground below; ground that is seen between its leaves stays ground."""
+    ground, edge = plain(-5.0, 105.0), plain(30.0, 40.0)
+    x, y, _ = ground.T
+    hidden = (x > 32.0) & (x < 38.0) & (np.abs(y) < 3.0) & ~((x == 35.0) & (y == 0.0))
+    edge = edge[np.abs(edge[:, 1]) < 3.0]
+    edge[:, 2] = 0.5 * (5.0 - np.abs(edge[:, 0] - 35.0))
+    leaves = edge + np.array([0.0, 0.0, 2.0])
+    points = cloud({GROUND: np.concatenate([ground[~hidden], edge]), HIGH_VEGETATION: leaves})
+    points = replace(points, sigma_m=np.full(len(points.xyz), 0.1))
+    survey = replace(survey_of(ground), cloud=points)
+    found, _ = without_unseen_ground(survey, [coverage((1.0, 1.0))], CONFIG, FILTER)
+    left = found.cloud.xyz[found.cloud.label == GROUND]
+    assert left[:, 2].max() < FILTER.near_m + 3.0 * CONFIG.unseen_slope + 1e-9
+    assert (left == [35.0, 0.0, 0.0]).all(1).any()
+    assert (found.cloud.label == HIGH_VEGETATION).sum() == len(leaves)
+    lidar = replace(survey, from_images=False)
+    assert without_unseen_ground(lidar, [coverage((1.0, 1.0))], CONFIG, FILTER) == (lidar, ())
 
 
 def test_a_height_is_less_elsewhere_only_where_the_ground_may_be_as_near() -> None:

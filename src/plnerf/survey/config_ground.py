@@ -88,6 +88,9 @@ class GroundSectionConfig:
     is."""
     max_gap_m: float = 10.0
     """Where the nearest ground is farther than this, horizontally, the ground is not known."""
+    below_plants_m: float = 1.0
+    """In images, points with plants so much above them may be leaves, and are ground only where they continue
+    the ground beside."""
 
     def __post_init__(self) -> None:
         if not 0 < self.cell_m <= self.side_m:
@@ -100,10 +103,11 @@ class GroundSectionConfig:
                 f"The ground's section needs scatter_cells of {PLANE + 1} or more, since fewer have no "
                 f"scatter about a plane, but got {self.scatter_cells}."
             )
-        if min(self.scatter_radius_m, self.unseen_slope, self.max_gap_m) < 0:
+        if min(self.scatter_radius_m, self.unseen_slope, self.max_gap_m, self.below_plants_m) < 0:
             raise ConfigError(
-                "The ground's section needs scatter_radius_m, unseen_slope and max_gap_m of 0 or more, but "
-                f"got {self.scatter_radius_m}, {self.unseen_slope} and {self.max_gap_m}."
+                "The ground's section needs scatter_radius_m, unseen_slope, max_gap_m and below_plants_m "
+                f"of 0 or more, but got {self.scatter_radius_m}, {self.unseen_slope}, {self.max_gap_m} and "
+                f"{self.below_plants_m}."
             )
 
 

@@ -1,8 +1,8 @@
 """What is known of the ground where images did not see it, and of heights above it.
 
-Where images show little of the ground, the lowest that they show may be the tops of plants: such points are
-ground only where they continue the ground that was seen around.  A wire's least height above the ground is
-known only if it cannot be less over what was not seen.
+Where images show little of the ground, the lowest that they show may be the tops of plants; below plants it
+may be their lowest leaves: such points are ground only where they continue the ground that was seen around.
+A wire's least height above the ground is known only if it cannot be less over what was not seen.
 
 Letters: n points, k stations along a wire; LineFrame, metres.
 """
@@ -12,17 +12,26 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, harms
 from plnerf.line.clearances import SIGMAS, Clearances
-from plnerf.line.cloud import GROUND, UNCLASSIFIED
+from plnerf.line.cloud import (
+    GROUND,
+    HIGH_VEGETATION,
+    LOW_VEGETATION,
+    NO_WIRE,
+    UNCLASSIFIED,
+    VEGETATION,
+)
 from plnerf.line.coverage import Coverage
 from plnerf.line.stations import Stretch, chains
 from plnerf.line.survey import Survey
 from plnerf.survey.config_ground import GroundConfig, GroundSectionConfig
 from plnerf.survey.ground import find_ground
 
+PLANTS = (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, UNCLASSIFIED)
 UNSEEN = "ground"
 """Kind of the findings."""
 
@@ -30,8 +39,9 @@ UNSEEN = "ground"
 def without_unseen_ground(
     survey: Survey, coverage: Sequence[Coverage], config: GroundSectionConfig, filter_: GroundConfig
 ) -> tuple[Survey, tuple[Finding, ...]]:
-    """A survey of images whose points count as unclassified, in place of ground, below and beside stretches
-    of which too little ground was seen, unless they continue what was seen; other surveys as they are.
+    """A survey of images whose points count as unclassified, in place of ground, below plants, and below and
+    beside stretches of which too little ground was seen, unless they continue what was seen; other surveys as
+    they are.
 
     filter_: what finds the ground through points that are sure.
     """
@@ -49,14 +59,16 @@ def without_unseen_ground(
         doubted |= (of >= 0) & one.no_ground[of]
         sure |= (of >= 0) & ~one.no_ground[of]
     doubted &= ~sure  # what another span's stretch shows well
+    plants = survey.cloud.xyz[np.isin(survey.cloud.label, PLANTS) & (survey.cloud.wire == NO_WIRE)]
+    doubted |= _below(plants, xyz, config.below_plants_m, filter_.cell_m)
     doubted[doubted] = ~_continues(xyz[~doubted], xyz[doubted], config, filter_)
     if not doubted.any():
         return survey, ()
     label[index[doubted]] = UNCLASSIFIED
     finding = harms(
         UNSEEN,
-        f"{doubted.sum():,} points where too little ground was seen to distinguish it from the tops of "
-        "plants are unclassified.",
+        f"{doubted.sum():,} points where too little ground was seen to distinguish it from plants are "
+        "unclassified.",
         "See under Coverage, and take more images there.",
     )
     return replace(survey, cloud=replace(survey.cloud, label=label)), (finding,)
@@ -76,6 +88,21 @@ def _stretch_of(
     beside = (local[:, 1] >= np.min(ys) - side_m) & (local[:, 1] <= np.max(ys) + side_m)
     beside &= (station >= coverage.from_m[0] - side_m) & (station <= coverage.to_m[-1] + side_m)
     return np.where(beside, np.maximum(of, 0), -1)
+
+
+def _below(
+    plants: Float[np.ndarray, "m 3"], points: Float[np.ndarray, "n 3"], by_m: float, cell_m: float
+) -> Bool[np.ndarray, " n"]:
+    """Which points have plants in their cell, or in one beside it, that are higher by more than so much."""
+    if not len(plants):
+        return np.zeros(len(points), np.bool_)
+    corner = np.minimum(points.min(0, initial=np.inf), plants.min(0))[:2]
+    cells, of = (((some[:, :2] - corner) // cell_m).astype(np.int64) for some in (plants, points))
+    top = np.full(np.maximum(cells.max(0), of.max(0, initial=0)) + 1, -np.inf)
+    np.maximum.at(top, tuple(cells.T), plants[:, 2])
+    top = ndimage.maximum_filter(top, 3, mode="constant", cval=-np.inf)
+    higher: Bool[np.ndarray, " n"] = top[tuple(of.T)] - points[:, 2] > by_m
+    return higher
 
 
 def _continues(
