@@ -235,6 +235,18 @@ def test_a_field_that_shows_nothing_leaves_the_distances_to_the_images(tmp_path:
     assert not findings and (found.xyz == alone.xyz).all() and len(found.xyz)
 
 
+def test_images_that_are_all_far_apart_are_matched_all_the_same(tmp_path: Path) -> None:
+    photos = photos_with(tmp_path, row_of_cameras((0.0, 0.4, -0.4, 0.8, -0.8, 1.2)))
+    config = replace(CONFIG, points=30_000)
+    found, (finding,) = stereo_surface(photos, [], None, config)
+    assert (finding.kind, finding.degree) == ("stereo", "harms") and "farther apart than 25%" in finding.what
+    assert len(found.xyz) > 2000
+    on_floor = np.abs(found.xyz[:, 2] - FLOOR) < 0.03
+    assert (on_floor | (found.xyz[:, 2] > FLOOR)).mean() > 0.99 and on_floor.mean() > 0.5
+    near = replace(config, pairs=replace(config.pairs, wide_baseline=config.pairs.max_baseline))
+    assert not len(stereo_surface(photos, [], None, near)[0].xyz)
+
+
 def test_of_many_images_each_gives_as_many_pixels_as_of_some(tmp_path: Path) -> None:
     photos = photos_with(tmp_path, row_of_cameras((0.0, 0.15, -0.2, 0.3, -0.35, 0.45)))
     few, _ = stereo_surface(photos, [], None, replace(CONFIG, points=6_000))
@@ -304,6 +316,8 @@ def test_views_that_show_too_little_have_no_distances(tmp_path: Path) -> None:
 
 
 def test_settings_that_cannot_work_are_refused() -> None:
+    with pytest.raises(ConfigError, match="wide_baseline >= max_baseline"):
+        StereoPairConfig(wide_baseline=0.2)
     for make in (
         lambda: MatchConfig(block_px=4), lambda: MatchConfig(sigma_px=0.0),
         lambda: MatchConfig(max_parallax=0.0),

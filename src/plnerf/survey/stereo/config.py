@@ -15,7 +15,11 @@ class StereoPairConfig:
     min_baseline: float = 0.05
     """b / d below which a depth is too uncertain."""
     max_baseline: float = 0.25
-    """b / d beyond which the images differ too much, and near things have no match."""
+    """b / d beyond which the images differ too much, and near things have no match;"""
+    wide_baseline: float = 0.4
+    """where fewer than `least_paired` of the views have two partners within it, as on mapping flights with
+    60 % of overlap, so much: less is matched than of nearer images, but not nothing."""
+    least_paired: float = 0.5
     best_baseline: float = 0.12
     """The b / d that is preferred."""
     partners: int = 3
@@ -28,6 +32,11 @@ class StereoPairConfig:
             raise ConfigError(
                 "Stereo needs 0 < min_baseline <= best_baseline <= max_baseline, but got "
                 f"{self.min_baseline}, {self.best_baseline} and {self.max_baseline}."
+            )
+        if self.wide_baseline < self.max_baseline or not 0 <= self.least_paired <= 1:
+            raise ConfigError(
+                "Stereo needs wide_baseline >= max_baseline and least_paired from 0 to 1, but got "
+                f"{self.wide_baseline}, {self.max_baseline} and {self.least_paired}."
             )
         if self.partners < 2 or self.max_zoom < 1:
             raise ConfigError(

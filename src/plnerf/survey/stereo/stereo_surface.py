@@ -22,7 +22,7 @@ from plnerf.survey.stereo.depth import DepthMap
 from plnerf.survey.stereo.depth_maps import depth_maps
 from plnerf.survey.stereo.distances import distances_by_matching, distances_of_points
 from plnerf.survey.stereo.partners import joined_partners, partners
-from plnerf.survey.stereo.stereo_views import Picture, picture, shows_wires, view_of
+from plnerf.survey.stereo.stereo_views import Picture, View, picture, shows_wires, view_of
 from plnerf.survey.stereo.witnesses import Sight
 from plnerf.survey.surface import Surface, joined
 
@@ -60,8 +60,14 @@ def stereo_surface(
         if by_field is not None
         else distances_by_matching(photos, wires, config, lambda done, of: report(done, rounds * of))
     )
-    # Near things need images that are near to one another, far things others.
-    chosen = joined_partners(*(partners(views, distance, config.pairs) for distance in distances.T))
+    chosen, about = _chosen(views, distances, config), list[Finding]()
+    if _paired(chosen) < config.pairs.least_paired * len(views):
+        wide = replace(config, pairs=replace(config.pairs, max_baseline=config.pairs.wide_baseline))
+        farther = by_field if by_field is not None else distances_by_matching(photos, wires, wide)
+        others = _chosen(views, farther, wide)
+        if _paired(others) > _paired(chosen):
+            distances, chosen = farther, others
+            about = [_far_apart(_paired(others), config)]
     random = np.random.default_rng(0)
     each = max(1, config.points // min(max(1, len(views)), config.most_sharing))
     parts, images, radii = [], [], []
@@ -93,12 +99,24 @@ def stereo_surface(
         report(len(views) * (rounds - 1) + done, len(views) * rounds)
     met = joined(parts)
     if len(met.xyz) < config.min_share * each * len(views):
-        pairs = f"{sum(len(others) > 1 for others in chosen)} of {len(views)}"
+        pairs = f"{_paired(chosen)} of {len(views)}"
         return (Surface.empty() if field is None else field), (_no_stereo(pairs, field is not None),)
     kept = photos.within(met.xyz, config.farthest)
     kept &= consistent(met.xyz, np.concatenate(images), np.concatenate(radii), config.consistency)
     of_field = [] if field is None else [field.chosen(_on_wires(field.xyz, wires))]
-    return joined([met.chosen(kept), *of_field]), ()
+    return joined([met.chosen(kept), *of_field]), tuple(about)
+
+
+def _chosen(
+    views: Sequence[View], distances: Float[np.ndarray, "m q"], config: StereoConfig
+) -> list[tuple[int, ...]]:
+    """Each view's partners: near things need images that are near to one another, far things others."""
+    return joined_partners(*(partners(views, distance, config.pairs) for distance in distances.T))
+
+
+def _paired(chosen: Sequence[tuple[int, ...]]) -> int:
+    """How many views have two partners, which a depth needs."""
+    return sum(len(others) > 1 for others in chosen)
 
 
 def inflate_sigma(
@@ -118,6 +136,17 @@ def _no_stereo(pairs: str, has_field: bool) -> Finding:
     )
     what = f"The images make no stereo ({pairs} have two partners that look the same way from beside them): "
     return harms("stereo", what + left, "Take images side by side that overlap by two thirds.")
+
+
+def _far_apart(paired: int, config: StereoConfig) -> Finding:
+    pairs = config.pairs
+    return harms(
+        "stereo",
+        f"Most images are farther apart than {pairs.max_baseline:.0%} of the distance to what they show. "
+        f"With {pairs.wide_baseline:.0%} allowed {paired} have two partners, but of what stands up little is "
+        "matched.",
+        "Take images that overlap by three quarters.",
+    )
 
 
 def _on_wires(points: Float[np.ndarray, "n 3"], wires: Sequence[Wire]) -> Bool[np.ndarray, " n"]:
