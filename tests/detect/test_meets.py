@@ -10,9 +10,9 @@ from tests.support.drawn import HALF, at_x, hanging, pinhole_cameras, polyline, 
 
 from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.config_lines import ChainConfig
-from plnerf.detect.meets import curves_where_chains_meet, partners, seen_places
+from plnerf.detect.meets import curves_where_chains_meet, partners
 from plnerf.detect.parabola import curve_points
-from plnerf.detect.views import Views, project_point, views_of
+from plnerf.detect.views import Views, project_point, seen_places, views_of
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 

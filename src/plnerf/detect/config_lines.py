@@ -161,6 +161,9 @@ class ChainConfig:
     """Views whose chains each view's meet, at most."""
     good_angle: float = 0.15
     """Sine of the angle, as seen along the window, at which two views see a place that they show together."""
+    places: tuple[int, int, int] = (24, 16, 12)
+    """Places along a window, across and upwards that views may have in common: a long lens shows few metres
+    at a time."""
     often: int = 4
     """So many partners of a view are to show a place."""
     least_angle: float = 0.07
@@ -182,7 +185,7 @@ class ChainConfig:
     short piece is drawn to 0."""
 
     def __post_init__(self) -> None:
-        counts = (self.most, self.partners, self.often)
+        counts = (self.most, self.partners, self.often, *self.places)
         lengths = (self.least_px, self.rms_px, self.least_length, self.bend_prior)
         check(
             min(*lengths, *counts, self.max_askew, self.max_slope, self.max_sag) > 0

@@ -36,15 +36,19 @@ class WindowConfig:
     above: float = 0.35
     """and above the highest."""
     near: float = 1.0
-    """Views that stand within this fraction of a window's length before and behind it are used."""
+    """Views that stand within this fraction of a window's length before and behind it are used,"""
+    places: tuple[int, int, int] = (12, 8, 6)
+    """in windows of a longer flight if they see, of so many places along a window, across and upwards,"""
+    least_shown: float = 0.05
+    """at least this share: others would cost as much."""
 
     def __post_init__(self) -> None:
         check(
             0 < self.spacings <= self.whole
-            and min(self.aside, self.below, self.above, self.near) > 0
-            and min(self.margin, self.follow, self.least_step) >= 0 and self.planes >= 10,
-            "detect.windows needs positive lengths, whole not below spacings, margin, follow and least_step "
-            "of 0 or more, and 10 planes or more",
+            and min(self.aside, self.below, self.above, self.near, *self.places) > 0
+            and min(self.margin, self.follow, self.least_step, self.least_shown) >= 0 and self.planes >= 10,
+            "detect.windows needs positive lengths and places, whole not below spacings, margin, follow, "
+            "least_step and least_shown of 0 or more, and 10 planes or more",
             self,
         )
 
@@ -60,11 +64,18 @@ class OnwardConfig:
     step_rad: float = math.radians(10.0)
     """From the direction of one window to the next: curves may run askew by half of it and a little more."""
     least_views: int = 6
-    """Views that must see the place."""
+    """Views that must see the place;"""
+    finest: float = 4.0
+    """of more those in which a pixel is at most so many times as wide there as in the first so many."""
     around: float = 0.3
     """A wire may end so far before or behind the structure, in units of half a window's length,"""
     past: float = 0.03
     """and the next one's line run past it by so much."""
+    partners: int = 6
+    """Views whose chains each view's meet, at most,"""
+    places: tuple[int, int, int] = (8, 6, 4)
+    """and places that they may have in common: all views see the end of a wire, and a window is no longer
+    than an image."""
     most: int = 3
     """Directions that are searched at a place, at most."""
     min_odds: float = 100.0
@@ -73,8 +84,9 @@ class OnwardConfig:
     def __post_init__(self) -> None:
         check(
             min(self.half_px, self.around, self.past, self.min_odds) > 0 and 0 < self.step_rad < 1
-            and min(self.least_views, self.planes) >= 3 and self.most >= 1,
+            and min(self.least_views, self.planes) >= 3
+            and min(self.most, self.partners, self.finest, *self.places) >= 1,
             "detect.onward needs half_px, around, past and min_odds above 0, a step_rad above 0 and below 1, "
-            "least_views and planes of 3 or more, and most of 1 or more",
+            "least_views and planes of 3 or more, and finest, most, partners and places of 1 or more",
             self,
         )

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from plnerf.detect.chains import Chains
 from plnerf.detect.config_lines import ChainConfig
-from plnerf.detect.views import NEAREST, Views, project_point
+from plnerf.detect.views import NEAREST, Views, seen_places
 from plnerf.ops.kernel_cache import inlined, njit
 from plnerf.ops.threads import share
 
@@ -24,8 +24,6 @@ SAMPLES = 9
 """Places along a chain at which its surface is cut by the other's."""
 LEAST = 3
 """A curve needs so many of these places to be cut."""
-PLACES = (24, 16, 12)
-"""Places along, across and upwards that views may have in common: a long lens shows few metres at a time."""
 GOLDEN = (5**0.5 - 1) / 2
 """Multiples of it, less their whole parts, are spread evenly, however many are taken."""
 STEPS = 3
@@ -73,7 +71,7 @@ def partners(
     the first images of a long flight would all be of a part that shows a wire elsewhere too thin.
     """
     scattered = np.argsort(np.arange(len(views.R)) * GOLDEN % 1.0)
-    axes = [np.linspace(*side) for side in zip(low, high, PLACES, strict=True)]
+    axes = [np.linspace(*side) for side in zip(low, high, config.places, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen = seen_places(views, places)
     across = places[None, :, 1:] - views.centre[:, None, 1:]
@@ -92,17 +90,6 @@ def partners(
             found[k] = first
             wanted -= shown[first]
             shown[first] = False
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def seen_places(views, places):
-    """Whether view n has a place p of places (p, 3) in its image: (n, p)."""
-    out = np.zeros((len(views.R), len(places)), np.bool_)
-    for n in range(len(out)):
-        for p in range(len(places)):
-            out[n, p] = project_point(views, n, places[p, 0], places[p, 1], places[p, 2])[2] > 0
     return out
 
 

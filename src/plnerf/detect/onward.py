@@ -43,7 +43,11 @@ def wires_onward(
     then."""
     frame, begun = LineFrame.of_scene(scene.frames), list[Wire]()
     onward = config.onward
-    near = replace(config, search=replace(config.search, around=onward.around, onward=onward.past))
+    near = replace(
+        config,
+        chains=replace(config.chains, partners=onward.partners, places=onward.places),
+        search=replace(config.search, around=onward.around, onward=onward.past),
+    )
     sure = replace(near, select=replace(config.select, min_odds_continued=onward.min_odds))
     for place, half, seen in places(known.wires, views, frame, config):
         window = Window(place, 0.0, half, -np.ones(2), np.ones(2), seen, onward.planes)
@@ -83,12 +87,20 @@ def places(
         ends, along = ends[~here], along[~here]
         seen = np.array([n for n in range(len(views.R)) if (projected(views, n, shown)[2] > 0).any()], int)
         if len(seen) >= config.onward.least_views:
-            yield place, half, seen
+            width = _widths_at(place, views)[seen]
+            finest = np.sort(width)[config.onward.least_views - 1]
+            yield place, half, seen[width <= config.onward.finest * finest]
+
+
+def _widths_at(place: Float[np.ndarray, "3"], views: Views) -> Float[np.ndarray, " n"]:
+    """How wide a pixel of each view is at the distance of a place."""
+    width: Float[np.ndarray, " n"] = np.linalg.norm(place - views.centre, axis=1) / views.focal[:, 0]
+    return width
 
 
 def _pixel_at(place: Float[np.ndarray, "3"], views: Views) -> float:
     """Median width of a pixel of the views that see a place, or of all."""
-    width = np.linalg.norm(place - views.centre, axis=1) / views.focal[:, 0]
+    width = _widths_at(place, views)
     seen = np.array([projected(views, n, place[None])[2, 0] > 0 for n in range(len(views.R))])
     return float(np.median(width[seen if seen.any() else slice(None)]))
 

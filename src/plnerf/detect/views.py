@@ -83,6 +83,17 @@ def project_point(views, n, x, y, z):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def seen_places(views, places):
+    """Whether view n has a place p of places (p, 3) in its image: (n, p)."""
+    out = np.zeros((len(views.R), len(places)), np.bool_)
+    for n in range(len(out)):
+        for p in range(len(places)):
+            out[n, p] = project_point(views, n, places[p, 0], places[p, 1], places[p, 2])[2] > 0
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def lenses_of(views):
     """The views for `project_into_all`: a row for each of a camera's numbers (23, n)."""
     out = np.empty((23, len(views.R)))

@@ -7,14 +7,14 @@ number of images.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from plnerf.detect.config_windows import WindowConfig
 from plnerf.detect.directions import Direction
-from plnerf.detect.views import Views
+from plnerf.detect.views import Views, seen_places
 from plnerf.line.frame import LineFrame
 
 
@@ -107,8 +107,17 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
         y, z = (beside.min() + beside.max()) / 2, (level.min() + level.max()) / 2
         low = [beside.min() - y - config.aside * length, level.min() - z - config.below * length]
         high = [beside.max() - y + config.aside * length, level.max() - z + config.above * length]
-        yield Window(
+        window = Window(
             np.array([*(middle * u + y * np.array([-u[1], u[0]])), z]), direction.azimuth_rad, half,
             np.array(low) / half, np.array(high) / half, np.flatnonzero(near), planes,
             (more * (k == 0), more * (k == count - 1)),
         )  # fmt: skip
+        yield window if whole else _with_those_that_see_it(window, views, config)
+
+
+def _with_those_that_see_it(window: Window, views: Views, config: WindowConfig) -> Window:
+    """With the views that show enough of it."""
+    sides = zip((-1.0, *window.low), (1.0, *window.high), config.places, strict=True)
+    places = np.stack(np.meshgrid(*(np.linspace(*side) for side in sides), indexing="ij"), -1).reshape(-1, 3)
+    shown = seen_places(window.seen_by(views), places).mean(1)
+    return replace(window, views=window.views[shown >= config.least_shown])
