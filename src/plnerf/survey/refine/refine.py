@@ -128,7 +128,7 @@ def refine_wires(
         told.append(bool(more[w] >= (config.least_beside_thick if thick else config.least_beside)))
         sharp = not thick and trust[w] <= config.doubtful_diameters * config.diameter_m
         long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
-        shown.append((often or bool(seen[w])) and (told[w] or (sharp and long)))
+        shown.append(bool((often or seen[w]) and (told[w] or (sharp and long))))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
     widths = diameters, blur_px
     return Refinement(tuple(judged), pose_residual_px(step), tuple(shown), counts, widths, tuple(told))
