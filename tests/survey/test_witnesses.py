@@ -18,6 +18,7 @@ from plnerf.survey.config_obstacles import FloatingConfig, ObstacleConfig
 from plnerf.survey.coverage import about_coverage, coverage_of
 from plnerf.survey.floating import floats
 from plnerf.survey.possible import POSSIBLE
+from plnerf.survey.stereo import witnesses as witnesses_of
 from plnerf.survey.stereo.config import WitnessConfig
 from plnerf.survey.stereo.depth import DepthMap
 from plnerf.survey.stereo.stereo_views import View
@@ -335,3 +336,28 @@ def test_settings_that_mean_nothing_are_refused() -> None:
         CoverageConfig(least_share=2.0)
     with pytest.raises(ConfigError, match="min_seen"):
         ObstacleConfig(min_seen=0)
+
+
+def test_views_that_may_see_nothing_of_a_place_are_not_asked_and_change_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Points along a line past a camera and in a ring around it, in parts: all that it sees are judged."""
+    view = View(np.eye(3), np.zeros(3), np.full(2, 40.0), np.array([32.0, 24.0]), np.zeros(5), 64, 48)
+    sight = Sight.of(view, DepthMap(np.full((48, 64), 9.0), np.full((48, 64), 0.1)))
+    turn = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
+    ring = np.column_stack([5 * np.sin(turn), 0.1 * np.cos(7 * turn), 5 * np.cos(turn)])
+    line = np.column_stack([np.linspace(-60, 60, 4000), 0.0 * turn, 5.0 + 0.0 * turn])
+    points = np.random.default_rng(0).permutation(np.concatenate([ring, line]))
+    monkeypatch.setattr(witnesses_of, "CHUNK", 37)
+    found = witnesses(points, np.zeros(len(points)), [sight], CONFIG)
+    inside = view.project(points)[1]
+    assert np.array_equal(found[1] == 1, inside) and 0 < inside.mean() < 0.5
+    asked, judge = list[int](), witnesses_of.judged
+
+    def counted(part: np.ndarray, *rest: object) -> object:
+        asked.append(len(part))
+        return judge(part, *rest)
+
+    monkeypatch.setattr(witnesses_of, "judged", counted)
+    witnesses(line, np.zeros(len(line)), [sight], CONFIG)
+    assert 37 * len(asked) < 0.2 * len(line)

@@ -16,7 +16,9 @@ class WindowConfig:
     whole: float = 40.0
     """A flight of so many distances between one image and the next is one window;"""
     spacings: float = 25.0
-    """windows of a longer one are as long as so many."""
+    """windows of a longer one are as long as so many,"""
+    overlap: float = 0.5
+    """and at least this part of each lies over the one before it."""
     least_step: float = 0.12
     """Images nearer to each other than this fraction of a footprint count as so far apart: a film shows no
     more of a line than photos that overlap, and its windows hold as much of it."""
@@ -44,11 +46,11 @@ class WindowConfig:
 
     def __post_init__(self) -> None:
         check(
-            0 < self.spacings <= self.whole
+            0 < self.spacings <= self.whole and 0 < self.overlap < 1
             and min(self.aside, self.below, self.above, self.near, *self.places) > 0
             and min(self.margin, self.follow, self.least_step, self.least_shown) >= 0 and self.planes >= 10,
-            "detect.windows needs positive lengths and places, whole not below spacings, margin, follow, "
-            "least_step and least_shown of 0 or more, and 10 planes or more",
+            "detect.windows needs positive lengths and places, whole not below spacings, an overlap between "
+            "0 and 1, margin, follow, least_step and least_shown of 0 or more, and 10 planes or more",
             self,
         )
 

@@ -83,7 +83,7 @@ def spacing_along(centres: Float[np.ndarray, "n 3"], u: Float[np.ndarray, "2"]) 
 
 
 def windows_along(direction: Direction, views: Views, config: WindowConfig) -> Iterator[Window]:
-    """The windows along a direction past the cameras, each half over the one before it."""
+    """The windows along a direction past the cameras, each a part over the one before it."""
     u = np.array([np.cos(direction.azimuth_rad), np.sin(direction.azimuth_rad)])
     along = views.centre[:, :2] @ u
     across = views.centre[:, :2] @ np.array([-u[1], u[0]])
@@ -96,7 +96,7 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
     first, last = first - longer, last + longer
     length = last - first if whole else config.spacings * spacing
     planes = round(config.planes * length / flown) if whole else config.planes
-    count = int(np.ceil((last - first - length) / (length / 2) - 1e-9)) + 1
+    count = int(np.ceil((last - first - length) / ((1 - config.overlap) * length) - 1e-9)) + 1
     more = round(config.follow * planes)
     for k, middle in enumerate(np.linspace(first + length / 2, last - length / 2, count)):
         near = np.abs(along - middle) <= (0.5 + config.near) * length

@@ -28,6 +28,10 @@ EVERY_PX = 2
 """One of so many rows and columns of a depth map is kept: a survey holds those of all images at once."""
 CHUNK = 20_000
 """Points in work at a time, which bounds memory."""
+BORDER = 5
+"""Pixels on each side of an image through which rays tell how wide its view is,"""
+SPARE_RAD = 0.02
+"""and by how much wider it may be between these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +97,19 @@ def witnesses(
     An image whose window around the point has few depths, or shows something before it, is neither.  Images
     that all see it from about the same direction count as one.
     """
-    parts = [slice(first, first + CHUNK) for first in range(0, len(points), CHUNK)]
+    # One after another along the line, so that most images of a long one see nothing of a part.
+    along = np.ptp(points[:, :2], axis=0).argmax() if len(points) else 0
+    order = np.argsort(points[:, along], kind="stable")
+    parts = [order[first : first + CHUNK] for first in range(0, len(points), CHUNK)]
+    half_angles = [_half_angle(sight.view) for sight in sights]
 
-    def counted(part: slice) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
-        seen, past = (np.zeros(len(points[part]), np.int64) for _ in range(2))
+    def counted(part: Int[np.ndarray, " _"]) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
+        seen, past = (np.zeros(len(part), np.int64) for _ in range(2))
         first, cosine = np.zeros((len(seen), 3)), np.ones(len(seen))  # of the angle to the farthest from it
-        for sight in sights:
+        box = points[part].min(0), points[part].max(0)
+        for sight, half_angle in zip(sights, half_angles, strict=True):
+            if not _may_see(sight.view, half_angle, *box):
+                continue
             index, at, beyond = judged(points[part], sigma_m[part], sight, config)
             here = index[at]
             ray = points[part][here] - sight.view.centre
@@ -114,9 +125,33 @@ def witnesses(
 
     with ThreadPoolExecutor(usable_cores()) as pool:
         found = list(pool.map(counted, parts))
-    none = np.zeros(0, np.int64)
-    seen, past = (np.concatenate([none, *(one[k] for one in found)]) for k in range(2))
+    seen, past = (np.zeros(len(points), np.int64) for _ in range(2))
+    for part, counts in zip(parts, found, strict=True):
+        seen[part], past[part] = counts
     return seen, past
+
+
+def _half_angle(view: View) -> float:
+    """Largest angle between the axis of a view and a ray through the border of its image."""
+    x, y = np.linspace(0, view.width, BORDER), np.linspace(0, view.height, BORDER)
+    border = [
+        *(np.stack([x, np.full(BORDER, at)], 1) for at in (0.0, float(view.height))),
+        *(np.stack([np.full(BORDER, at), y], 1) for at in (0.0, float(view.width))),
+    ]
+    cosine = float((view.directions(np.concatenate(border)) @ view.axis).min())
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _may_see(
+    view: View, half_angle: float, low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
+) -> bool:
+    """Whether a view may show anything of what is between two corners: by the sphere around it."""
+    away, radius = (low + high) / 2 - view.centre, float(np.linalg.norm(high - low)) / 2
+    distance = float(np.linalg.norm(away))
+    if distance <= radius or half_angle >= np.pi / 2:
+        return True
+    angle = float(np.arccos(np.clip(away @ view.axis / distance, -1.0, 1.0)))
+    return angle - float(np.arcsin(radius / distance)) <= half_angle + SPARE_RAD
 
 
 def judged(
