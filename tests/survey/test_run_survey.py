@@ -125,7 +125,11 @@ def test_a_curve_that_photos_show_nowhere_is_left_out(tmp_path: Path) -> None:
     cameras = two_passes(10)
     scene = scene_of(tmp_path, cameras, draw(cameras, [polyline(wire) for wire in wires]))
     refine = dataclasses.replace(SMALL.refine, diameter_m=0.006, piece_m=0.05)
-    config = dataclasses.replace(SMALL, refine=refine)
+    # These cameras stand far apart.  With wide pairs the wires that nobody knows of would be stereo points.
+    pairs = dataclasses.replace(SMALL.stereo.pairs, wide_baseline=SMALL.stereo.pairs.max_baseline)
+    config = dataclasses.replace(
+        SMALL, refine=refine, stereo=dataclasses.replace(SMALL.stereo, pairs=pairs)
+    )
     survey = survey_scene(scene, config, finder=lambda scene, config, progress: known)
     assert [min(apart(wire, true) for true in wires) < 0.01 for wire in survey.wires] == [True] * 3
     assert [wire.id for wire in survey.detected] == [1, 2, 3]
