@@ -44,21 +44,23 @@ def long_track(count: int) -> np.ndarray:
     return np.stack([x, np.full(count, -5.0), np.full(count, 10.0)], 1)
 
 
-def test_windows_overlap_by_half_and_cover_the_track() -> None:
+def test_windows_overlap_and_cover_the_track() -> None:
     centres = long_track(200)
     views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
     windows = list(windows_along(Direction(0.0, 0.0, 1.0), views, CONFIG))
     length = CONFIG.spacings * 2.0
     assert all(2 * window.half == pytest.approx(length) for window in windows)
     middles = np.array([window.origin[0] for window in windows])
-    assert (np.diff(middles) <= length / 2 + 1e-9).all() and len(windows) > 8
+    assert (np.diff(middles) <= (1 - CONFIG.overlap) * length + 1e-9).all() and len(windows) > 8
     assert middles[0] - length / 2 <= 0.0 and middles[-1] + length / 2 >= centres[-1, 0]
     more = round(CONFIG.follow * CONFIG.planes)
     assert [window.follow for window in windows] == [
         (more, 0), *[(0, 0)] * (len(windows) - 2), (0, more)
     ]  # fmt: skip
     for window in windows:  # cost per window does not grow with the line
-        assert len(window.views) <= 3 * CONFIG.spacings + 2
+        assert 10 < len(window.views) <= 3 * CONFIG.spacings + 2
+        near = np.abs(centres[:, 0] - window.origin[0]) <= (0.5 + CONFIG.near) * length
+        assert near[window.views].all() and len(window.views) < near.sum()  # the others show too little of it
         low, high = (
             window.half * window.low[1] + window.origin[2],
             window.half * window.high[1] + window.origin[2],
@@ -68,7 +70,7 @@ def test_windows_overlap_by_half_and_cover_the_track() -> None:
 
 
 def test_a_flight_that_is_hardly_longer_than_a_window_is_one() -> None:
-    for count, windows in ((33, 1), (60, 6)):
+    for count, windows in ((33, 1), (60, 5)):
         centres = long_track(count)
         views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
         assert len(list(windows_along(Direction(0.0, 0.0, 1.0), views, CONFIG))) == windows
