@@ -45,7 +45,7 @@ def wires_onward(
     onward = config.onward
     near = replace(
         config,
-        chains=replace(config.chains, partners=onward.partners, places=onward.places),
+        chains=replace(config.chains, places=onward.places),
         search=replace(config.search, around=onward.around, onward=onward.past),
     )
     sure = replace(near, select=replace(config.select, min_odds_continued=onward.min_odds))
