@@ -69,6 +69,16 @@ def test_windows_overlap_and_cover_the_track() -> None:
         assert high == pytest.approx(10.0 + CONFIG.above * length)
 
 
+def test_windows_that_no_view_shows_are_left_out() -> None:
+    """Half of a long flight looks at the sky."""
+    centres = long_track(200)
+    targets = centres + np.where(np.arange(200)[:, None] < 100, [0.0, 5.0, 0.0], [0.0, 0.1, 5.0])
+    views = views_of(pinhole_cameras(centres, targets))
+    windows = list(windows_along(Direction(0.0, 0.0, 1.0), views, replace(CONFIG, above=0.01)))
+    assert windows and all(len(window.views) for window in windows)
+    assert max(window.origin[0] for window in windows) < centres[150, 0]
+
+
 def test_a_flight_that_is_hardly_longer_than_a_window_is_one() -> None:
     for count, windows in ((33, 1), (60, 5)):
         centres = long_track(count)

@@ -11,7 +11,7 @@ from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.refine import Refinement
 from plnerf.survey.refine.strays import without_strays
 
-CONFIG = RefineConfig(stray_m=0.02, stray_ratio=3.0, stray_untold_m=0.05)
+CONFIG = RefineConfig(stray_m=0.02, stray_ratio=3.0, stray_indistinct_m=0.05)
 LENGTH = 2 * HALF
 WIRE = hanging(0.0, 0.0)
 
@@ -44,9 +44,9 @@ def test_twins_pieces_of_one_wire_and_others_stay() -> None:
 
 def test_one_that_does_not_stand_out_may_come_less_near() -> None:
     stray = lower_at_one_end(0.2, meets=0.03)
-    for told in (True, False):
-        refined = Refinement((WIRE, stray), 0.0, (True, True), (9, 4), None, (True, told))
-        assert without_strays(refined, [WIRE, stray], CONFIG).shown == (True, told)
+    for distinct in (True, False):
+        refined = Refinement((WIRE, stray), 0.0, (True, True), (9, 4), None, (True, distinct))
+        assert without_strays(refined, [WIRE, stray], CONFIG).shown == (True, distinct)
 
 
 def test_only_where_both_are_do_they_meet() -> None:

@@ -256,7 +256,7 @@ class DirectionConfig:
     """A direction is the middle of the votes within this angle of the strongest azimuth."""
     min_excess: float = 1.0
     """Votes of a direction over those of the median azimuth, as a multiple of these and of `few_px`, that it
-    takes to be looked at,"""
+    needs for a look,"""
     min_share: float = 0.1
     """and as a fraction of what the first direction had; one with less is faint,"""
     min_faint: float = 1.5

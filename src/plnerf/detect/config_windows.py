@@ -19,7 +19,7 @@ class WindowConfig:
     """windows of a longer one are as long as so many,"""
     overlap: float = 0.34
     """and at least this part of each lies over the one before it.  With a half, the same wires of eight spans
-    are found in a tenth more time."""
+    are found in 8 % more time."""
     least_step: float = 0.12
     """Images nearer to each other than this fraction of a footprint count as so far apart: a film shows no
     more of a line than photos that overlap, and its windows hold as much of it."""

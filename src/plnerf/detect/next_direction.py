@@ -27,7 +27,7 @@ class Directions:
         self._scene, self._views, self._maps = scene, views, maps
         self._surroundings, self._config = surroundings, config
         self._looked: list[float] = []
-        """Azimuths that were voted for and looked at, or searched."""
+        """Azimuths with votes that had a look or a search."""
         self._silent: list[Direction] = []
         """Those whose thin lines show nothing in the air, and that were not searched."""
         self._first: Direction | None = None
@@ -66,7 +66,7 @@ class Directions:
         return self._silent.pop(0)
 
     def _in_air(self, direction: Direction, known: Known, faint: bool) -> Direction | None:
-        """What a look shows.  Of faint directions there are many, and most are of nothing."""
+        """The direction that a look finds.  Faint directions are many, and most of them are clutter."""
         config = self._config
         least = config.select.min_odds if faint else config.directions.least_in_air
         return direction_in_air(

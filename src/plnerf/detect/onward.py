@@ -93,7 +93,7 @@ def places(
 
 
 def _widths_at(place: Float[np.ndarray, "3"], views: Views) -> Float[np.ndarray, " n"]:
-    """How wide a pixel of each view is at the distance of a place."""
+    """Width of each view's pixels at the distance of a place."""
     width: Float[np.ndarray, " n"] = np.linalg.norm(place - views.centre, axis=1) / views.focal[:, 0]
     return width
 

@@ -83,7 +83,8 @@ def spacing_along(centres: Float[np.ndarray, "n 3"], u: Float[np.ndarray, "2"]) 
 
 
 def windows_along(direction: Direction, views: Views, config: WindowConfig) -> Iterator[Window]:
-    """The windows along a direction past the cameras, each a part over the one before it."""
+    """The windows along a direction past the cameras that any views show, each a part over the one before
+    it."""
     u = np.array([np.cos(direction.azimuth_rad), np.sin(direction.azimuth_rad)])
     along = views.centre[:, :2] @ u
     across = views.centre[:, :2] @ np.array([-u[1], u[0]])
@@ -112,7 +113,9 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
             np.array(low) / half, np.array(high) / half, np.flatnonzero(near), planes,
             (more * (k == 0), more * (k == count - 1)),
         )  # fmt: skip
-        yield window if whole else _with_those_that_see_it(window, views, config)
+        window = window if whole else _with_those_that_see_it(window, views, config)
+        if len(window.views):
+            yield window
 
 
 def _with_those_that_see_it(window: Window, views: Views, config: WindowConfig) -> Window:

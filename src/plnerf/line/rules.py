@@ -106,7 +106,7 @@ class RuleReport:
         return Quantity(one.distance.value - self.rule(one.rule).required_m, one.distance.sigma)
 
     def worst(self) -> tuple[Judged, ...]:
-        """Of every rule in every state the least margin, among the most urgent verdicts."""
+        """The most urgent verdict of each rule in each state, and of several such the least margin."""
         found: dict[tuple[int, str], Judged] = {}
         for one in sorted(self.judged, key=lambda one: (VERDICTS.index(one.verdict), one.distance.value)):
             found.setdefault((one.rule, one.state), one)

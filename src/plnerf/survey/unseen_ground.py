@@ -31,7 +31,8 @@ from plnerf.line.survey import Survey
 from plnerf.survey.config_ground import GroundConfig, GroundSectionConfig
 from plnerf.survey.ground import find_ground
 
-PLANTS = (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, UNCLASSIFIED)
+LEAVES = (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION, UNCLASSIFIED)
+"""Classes of what may be leaves of a plant."""
 UNSEEN = "ground"
 """Kind of the findings."""
 
@@ -59,7 +60,7 @@ def without_unseen_ground(
         doubted |= (of >= 0) & one.no_ground[of]
         sure |= (of >= 0) & ~one.no_ground[of]
     doubted &= ~sure  # what another span's stretch shows well
-    plants = survey.cloud.xyz[np.isin(survey.cloud.label, PLANTS) & (survey.cloud.wire == NO_WIRE)]
+    plants = survey.cloud.xyz[np.isin(survey.cloud.label, LEAVES) & (survey.cloud.wire == NO_WIRE)]
     doubted |= _below(plants, xyz, config.below_plants_m, filter_.cell_m)
     doubted[doubted] = ~_continues(xyz[~doubted], xyz[doubted], config, filter_)
     if not doubted.any():

@@ -47,7 +47,7 @@ def _with(one: Refinement, other: Refinement, pairs: Sequence[Pair]) -> Refineme
         wires=tuple(fit.wires[k] for k, fit in enumerate(each)),
         shown=tuple(fit.shown[k] for k, fit in enumerate(each)),
         counts=tuple(fit.counts[k] for k, fit in enumerate(each)),
-        told=tuple(fit.told[k] for k, fit in enumerate(each)),
+        distinct=tuple(fit.distinct[k] for k, fit in enumerate(each)),
     )
 
 

@@ -210,8 +210,8 @@ class RefineConfig:
     """A curve that is nearer to another one of its span than spacers hold twins,"""
     stray_ratio: float = 3.0
     """and elsewhere so many times as far from it, is no wire."""
-    stray_untold_m: float = 1.0
-    """The same of one that does not stand out.  Of the wires of 80 random scenes no two that are nearer to
+    stray_indistinct_m: float = 1.0
+    """The same of one that does not stand out.  Of the wires of 60 random scenes no two that are nearer to
     each other than this part so much; the greatest ratio is below 2."""
     doubtful_diameters: float = 8.0
     """One that may be farther off than so many assumed diameters as it was detected is left out where it does
@@ -233,10 +233,10 @@ class RefineConfig:
                 f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
             )
         least = min(self.least_beside, self.doubtful_diameters, self.thick_m, self.least_beside_thick)
-        if min(self.stray_m, self.stray_untold_m) < 0 or self.stray_ratio < 1:
+        if min(self.stray_m, self.stray_indistinct_m) < 0 or self.stray_ratio < 1:
             raise ConfigError(
-                "The refit needs stray_m and stray_untold_m of 0 or more and stray_ratio of 1 or more, but "
-                f"got {self.stray_m}, {self.stray_untold_m} and {self.stray_ratio}."
+                "The refit needs stray_m and stray_indistinct_m of 0 or more and stray_ratio of 1 or more, "
+                f"but got {self.stray_m}, {self.stray_indistinct_m} and {self.stray_ratio}."
             )
         if self.beside_every < 1 or least < 0 or not 0 <= self.least_seen <= 1:
             raise ConfigError(

@@ -48,7 +48,7 @@ class Refinement:
     """At how many places, of all images, each wire stands out near to its curve."""
     widths: Widths | None = None
     """As they were learnt on the way."""
-    told: tuple[bool, ...] = ()
+    distinct: tuple[bool, ...] = ()
     """Of each wire whether it stands out more often than what is beside it."""
 
 
@@ -119,19 +119,19 @@ def refine_wires(
         believed(wire, prior, (step, sure), w, found, seen[w], float(more[w]), config)
         for w, wire in enumerate(started)
     ]
-    shown, told = [], []
+    shown, distinct = [], []
     for w in range(W):
         count = sum(len(row[w]) for row in found)
         often = len(step.off_px[w]) >= config.least_visible * count
         # How thick a curve is that does not stand out is nothing that was measured.
         thick = metres and diameters[w] > config.thick_m and more[w] >= config.least_beside
-        told.append(bool(more[w] >= (config.least_beside_thick if thick else config.least_beside)))
+        distinct.append(bool(more[w] >= (config.least_beside_thick if thick else config.least_beside)))
         sharp = not thick and trust[w] <= config.doubtful_diameters * config.diameter_m
         long = sum(high - low for low, high in seen[w]) >= config.least_seen * base.length_m
-        shown.append(bool((often or seen[w]) and (told[w] or (sharp and long))))
+        shown.append(bool((often or seen[w]) and (distinct[w] or (sharp and long))))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
     widths = diameters, blur_px
-    return Refinement(tuple(judged), pose_residual_px(step), tuple(shown), counts, widths, tuple(told))
+    return Refinement(tuple(judged), pose_residual_px(step), tuple(shown), counts, widths, tuple(distinct))
 
 
 def common_base(wires: Sequence[Wire]) -> Base:

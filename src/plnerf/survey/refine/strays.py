@@ -39,7 +39,7 @@ def _strays(refined: Refinement, wires: Sequence[Wire], k: int, j: int, config: 
         return False
     s = np.linspace(low, high, config.samples)
     apart = np.linalg.norm(one.at(s) - other.at(s), axis=1)
-    untold = bool(refined.told) and not refined.told[k]
-    near_m = config.stray_untold_m if untold else config.stray_m
+    indistinct = bool(refined.distinct) and not refined.distinct[k]
+    near_m = config.stray_indistinct_m if indistinct else config.stray_m
     far_m = max(near_m, config.stray_ratio * float(apart.min()))
     return bool(apart.min() < near_m and apart.max() > far_m)

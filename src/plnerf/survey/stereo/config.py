@@ -15,11 +15,12 @@ class StereoPairConfig:
     min_baseline: float = 0.05
     """b / d below which a depth is too uncertain."""
     max_baseline: float = 0.25
-    """b / d beyond which the images differ too much, and near things have no match;"""
-    wide_baseline: float = 0.4
-    """where fewer than `least_paired` of the views have two partners within it, as on mapping flights with
-    60 % of overlap, so much: less is matched than of nearer images, but not nothing."""
+    """b / d beyond which the images differ too much, and near things have no match."""
     least_paired: float = 0.5
+    """Where fewer than this share of the views have two partners within `max_baseline`, as on mapping flights
+    with 60 % of overlap,"""
+    wide_baseline: float = 0.4
+    """this b / d is allowed: less is matched than of nearer images, but not nothing."""
     best_baseline: float = 0.12
     """The b / d that is preferred."""
     partners: int = 3
