@@ -38,6 +38,14 @@ def test_what_lies_across_the_line_at_a_structure_is_its_arm(mine: bool) -> None
     assert without_crossarms(every, supports_of(wires, None), CONFIG) == every
 
 
+def test_arms_reach_to_the_other_side_of_wires_that_are_found_on_one_alone() -> None:
+    """The structure's place is near to their ends then: nothing else shows where its axis is."""
+    wires = [hang((0.0, 2.5, z), (40.0, 2.5, z), 0.8) for z in (8.0, 10.0)]
+    arms = [hang((40.0, 2.6, z), (40.2, 0.4, z), 0.01) for z in (8.0, 10.0)]
+    stands = Structure(1, np.array([40.2, 2.3, 0.0]), 12.0, 0.5, "test")
+    assert without_crossarms([*wires, *arms], supports_of(wires, stands), CONFIG) == wires
+
+
 def test_they_are_reported() -> None:
     assert about_crossarms(0) == []
     assert "One curve was a structure's arm" in about_crossarms(1)[0].what
