@@ -102,7 +102,7 @@ def test_a_direction_is_no_other_ones_flank() -> None:
     wide, narrow = ((np.degrees(azimuths) - at) / width for at, width in ((50.0, 15.0), (120.0, 2.0)))
     pixels = np.zeros((len(azimuths), len(slopes)))
     pixels[:, len(slopes) // 2] = 1000 * np.exp(-(wide**2) / 2) + 300 * np.exp(-(narrow**2) / 2)
-    votes = Votes(pixels, pixels, 0 * pixels)
+    votes = Votes(pixels, pixels, 0 * pixels, np.zeros((1, len(azimuths))))
     first = strongest(votes, [], CONFIG)
     second = strongest(votes, [first.azimuth_rad], CONFIG)
     assert turn_between(first.azimuth_rad, np.radians(50.0)) <= STEP

@@ -18,6 +18,7 @@ from plnerf.detect.next_direction import Directions
 from plnerf.detect.segments import Segments, segments_of
 from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.views import Views, views_of
+from plnerf.detect.windows import Window, windows_along
 from plnerf.scene.scene import Scene
 
 CONFIG = DetectConfig()
@@ -40,6 +41,10 @@ def nothing_known(views: Views) -> Known:
     return Known([], none, none.copy())
 
 
+def along(direction: Direction, views: Views) -> list[Window]:
+    return list(windows_along(direction, views, CONFIG.windows))
+
+
 @pytest.fixture(scope="module")
 def span(tmp_path_factory: pytest.TempPathFactory) -> Shown:
     """Two wires along x."""
@@ -51,7 +56,7 @@ def test_a_direction_of_wires_stays_unless_clutter_has_drawn_it_aside(span: Show
     known = nothing_known(views)
     for aside_deg, stays in ((1.0, True), (4.0, False)):
         voted = Direction(np.radians(aside_deg), 0.1, 3.0, 1.0)
-        found = direction_in_air(voted, views, maps, surroundings, known, LEAST, CONFIG)
+        found = direction_in_air(voted, along(voted, views), views, maps, surroundings, known, LEAST, CONFIG)
         assert found is not None and (found == voted) == stays
         if not stays:
             off = (found.azimuth_rad + np.pi / 2) % np.pi - np.pi / 2
@@ -60,11 +65,12 @@ def test_a_direction_of_wires_stays_unless_clutter_has_drawn_it_aside(span: Show
 
 def test_what_lines_took_and_other_directions_show_nothing(span: Shown) -> None:
     _, views, maps, surroundings = span
-    along, across = Direction(0.0, 0.0, 3.0), Direction(np.pi / 2, 0.0, 3.0)
+    of_wires, across = Direction(0.0, 0.0, 3.0), Direction(np.pi / 2, 0.0, 3.0)
     known = nothing_known(views)
-    assert direction_in_air(across, views, maps, surroundings, known, LEAST, CONFIG) is None
+    rest = (views, maps, surroundings, known, LEAST, CONFIG)
+    assert direction_in_air(across, along(across, views), *rest) is None
     known.taken[:] = 1
-    assert direction_in_air(along, views, maps, surroundings, known, LEAST, CONFIG) is None
+    assert direction_in_air(of_wires, along(of_wires, views), *rest) is None
     assert not known.others.any()
 
 

@@ -32,7 +32,7 @@ from plnerf.detect.structures import ended_where_they_meet
 from plnerf.detect.surroundings import Surroundings, projected
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
-from plnerf.detect.windows import Window, windows_along
+from plnerf.detect.windows import Window
 from plnerf.line.frame import LineFrame
 from plnerf.line.wire import Wire
 from plnerf.scene.scene import Scene
@@ -84,7 +84,7 @@ def detect_wires(
         ridges = KeptRidges(scene, direction, config.evidence)
         begin, end = (1 - (1 - MAPS) * LATER**k for k in (count, count + 1))
         count += 1
-        windows, pieces = list(windows_along(direction, views, config.windows)), list[list[Wire]]()
+        windows, pieces = directions.windows(direction), list[list[Wire]]()
         edges = np.linspace(begin, end, len(windows) + 1)
         for window, *edge in zip(windows, edges, edges[1:], strict=False):
             part = partial(_within, report, *edge)

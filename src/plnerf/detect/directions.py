@@ -58,19 +58,29 @@ class Votes(NamedTuple):
     """The same where the views stand near to each other or far apart,"""
     footprints: Float[np.ndarray, "a e"]
     """and multiplied by the logarithm of the pair's footprint (`Direction`)."""
+    of_views: Float[np.ndarray, "n a"]
+    """Of `pixels`, those of each view's pairs with views after it, at all slopes."""
 
 
 def vote(segments: Segments, views: Views, config: DirectionConfig) -> Votes:
     """Votes for each azimuth and slope."""
     azimuths, slopes = bins(config)
     if not len(segments.owner):
-        return Votes(*np.zeros((3, len(azimuths), len(slopes))))
+        return no_votes(views, config)
     limits = (config.least_angle, config.full_angle, config.least_overlap, math.tan(config.max_slope_rad))
     first = np.searchsorted(segments.owner, np.arange(len(views.R) + 1))
     pairs = pairs_of_views(views, config.partners)
     by_view = np.zeros((len(views.R), 3, len(azimuths), len(slopes)))
     share(votes_of_views, segments, views, first, pairs, limits, by_view, of=len(views.R))
-    return Votes(*by_view.sum(0))
+    pixels, all_pixels, footprints = by_view.sum(0)
+    return Votes(pixels, all_pixels, footprints, by_view[:, 0].sum(2))
+
+
+def no_votes(views: Views, config: DirectionConfig) -> Votes:
+    """Those of no segments."""
+    azimuths, slopes = bins(config)
+    none = np.zeros((len(azimuths), len(slopes)))
+    return Votes(none, none, none, np.zeros((len(views.R), len(azimuths))))
 
 
 def pairs_of_views(views: Views, most: int) -> Bool[np.ndarray, "2 n n"]:
@@ -211,7 +221,7 @@ def given(azimuth_rad: float, votes: Votes, config: DirectionConfig) -> Directio
 
 def _footprint(votes: Votes, k: int, e: int, config: DirectionConfig) -> float:
     """The geometric mean of the footprints of the pairs that vote for a direction; 0 where none does."""
-    pixels, footprints = (_around(part, config)[k, e] for part in votes[1:])
+    pixels, footprints = (_around(part, config)[k, e] for part in (votes.all_pixels, votes.footprints))
     return round(float(np.exp(footprints / pixels)), 6) if pixels > 0 else 0.0
 
 

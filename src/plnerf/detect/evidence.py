@@ -20,12 +20,16 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from plnerf.detect.config_lines import EvidenceConfig
+from plnerf.detect.directed_sums import average_along
 from plnerf.detect.line_ridges import LineRidges, joined_ridges, steps_of
-from plnerf.detect.line_samples import average_along, bend_across, padded, strongest_across
+from plnerf.detect.line_samples import bend_across, padded, strongest_across
 from plnerf.detect.reduction import reduction, strongest_of_blocks, tiles, valid_blocks
 from plnerf.detect.ridges import gradient, grey_of, hessian
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.photos import Pictures
+
+FAN_STEP = 4
+"""Blocks between which the angles of fans are interpolated: they cost as much as what they are for."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,9 @@ class Vanishing:
         self, along: tuple[float, float, float], shape: tuple[int, ...], corner: tuple[int, int], k: int
     ) -> Float32[np.ndarray, "h w 2"]:
         (ax, ay, az), (fx, fy), (cx, cy) = along, self.focal, self.principal
-        rows, columns = (at + k * (np.arange(n) + 0.5) for at, n in zip(corner, shape, strict=True))
+        rows, columns = (
+            (at + k * (np.arange(n) + 0.5)).astype(np.float32) for at, n in zip(corner, shape, strict=True)
+        )
         # A point moved along the direction moves in the image by (a_xy - uv a_z) / depth.
         dx = fx * ax - (columns - cx) * az
         dy = (fy * ay - (rows - cy) * az)[:, None]
@@ -130,14 +136,27 @@ def line_ridges(image: UInt8[np.ndarray, "h w 3"], lines: Vanishing, config: Evi
         rows, columns = (slice(part.start // k, -(-part.stop // k)) for part in tile.inner)
         best[rows, columns] = strongest_of_blocks(bend, k)
     towards = lines.towards(best.shape, k=k)
-    best, turn = _average_along(best, towards, lines.fan(towards, k, config), config)
+    straight = np.arctan2(towards[..., 1], towards[..., 0])
+    low, high = (straight + turn for turn in _fan(best.shape, lines, k, config))
+    best, direction = average_along(best, low, high, math.radians(config.apart_deg), config.along_px)
     response = np.minimum(np.abs(best) / (config.full_response * _around(best, config)), 1)
     ridge = np.empty(best.shape, bool)
     picture = padded(best, config.echo_px)
     strongest_across(picture, towards, np.float32(0), config.beside_px, config.echo_px, ridge)
     tangent = np.zeros(best.shape, np.uint8)
-    tangent[ridge] = steps_of(np.arctan2(towards[ridge][:, 1], towards[ridge][:, 0]) + turn[ridge])
+    tangent[ridge] = steps_of(direction[ridge])
     return LineRidges(np.where(ridge, response, np.float32(0)), tangent)
+
+
+def _fan(
+    shape: tuple[int, ...], lines: Vanishing, k: int, config: EvidenceConfig
+) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+    """`Vanishing.fan`, which is smooth, between blocks `FAN_STEP` times as wide."""
+    h, w = shape
+    few = -(-h // FAN_STEP), -(-w // FAN_STEP)
+    wide = lines.fan(lines.towards(few, k=FAN_STEP * k), FAN_STEP * k, config)
+    low, high = (cv2.resize(turn, (FAN_STEP * few[1], FAN_STEP * few[0]))[:h, :w] for turn in wide)
+    return low, high
 
 
 def _bend(
@@ -155,23 +174,20 @@ def _bend(
     return np.clip(best, -limit, limit)
 
 
-def _average_along(
-    bend: Float32[np.ndarray, "h w"],
-    towards: Float32[np.ndarray, "h w 2"],
-    fan: tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]],
-    config: EvidenceConfig,
-) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-    """The bend averaged along the best of the directions that wires may have, and how far that is turned."""
-    best, turn, apart = np.zeros_like(bend), np.zeros_like(bend), np.float32(math.radians(config.apart_deg))
-    steps = np.linspace(-config.along_px, config.along_px, config.steps_along, dtype=np.float32)
-    average_along(padded(bend, math.ceil(config.along_px)), towards, *fan, apart, steps, best, turn)
-    return best, turn
-
-
 def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
     """Root mean square of the bends in the neighbourhood."""
-    square: np.ndarray = cv2.GaussianBlur(bend * bend, (0, 0), config.contrast_px)
-    return np.sqrt(square) + np.float32(config.min_bend)
+    square: np.ndarray = bend * bend
+    for width in _box_widths(config.contrast_px):
+        square = cv2.blur(square, (width, width))
+    # What running sums are rounded by is less than nothing somewhere.
+    return np.sqrt(np.maximum(square, 0)) + np.float32(config.min_bend)
+
+
+def _box_widths(sigma_px: float) -> list[int]:
+    """Of three running means that are a Gaussian, nearly: their cost does not depend on its width."""
+    narrow = max(1, math.floor(math.sqrt(4 * sigma_px**2 + 1)) - 1) // 2 * 2 + 1
+    count = round((3 * narrow**2 + 12 * narrow + 9 - 12 * sigma_px**2) / (4 * narrow + 4))
+    return [narrow + 2 * (k >= count) for k in range(3)]
 
 
 def line_evidence(

@@ -6,6 +6,7 @@ line that lies on nothing.  Its own direction is better known than that of the v
 aside.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -20,11 +21,12 @@ from plnerf.detect.line_maps import LineMaps, ridges_of
 from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.views import Views
 from plnerf.detect.window_search import judge, lines_met
-from plnerf.detect.windows import windows_along
+from plnerf.detect.windows import Window
 
 
 def direction_in_air(
     direction: Direction,
+    windows: Sequence[Window],
     views: Views,
     maps: LineMaps,
     surroundings: Surroundings,
@@ -33,10 +35,13 @@ def direction_in_air(
     config: DetectConfig,
 ) -> Direction | None:
     """A direction if thin lines that no line has taken meet near to it in some that lie on nothing; theirs,
-    where it is another; None where there are none.  least: nats that such a line needs."""
+    where it is another; None where there are none.
+
+    windows: along it.  least: nats that such a line needs.
+    """
     left = Known([], known.taken, known.taken, known.sharpness)
     slopes, odds = list[Float[np.ndarray, "2"]](), list[float]()
-    for window in windows_along(direction, views, config.windows):
+    for window in windows:
         search = search_of(window, views, ridges_of(maps, views, window.views), left, config)
         for line in lines_met(search, window, least, partial(judge, search, window, surroundings)):
             if in_air(line, config):

@@ -7,13 +7,15 @@ a pixel show as ridges along a direction where they do not show as thin lines.
 import numpy as np
 
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.directions import Direction, given, stands_out, strongest, vote
+from plnerf.detect.directions import Direction, given, no_votes, stands_out, strongest, vote
 from plnerf.detect.glance import direction_in_air
 from plnerf.detect.in_window import Known
 from plnerf.detect.line_maps import LineMaps
 from plnerf.detect.segments import Segments
 from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.views import Views
+from plnerf.detect.voted_windows import voted_windows
+from plnerf.detect.windows import Window, windows_along
 from plnerf.scene.orientation import heading
 from plnerf.scene.scene import Scene
 
@@ -31,6 +33,8 @@ class Directions:
         self._silent: list[Direction] = []
         """Those whose thin lines show nothing in the air, and that were not searched."""
         self._first: Direction | None = None
+        self._votes = no_votes(views, config.directions)
+        """Of the segments that were left last."""
         self._count = 0
 
     def following(self, left: Segments, known: Known) -> Direction | None:
@@ -42,7 +46,7 @@ class Directions:
         self._count += 1
         if self._count > (config.most if config.azimuth_deg is None else 1):
             return None
-        votes = vote(left, self._views, config)
+        self._votes = votes = vote(left, self._views, config)
         if config.azimuth_deg is not None:
             x, y, _ = heading(self._scene.frames, config.azimuth_deg)
             return given(float(np.arctan2(y, x)) % np.pi, votes, config)
@@ -65,10 +69,18 @@ class Directions:
             return None
         return self._silent.pop(0)
 
+    def windows(self, direction: Direction) -> list[Window]:
+        """Those along a direction that are searched.  Along the first one that is all of them, for wires of a
+        pixel show as ridges where they do not show as thin lines."""
+        if self._count == 1:
+            return list(windows_along(direction, self._views, self._config.windows))
+        return voted_windows(direction, self._views, self._votes, self._config)
+
     def _in_air(self, direction: Direction, known: Known, faint: bool) -> Direction | None:
         """The direction that a look finds.  Faint directions are many, and most of them are clutter."""
         config = self._config
         least = config.select.min_odds if faint else config.directions.least_in_air
+        windows = self.windows(direction)
         return direction_in_air(
-            direction, self._views, self._maps, self._surroundings, known, least, config
+            direction, windows, self._views, self._maps, self._surroundings, known, least, config
         )
