@@ -23,14 +23,15 @@ from tests.support.drawn import (
 
 from plnerf.detect import in_window
 from plnerf.detect.candidate import Candidate
+from plnerf.detect.claims import Claims, pixels_along
 from plnerf.detect.config import DetectConfig, SearchConfig
 from plnerf.detect.config_lines import DirectionConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.line_ridges import LineRidges, joined_ridges, steps_of
-from plnerf.detect.odds import odds_of, unclaimed
+from plnerf.detect.odds import odds_of
 from plnerf.detect.parabola import curve_odds
-from plnerf.detect.refit import aside, likeliest, mask_ridges, refit
+from plnerf.detect.refit import aside, likeliest, refit
 from plnerf.detect.search import Search
 from plnerf.detect.to_wire import usual_sigma
 from plnerf.detect.views import project_point, views_of
@@ -448,10 +449,10 @@ def test_a_fit_finds_the_curve_from_beside_it_and_masked_ridges_count_no_more(
     odds = odds_of(values.response, views, DEFAULT.odds)
     total, seen = curve_odds(views, odds, theta[None], x, 0.0)[0].T
     assert total.sum() > 0.5 * seen.sum()  # nats for each view and plane
-    masks = np.zeros(len(values.response), np.uint8)
-    mask_ridges(views, theta, fine, 4, masks)
-    others = masks > 0
-    left = unclaimed(odds, np.where(others, 0, values.response), others, views, DEFAULT.odds)
+    claims = Claims(views, values.response, odds, DEFAULT.odds)
+    claims.take(pixels_along(views, theta, fine, 4))
+    claims.update()
+    masks, left = claims.masks, claims.odds
     beside = theta + 0.5 * PIXEL * np.array([1, 1, 1, 1, 0, 0])
     for one in (theta, beside):  # neither for it nor against
         assert np.abs(curve_odds(views, left, one[None], x, 0.0)[0, :, 0]).max() == 0

@@ -5,18 +5,19 @@ import pytest
 import torch
 from tests.support.drawn import two_passes
 
+from plnerf.detect.claims import boxes_of
 from plnerf.detect.config import OddsConfig
 from plnerf.detect.line_ridges import HALF_TURN
 from plnerf.detect.odds import (
     BLOCK,
     STEPS,
     Odds,
-    box_around,
     distances,
+    forget,
     odds_of,
     pixels_of,
     place_odds,
-    unclaimed,
+    with_own_arrays,
 )
 from plnerf.detect.parabola import DirectedOdds, odds_along, odds_directed
 from plnerf.detect.views import Views, lenses_of, project_point, views_of
@@ -78,6 +79,14 @@ def test_a_ridge_counts_most_where_there_are_few_and_its_lack_always_the_same() 
     assert at_pixels(views, odds, np.array([20, 100]), np.array([20, 80])) == pytest.approx([MISSED] * 2)
 
 
+def without(odds: Odds, left: np.ndarray, others: np.ndarray, views: Views) -> Odds:
+    """The odds where the ridges of some pixels of any view are other lines'."""
+    again = with_own_arrays(odds)
+    every = {n: (slice(0, int(h)), slice(0, int(w))) for n, (w, h) in enumerate(views.sizes)}
+    forget(again, odds, left, others, views, CONFIG, every)
+    return again
+
+
 def test_beside_others_ridges_nothing_is_known() -> None:
     views = one_view(200, 100)
     responses = np.zeros((100, 200), np.float32)
@@ -86,7 +95,7 @@ def test_beside_others_ridges_nothing_is_known() -> None:
     others[48:53] = True
     first = odds_of(responses.ravel(), views, CONFIG)
     left = np.where(others, 0, responses)
-    odds = unclaimed(first, left.ravel(), others.ravel(), views, CONFIG)
+    odds = without(first, left.ravel(), others.ravel(), views)
     rows = np.array([50, 52 + CONFIG.muffled_px, 53 + CONFIG.muffled_px, 70, 90])
     before, after = (at_pixels(views, one, np.full(5, 100), rows) for one in (first, odds))
     assert before[0] > 1 and after[0] == 0 and after[1] == 0
@@ -99,17 +108,17 @@ def test_odds_of_what_did_not_change_are_those_of_before(ridges: float) -> None:
     views, rng = views_of(two_passes(4)), np.random.default_rng(5)
     responses = (rng.random(int(views.sizes.prod(1).sum())) < ridges).astype(np.float32)
     first, others = odds_of(responses, views, CONFIG), np.zeros(len(responses), bool)
-    before = None
+    before = with_own_arrays(first)
     for views_changed in ([0, 2], [2, 5, 7]):
         boxes = {}
         for n in views_changed:
             part, shape = pixels_of(views, n)
             box = others[part].reshape(shape)[10:50, 20 + 5 * n : 70]
             box[:] = rng.random(box.shape) < 0.5
-            boxes[n] = box_around(others[part].reshape(shape))
+            boxes |= boxes_of(np.flatnonzero(others[part]) + part.start, views)
         left = np.where(others, np.float32(0), responses)
-        whole = unclaimed(first, left, others, views, CONFIG)
-        before = unclaimed(first, left, others, views, CONFIG, before or first, boxes)
+        whole = without(first, left, others, views)
+        forget(before, first, left, others, views, CONFIG, boxes)
         assert (before.ridge == whole.ridge).all() and (before.free == whole.free).all()
         assert (whole.free != first.free).any() and (whole.ridge != first.ridge).any()
 
@@ -143,7 +152,7 @@ def test_odds_of_a_place_are_what_the_views_see_there(lens: bool) -> None:
     responses = (rng.random(int(views.sizes.prod(1).sum())) < 0.03).astype(np.float32)
     others = rng.random(len(responses)) < 0.01
     left = np.where(others, np.float32(0), responses)
-    odds = unclaimed(odds_of(responses, views, CONFIG), left, others, views, CONFIG)
+    odds = without(odds_of(responses, views, CONFIG), left, others, views)
     for x, y, z, reach in rng.uniform([-0.8, -0.2, -0.3, 0.0], [0.8, 0.2, 0.3, 0.02], (180, 4)):
         total, seen = at_place(views, odds, (x, y, z), reach)
         expected = by_definition(views, odds, (x, y, z), reach)

@@ -102,7 +102,7 @@ def test_a_search_that_is_turned_finds_the_same_and_leaves_the_first_as_it_is(tm
     assert line is not None and same is not None
     assert same.odds == pytest.approx(line.odds, rel=0.02)
     turned.mask_ridges(same)
-    assert not first.masks.any() and first.odds is before and turned.masks.any()
+    assert not first.claims.masks.any() and first.odds is before and turned.claims.masks.any()
     assert turned.chains is first.chains
 
 

@@ -105,8 +105,8 @@ def test_ridges_count_farther_away_while_they_are_blurred_and_not_after() -> Non
     assert search.sharpness is not None and sharp_px == search.sharpness.odds_px < wide_px
     with search.blurred():
         search.mask_ridges(line(y=0.2, planes=3))
-        assert search.odds.sharp_px == search.all_odds.sharp_px == wide_px
-    assert search.odds.sharp_px == search.all_odds.sharp_px == sharp_px
+        assert search.odds.sharp_px == search.claims.sharp_px == wide_px
+    assert search.odds.sharp_px == search.claims.sharp_px == sharp_px
 
 
 def test_wires_hang_like_the_best_or_have_much_evidence() -> None:
@@ -256,22 +256,22 @@ def test_a_line_is_the_same_on_more_planes() -> None:
         assert there == pytest.approx(curve_points(wire.theta, plane / 3))
     assert search.length == pytest.approx(10 * step)
     search.free_ridges(longer)
-    assert not search.masks.any()
+    assert not search.claims.masks.any()
 
 
 def test_what_is_followed_is_never_lost() -> None:
     search, wire = a_search(), line(planes=3)  # there is no ridge to fit it to
     search.mask_ridges(wire)
-    before = search.masks.copy()
+    before = search.claims.masks.copy()
     assert before.any() and followed(search, [wire]) == [wire]
-    assert (search.masks == before).all()
+    assert (search.claims.masks == before).all()
 
 
 def test_a_line_takes_ridges_where_it_is_seen_only() -> None:
     whole, aside = a_search(), a_search()
     whole.mask_ridges(line(planes=3))
     aside.mask_ridges(line(planes=1))  # up to a third of the window, which is left of the image
-    assert whole.masks.any() and not aside.masks.any()
+    assert whole.claims.masks.any() and not aside.claims.masks.any()
 
 
 def test_lines_are_repeated_by_what_lies_between_any_two() -> None:
@@ -314,9 +314,9 @@ def test_lines_in_the_air_that_do_not_hang_give_their_ridges_back() -> None:
     lines = [wire, road, mixture, unknown]
     for one in lines:
         search.mask_ridges(one)
-    before = search.masks.copy()
+    before = search.claims.masks.copy()
     assert without_mixtures(search, lines) == [wire, road, unknown]
-    assert (search.masks <= before).all() and before.any() and (search.masks < before).any()
+    assert (search.claims.masks <= before).all() and before.any() and (search.claims.masks < before).any()
     assert without_mixtures(search, [wire, road, unknown], hanging=False) == [road, unknown]
 
 

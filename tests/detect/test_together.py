@@ -75,18 +75,18 @@ def test_twins_that_were_taken_for_one_another_are_two_again(twins: Scene) -> No
 def test_twins_that_run_side_by_side_stay_as_they_are(twins: Scene) -> None:
     search = a_search(twins)
     lines = masked(search, [theta_of(0), theta_of(1)])
-    left, taken = search.left.copy(), search.masks.copy()
+    left, taken = search.claims.left.copy(), search.claims.masks.copy()
     assert parallel(lines[0], lines[1], search) > 0.99
     assert all(one is other for one, other in zip(untangled(search, lines), lines, strict=True))
-    assert (search.left == left).all() and (search.masks == taken).all()
+    assert (search.claims.left == left).all() and (search.claims.masks == taken).all()
 
 
 def test_two_that_cross_stay_as_they_are_where_nothing_is_likelier(twins: Scene) -> None:
     search = a_search(twins)
     lines = [replace(line, odds=1e6) for line in masked(search, swapped(theta_of(0), theta_of(1)))]
-    taken = search.masks.copy()
+    taken = search.claims.masks.copy()
     assert all(one is other for one, other in zip(untangled(search, lines), lines, strict=True))
-    assert (search.masks == taken).all()
+    assert (search.claims.masks == taken).all()
 
 
 def test_only_lines_of_one_span_near_each_other_are_a_pair(twins: Scene) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from plnerf.detect.candidate import Candidate, common_ends
+from plnerf.detect.claims import pixels_along
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.config_lines import EvidenceConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.line_ridges import LineRidges, joined_ridges
-from plnerf.detect.refit import mask_ridges
 from plnerf.detect.search import Search, Sharpness
 from plnerf.detect.to_wire import certain_stretch, known_ends, transport_matrix, typical_footprint, wire_of
 from plnerf.detect.views import Views
@@ -120,5 +120,4 @@ def _mark(lines: list[Candidate], search: Search, views: Views, taken: UInt8[np.
         low, high = (x[plane] for plane in line.seen)
         s = [(end - x[0]) / (x[-1] - x[0]) for end in (low, high)]
         fine = np.linspace(low, high, 40 * (line.planes + 1))
-        mask_ridges(views, transport_matrix(s[0], s[1]) @ line.theta, fine, search.mask_px(line), taken)
-    np.minimum(taken, 1, out=taken)
+        taken[pixels_along(views, transport_matrix(s[0], s[1]) @ line.theta, fine, search.mask_px(line))] = 1

@@ -81,39 +81,42 @@ def odds_of(responses: Float[np.ndarray, " p"], views: Views, config: OddsConfig
     )  # fmt: skip
 
 
-def unclaimed(
+def with_own_arrays(odds: Odds) -> Odds:
+    """The same, with copies of what `forget` changes."""
+    return odds._replace(ridge=odds.ridge.copy(), free=odds.free.copy())
+
+
+def forget(
     odds: Odds,
+    every: Odds,
     left: Float[np.ndarray, " p"],
     others: Bool[np.ndarray, " p"],
     views: Views,
     config: OddsConfig,
-    before: Odds | None = None,
-    changed: Mapping[int, Box] | None = None,
-) -> Odds:
-    """The odds (as `odds_of` gave them) where the ridges of some pixels belong to other lines.
+    changed: Mapping[int, Box],
+) -> None:
+    """Has odds know that the ridges of some pixels are other lines'.
 
-    left: responses without those.  before: what this gave when only pixels in boxes of some views, `changed`,
-    were others' or were not; None: anywhere.
+    odds: as they were when only pixels in boxes of some views, `changed`, were others' or were not; every:
+    those of all ridges.  left: responses without the others'.
     """
-    known, side, reach = before or odds, 2 * config.muffled_px + 1, max(FARTHEST_PX, config.muffled_px)
-    ridge, free = known.ridge.copy(), known.free.copy()
+    side, reach = 2 * config.muffled_px + 1, max(FARTHEST_PX, config.muffled_px)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
 
     def one(n: int) -> None:
         part, shape = pixels_of(views, n)
-        box = (slice(0, shape[0]), slice(0, shape[1])) if changed is None else changed[n]
         # What lies farther from the box is as it was, and what lies farther from that changes nothing in it.
-        tile = Tile(grown(box, reach, shape), grown(box, 2 * reach, shape))
+        tile = Tile(grown(changed[n], reach, shape), grown(changed[n], 2 * reach, shape))
         here, hidden, remaining = (
-            flat[part].reshape(shape)[tile.outer] for flat in (odds.ridge, others, left)
+            flat[part].reshape(shape)[tile.outer] for flat in (every.ridge, others, left)
         )
-        muffled = cv2.dilate(hidden.astype(np.uint8), disc) > 0
-        ridge[part].reshape(shape)[tile.inner] = np.where(muffled, np.uint8(0), here)[tile.within]
-        free[part].reshape(shape)[tile.inner] = distance_to(remaining >= config.min_response)[tile.within]
+        muffled = cv2.dilate(hidden.view(np.uint8), disc) > 0
+        away = distance_to(remaining >= config.min_response)
+        odds.ridge[part].reshape(shape)[tile.inner] = np.where(muffled, np.uint8(0), here)[tile.within]
+        odds.free[part].reshape(shape)[tile.inner] = away[tile.within]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(one, range(len(views.sizes)) if changed is None else changed))
-    return odds._replace(ridge=ridge, free=free)
+        list(pool.map(one, changed))
 
 
 def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray, " p"]:
@@ -134,12 +137,6 @@ def pixels_of(views: Views, n: int) -> tuple[slice, tuple[int, int]]:
     w, h = (int(side) for side in views.sizes[n])
     start = int(views.starts[n])
     return slice(start, start + w * h), (h, w)
-
-
-def box_around(pixels: Bool[np.ndarray, "h w"]) -> Box:
-    """The least box that holds all of some pixels, of which there are any."""
-    rows, columns = np.flatnonzero(pixels.any(1)), np.flatnonzero(pixels.any(0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def grown(box: Box, by_px: int, shape: tuple[int, int]) -> Box:

@@ -16,7 +16,6 @@ from plnerf.detect.line_ridges import LineRidges, turned
 from plnerf.detect.parabola import curve_point
 from plnerf.detect.views import Views, project_across, project_point
 from plnerf.ops.kernel_cache import njit
-from plnerf.ops.threads import share
 
 LEAST_SPREAD = 1e-3
 """Standard deviation of directions, in radians, below which views look from one place."""
@@ -160,28 +159,3 @@ def observe(views, ridges, theta, x, window_px, min_response, end_on, turn_rad):
             out[count, 5] = n
             count += 1
     return out[:count]
-
-
-@njit(cache=True)
-@no_type_check
-def _mask_ridges(views, theta, x, radius_px, masks, start, stop):
-    for n in range(start, stop):
-        w, h = views.sizes[n]
-        mine = np.zeros((h, w), np.uint8)
-        for i in range(len(x)):
-            y, z = curve_point(theta, i / (len(x) - 1))
-            u, v, depth = project_point(views, n, x[i], y, z)
-            if depth < 0:
-                continue
-            for row in range(max(0, int(v) - radius_px), min(h, int(v) + radius_px + 1)):
-                for column in range(max(0, int(u) - radius_px), min(w, int(u) + radius_px + 1)):
-                    mine[row, column] = 1
-        for row in range(h):
-            for column in range(w):
-                masks[views.starts[n] + row * w + column] += mine[row, column]
-
-
-@no_type_check
-def mask_ridges(views, theta, x, radius_px, masks):
-    """Adds 1 to the pixels along a curve: their ridges are its own."""
-    share(_mask_ridges, views, theta, x, radius_px, masks, of=len(views.R))

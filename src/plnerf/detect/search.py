@@ -8,16 +8,17 @@ from dataclasses import replace
 from typing import NamedTuple, no_type_check
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int
 
 from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.chains import Chains, chains_of
+from plnerf.detect.claims import Claims, pixels_along
 from plnerf.detect.config import DetectConfig
 from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.meets import curves_where_chains_meet
-from plnerf.detect.odds import Box, box_around, odds_of, pixels_of, unclaimed
+from plnerf.detect.odds import Odds, odds_of
 from plnerf.detect.parabola import DirectedOdds, curve_odds, curve_points, odds_along, odds_directed
-from plnerf.detect.refit import mask_ridges, refit
+from plnerf.detect.refit import refit
 from plnerf.detect.to_wire import is_certain, transport_matrix
 from plnerf.detect.views import Views
 from plnerf.detect.windows import Window
@@ -49,17 +50,17 @@ class Search:
         self.responses = responses
         self.sharpness = sharpness
         """None until a line that hangs has shown it, here or in another window."""
-        self.left = responses
-        """Responses of the ridges that no line has."""
-        self.masks = np.zeros(len(responses), np.uint8)
-        """Lines whose ridge a pixel is."""
-        self._others = np.zeros(len(responses), bool)
-        """Whether a pixel was a line's when `update_odds` last ran."""
         self._mask_px: dict[Candidate, int] = {}
         self._chains: Chains | None = None
-        self.all_odds = self.odds = odds_of(responses, views, config.odds)
+        self._all = odds_of(responses, views, config.odds)
         if sharpness is not None:
-            self.all_odds = self.odds = self.odds._replace(sharp_px=sharpness.odds_px)
+            self._all = self._all._replace(sharp_px=sharpness.odds_px)
+        self.claims = Claims(views, responses, self._all, config.odds)
+
+    @property
+    def odds(self) -> Odds:
+        """Those of the ridges that no line has."""
+        return self.claims.odds
 
     @property
     def length(self) -> float:
@@ -77,7 +78,8 @@ class Search:
     def turned(self, views: Views) -> "Search":
         """The search of the same ridges in another frame, before any line has some.  views: in that frame."""
         other, other_chains = copy(self), self.chains
-        other.views, other.masks, other._mask_px, other._chains = views, self.masks.copy(), {}, other_chains
+        other.views, other._mask_px, other._chains = views, {}, other_chains
+        other.claims = Claims(views, self.responses, self._all, self.config.odds)
         return other
 
     def met(self, window: Window, spare: float) -> Float[np.ndarray, "c 6"]:
@@ -156,14 +158,14 @@ class Search:
         T = transport_matrix(-before / most, 1 + beyond / most)
         low, high = self.x[0] - before * step, self.x[-1] + beyond * step
         self.x = np.linspace(low, high, len(self.x) + before + beyond)
-        self.masks[:] = 0
+        self.claims.give_all_back()
         longer = []
         for line in lines:
             theta, covariance = T @ line.theta, T @ line.covariance @ T.T
             seen = (line.seen[0] + before, line.seen[1] + before)
             longer.append(replace(line, theta=theta, covariance=covariance, seen=seen))
             self._mask_px[longer[-1]] = self.mask_px(line)
-            self.masks += self._own(longer[-1])
+            self.claims.take(self._own(longer[-1]))
         self.update_odds()
         return longer
 
@@ -181,11 +183,11 @@ class Search:
         """Makes ridges a line's own.  The odds learn of it with `update_odds`, as of `release`."""
         if self.sharpness is None and hangs(line, self.length, self.config.select):
             self._sharpen(line)
-        self.masks += self._own(line)
+        self.claims.take(self._own(line))
 
     def release(self, line: Candidate) -> None:
         """Makes ridges a line's own no longer."""
-        self.masks -= self._own(line)
+        self.claims.give_back(self._own(line))
 
     def refit(self, line: Candidate, curves: Float[np.ndarray, "c 6"], least: float) -> Candidate | None:
         """The best near some curves with a line's own ridges put back; it then takes the line's place.
@@ -270,7 +272,7 @@ class Search:
         T = transport_matrix(s[0], s[1])
         planes, config = (piece[1] - piece[0]) // step + 1, self.config
         x = np.linspace(self.x[piece[0]], self.x[piece[1]], planes)
-        ridges = LineRidges(self.left, self.tangents)
+        ridges = LineRidges(self.claims.left, self.tangents)
         line = refit(self.views, ridges, T @ curve, x, config.odds.min_response, config.refit)
         if line is None:
             return None
@@ -295,7 +297,7 @@ class Search:
         total = [odds_along(self.views, one, line.theta, self.x, 0.0)[:, 0].sum() for one in odds]
         sharp_px = search.sharpness_px[int(np.argmax(total))]
         self.sharpness = Sharpness(sharp_px, self.mask_px(line))
-        self.all_odds = self.all_odds._replace(sharp_px=sharp_px)
+        self.claims.sharpen(sharp_px)
 
     def mask_px(self, line: Candidate) -> int:
         """Half width of a line's mask; it stays what it was when it was asked for first."""
@@ -305,40 +307,26 @@ class Search:
             self._mask_px[line] = self.sharpness.mask_px if self.sharpness else own
         return self._mask_px[line]
 
-    def _own(self, line: Candidate) -> UInt8[np.ndarray, " p"]:
-        own, (first, last), most = np.zeros_like(self.masks), line.seen, len(self.x) - 1
+    def _own(self, line: Candidate) -> Int[np.ndarray, " k"]:
+        """The pixels whose ridges are a line's."""
+        (first, last), most = line.seen, len(self.x) - 1
         T = transport_matrix(first / most, last / most)
         fine = np.linspace(self.x[first], self.x[last], 40 * (last - first + 1))
-        mask_ridges(self.views, T @ line.theta, fine, self.mask_px(line), own)
-        return own
+        return pixels_along(self.views, T @ line.theta, fine, self.mask_px(line))
 
     @contextmanager
     def blurred(self) -> Iterator[None]:
         """Ridges may lie as far from a line as before the first wire had shown how near to it they lie."""
-        sharp_px = self.all_odds.sharp_px
-        self._blur(max(sharp_px, self.config.odds.sharp_px))
+        sharp_px = self.claims.sharp_px
+        self.claims.blur(max(sharp_px, self.config.odds.sharp_px))
         try:
             yield
         finally:
-            self._blur(sharp_px)
-
-    def _blur(self, sharp_px: float) -> None:
-        self.all_odds = self.all_odds._replace(sharp_px=sharp_px)
-        self.odds = self.odds._replace(sharp_px=sharp_px)
+            self.claims.blur(sharp_px)
 
     def update_odds(self) -> None:
         """Lets the odds know which ridges are left."""
-        others = self.masks > 0
-        left, changed = self.left.copy(), dict[int, Box]()
-        for n in range(len(self.views.sizes)):
-            part, shape = pixels_of(self.views, n)
-            differs = others[part] != self._others[part]
-            if differs.any():
-                changed[n] = box_around(differs.reshape(shape))
-                left[part] = np.where(others[part], np.float32(0), self.responses[part])
-        config = self.config.odds
-        self.odds = unclaimed(self.all_odds, left, others, self.views, config, self.odds, changed)
-        self.left, self._others = left, others
+        self.claims.update()
 
 
 @njit(cache=True)
