@@ -14,6 +14,7 @@ from typing import no_type_check
 import numpy as np
 from jaxtyping import Float, Int
 
+from plnerf.detect.chain_pairs import pairs_that_may_meet
 from plnerf.detect.chains import Chains
 from plnerf.detect.config_lines import ChainConfig
 from plnerf.detect.views import NEAREST, Views, seen_places
@@ -42,18 +43,14 @@ def curves_where_chains_meet(
 
     low, high: y and z between which they must lie where both views show them.
     """
-    pairs = [np.zeros((0, 2), np.int64)]
-    for n, others in enumerate(partners(views, (x[0], *low), (x[-1], *high), config)):
-        mine = np.arange(chains.first[n], chains.first[n + 1])
-        for other in others[others >= 0]:
-            theirs = np.arange(chains.first[other], chains.first[other + 1])
-            pairs.append(np.stack(np.meshgrid(mine, theirs, indexing="ij"), -1).reshape(-1, 2))
+    pairs = pairs_that_may_meet(
+        chains, views, partners(views, (x[0], *low), (x[-1], *high), config), config.spare
+    )
     limits = (config.least_angle, config.spare, config.least_length)
     shape = (config.max_askew, config.max_slope, config.max_sag, config.bend_prior)
     box = (low[0], high[0], low[1], high[1])
-    every = np.concatenate(pairs)
-    curves = np.full((len(every), 6), np.nan)
-    share(meets, chains, views, every, (x[0], x[-1]), box, limits, shape, curves, of=len(every))
+    curves = np.full((len(pairs), 6), np.nan)
+    share(meets, chains, views, pairs, (x[0], x[-1]), box, limits, shape, curves, of=len(pairs))
     return curves[np.isfinite(curves[:, 0])]
 
 
