@@ -47,7 +47,7 @@ def believed(
     J = curve_by_theta(theta, base.length_m, s)
     sigma = float(np.sqrt(np.linalg.eigvalsh(J @ own @ J.transpose(0, 2, 1))[:, -1].min()))
     near = float((np.abs(off) <= config.near_px).mean()) if len(off) else 0.0
-    refused = None
+    refused, at_odds = None, 0.0
     if views < config.least_views or not len(off):
         refused = f"{views} images show it"
     elif sigma > config.no_news * trust:
@@ -60,11 +60,13 @@ def believed(
         refused = f"it stands out {more:.1f} times as often as what is beside it"
     elif moved > config.most_moved * trust:
         refused = f"it moved {moved / trust:.1f} times as far as its detection may be off"
+        at_odds = moved / 2  # an interval of 95 % holds both
     evidence = replace(wire.evidence, source=f"{views} images", count=views, seen_m=seen)
     if refused is not None:
         # A detection states its least certain point: that stands for all of them, and for the bow.  Of one
-        # that full-size images do not show, it is all that it may be off by.
-        sigma = max(wire.worst_sigma(), trust if more < config.least_beside else 0.0)
+        # that full-size images do not show, it is all that it may be off by, and of one that they show
+        # elsewhere, nothing tells which of the two is right.
+        sigma = max(wire.worst_sigma(), trust if more < config.least_beside else 0.0, at_odds)
         swing = min(np.radians(config.adjust.swing_deg), sigma / max(float(wire.theta[4]), LEAST_BEND_M))
         held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
         notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
