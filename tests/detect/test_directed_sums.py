@@ -79,6 +79,23 @@ def test_a_turned_picture_gives_turned_averages() -> None:
     np.testing.assert_allclose(np.rot90(average), turned, atol=1e-5)
 
 
+@pytest.mark.parametrize("step", [0, 5, 9, 23, 28, 40, 55])
+def test_what_is_even_along_a_line_is_its_own_average(step: int) -> None:
+    """Slopes and parabolas across the line are kept, but for what linear interpolation adds to a parabola."""
+    angle = step * np.pi / 56  # one of the directions
+    rows, columns = np.mgrid[:90, :120].astype(float)
+    flat = angle < np.pi / 4 or angle > 3 * np.pi / 4
+    across = rows - columns * np.tan(angle) if flat else columns - rows / np.tan(angle)
+    inner = np.s_[24:-24, 24:-24]
+    for power, more in ((1, 0.0), (2, 0.25)):
+        picture = (1 + (across - across.min()) ** power).astype(np.float32)
+        ends = np.full(picture.shape, np.float32(angle))
+        average, _ = average_along(picture, ends, ends, APART_RAD, HALF_PX)
+        off = (average - picture)[inner]
+        slack = 2e-5 * picture.max()
+        assert off.min() >= -slack and off.max() <= more + slack
+
+
 def test_all_directions_may_be_allowed() -> None:
     picture = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(50, 70)), (0, 0), 1).astype(np.float32)
     once, _ = spread(picture, 0, 180)

@@ -206,7 +206,7 @@ def test_one_that_goes_too_far_stays(photos: Photos) -> None:
     assert "times as far as its detection may be off" in refused(found[1])
     np.testing.assert_allclose(found[1].theta, sure.theta, atol=1e-12)
     assert not refused(found[0])
-    # Images show it elsewhere, and nothing tells which is right: what it states holds both.
+    # Images show it elsewhere, and which is right is not known: what it states holds both.
     s = np.linspace(0.0, BASE.length_m, 60)
     away = float(np.linalg.norm(sure.at(s) - WIRES[1].at(s), axis=1).max())
     assert away / 2 > sure.worst_sigma()

@@ -1,8 +1,8 @@
 """Pairs of chains that may be of one line: those that some plane through both cameras shows in both views.
 
-What a view sees in such a plane the other sees in it too (epipolar geometry).  The planes about the line
-through two cameras are told by an angle; a chain has those of its lines of sight, and of all pairs four in
-five have none in common.
+What a view sees in such a plane the other sees in it too (epipolar geometry).  Each plane has an angle about
+the line through both cameras.  A chain has the angles of its lines of sight, and of all pairs of chains four
+in five have none in common.
 
 Letters: n views, k partners of each, m pairs.
 """
@@ -21,9 +21,9 @@ from plnerf.ops.threads import share
 PLACES = 5
 """Places along a chain at which its lines of sight are compared."""
 BETWEEN = 0.05
-"""Between these it may have angles that are farther out, by so much of all that it has,"""
+"""Between these its angles may lie farther out, by this part of their range"""
 LEAST_RAD = 1e-3
-"""or by so much."""
+"""and by so much."""
 
 
 def pairs_that_may_meet(

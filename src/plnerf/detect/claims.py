@@ -54,7 +54,7 @@ class Claims:
 
     @property
     def sharp_px(self) -> float:
-        """How far from a line its ridges lie."""
+        """How far ridges may lie from a line that has them."""
         return self._all.sharp_px
 
     def sharpen(self, sharp_px: float) -> None:
@@ -86,7 +86,7 @@ class Claims:
 
 
 def boxes_of(pixels: Int[np.ndarray, " k"], views: Views) -> dict[int, Box]:
-    """Of each view that has any of some pixels, which ascend, the box that holds those."""
+    """The box around the pixels of each view that has any.  pixels: ascending."""
     boxes, cuts = dict[int, Box](), np.searchsorted(pixels, views.starts)
     for n, (first, end) in enumerate(zip(cuts, [*cuts[1:], len(pixels)], strict=True)):
         if first < end:

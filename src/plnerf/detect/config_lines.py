@@ -89,7 +89,7 @@ class EvidenceConfig:
     a line."""
     along_px: float = 20.0
     """Half the length over which responses are averaged along the line: texture is not straight.  With 28,
-    which costs the same, 1,014 m are detected of those scenes."""
+    which costs the same, as much is detected."""
     sag_deg: float = 14.0
     """A wire's slope differs by so much from that of the direction in which it is looked for, up and down:
     wires sag, and hang between supports of unequal heights,"""

@@ -59,7 +59,7 @@ class Votes(NamedTuple):
     footprints: Float[np.ndarray, "a e"]
     """and multiplied by the logarithm of the pair's footprint (`Direction`)."""
     of_views: Float[np.ndarray, "n a"]
-    """Of `pixels`, those of each view's pairs with views after it, at all slopes."""
+    """`pixels` by view, summed over slopes: a pair counts for the first of its two views."""
 
 
 def vote(segments: Segments, views: Views, config: DirectionConfig) -> Votes:

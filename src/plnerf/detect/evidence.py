@@ -184,7 +184,7 @@ def _around(bend: np.ndarray, config: EvidenceConfig) -> np.ndarray:
 
 
 def _box_widths(sigma_px: float) -> list[int]:
-    """Of three running means that are a Gaussian, nearly: their cost does not depend on its width."""
+    """Widths of three running means: together they are nearly a Gaussian, at the same cost for any width."""
     narrow = max(1, math.floor(math.sqrt(4 * sigma_px**2 + 1)) - 1) // 2 * 2 + 1
     count = round((3 * narrow**2 + 12 * narrow + 9 - 12 * sigma_px**2) / (4 * narrow + 4))
     return [narrow + 2 * (k >= count) for k in range(3)]

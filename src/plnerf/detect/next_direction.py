@@ -34,7 +34,7 @@ class Directions:
         """Those whose thin lines show nothing in the air, and that were not searched."""
         self._first: Direction | None = None
         self._votes = no_votes(views, config.directions)
-        """Of the segments that were left last."""
+        """Those of the segments that were left when the last direction was asked for."""
         self._count = 0
 
     def following(self, left: Segments, known: Known) -> Direction | None:

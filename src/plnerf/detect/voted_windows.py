@@ -1,7 +1,7 @@
 """The windows along a direction whose own views vote for it.
 
 A long line bends: each of its directions runs past the whole flight, but most windows along it show wires of
-other directions alone.  What their views vote for tells.
+other directions alone, and their views vote for those.
 """
 
 import numpy as np

@@ -65,7 +65,7 @@ def believed(
     if refused is not None:
         # A detection states its least certain point: that stands for all of them, and for the bow.  Of one
         # that full-size images do not show, it is all that it may be off by, and of one that they show
-        # elsewhere, nothing tells which of the two is right.
+        # elsewhere, which of the two is right is not known.
         sigma = max(wire.worst_sigma(), trust if more < config.least_beside else 0.0, at_odds)
         swing = min(np.radians(config.adjust.swing_deg), sigma / max(float(wire.theta[4]), LEAST_BEND_M))
         held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
