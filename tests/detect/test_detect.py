@@ -31,7 +31,8 @@ from plnerf.detect.evidence import line_evidence
 from plnerf.detect.line_ridges import LineRidges, joined_ridges, steps_of
 from plnerf.detect.odds import odds_of
 from plnerf.detect.parabola import curve_odds
-from plnerf.detect.refit import aside, likeliest, refit
+from plnerf.detect.refit import likeliest, refit
+from plnerf.detect.refit_sums import aside
 from plnerf.detect.search import Search
 from plnerf.detect.to_wire import usual_sigma
 from plnerf.detect.views import project_point, views_of
@@ -320,10 +321,10 @@ def test_looking_from_aside_is_counted_in_deviations_of_the_views_of_one_place()
     for spread in (0.02, 0.2):
         angle = own + np.tile([-spread, spread], 30)
         rows[:, 3:5] = 7.0 * np.stack([np.cos(angle), np.sin(angle)], 1)
-        found = aside(rows) * np.sin(spread) / np.sin(np.tile([-spread, spread], 30))
+        found = aside(rows, 15) * np.sin(spread) / np.sin(np.tile([-spread, spread], 30))
         assert found == pytest.approx(found[0] * np.ones(60)) and abs(found[0]) == pytest.approx(1)
     rows[:, 3:5] = [3.0, 4.0]  # all from one place
-    assert np.abs(aside(rows)).max() < 1e-9
+    assert np.abs(aside(rows, 15)).max() < 1e-9
 
 
 @pytest.mark.parametrize("wobble", [0.1, 0.03])

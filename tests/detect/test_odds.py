@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import distance_transform_edt
 from tests.support.drawn import two_passes
 
 from plnerf.detect.claims import boxes_of
 from plnerf.detect.config import OddsConfig
 from plnerf.detect.line_ridges import HALF_TURN
+from plnerf.detect.nearest import FARTHER, FARTHEST_PX, STEPS
 from plnerf.detect.odds import (
     BLOCK,
-    STEPS,
     Odds,
     distances,
     forget,
@@ -132,9 +133,20 @@ def test_distances_are_to_the_next_ridge_of_the_same_view() -> None:
     assert (found[: sizes[0]] == 255).all()  # none: as far as can be
     picture = found[views.starts[1] : views.starts[1] + sizes[1]].reshape(180, 240)
     y, x = np.mgrid[:180, :240]
-    away = np.minimum(STEPS * np.hypot(x - 100, y - 90), 255)
-    assert np.abs(picture - away).max() < 0.025 * 255
-    assert picture[90, 100] == 0 and picture[90, 103] == 3 * STEPS
+    away = np.hypot(x - 100, y - 90)
+    assert (picture == np.where(away <= FARTHEST_PX, np.floor(STEPS * away + 1e-6), FARTHER)).all()
+
+
+@pytest.mark.parametrize("share", [0.0005, 0.01, 0.3])
+def test_distances_are_exact(share: float) -> None:
+    views, rng = views_of(two_passes(1)), np.random.default_rng(3)
+    ridges = rng.random(int(views.sizes.prod(1).sum())) < share
+    found = distances(ridges, views)
+    for n in range(len(views.sizes)):
+        part, shape = pixels_of(views, n)
+        away = distance_transform_edt(~ridges[part].reshape(shape))
+        expected = np.where(away <= FARTHEST_PX, np.floor(STEPS * away + 1e-6), FARTHER)
+        assert (found[part].reshape(shape) == expected).all()
 
 
 def with_lens(cameras: Cameras) -> Cameras:

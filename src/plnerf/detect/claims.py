@@ -124,12 +124,13 @@ def _mark(views, theta, x, radius_px, marks, rows, counts, start, stop):  # noqa
     """Into marks (p,): 1 at the pixels; into rows (n, 2): the first and the end of those that have any."""
     for n in range(start, stop):
         w, h = views.sizes[n]
-        first, end, count = h, 0, 0
+        first, end, count, last = h, 0, 0, (-1, -1)
         for i in range(len(x)):
             y, z = curve_point(theta, i / (len(x) - 1))
             u, v, depth = project_point(views, n, x[i], y, z)
-            if depth < 0:
+            if depth < 0 or (int(u), int(v)) == last:
                 continue
+            last = int(u), int(v)
             top, bottom = max(0, int(v) - radius_px), min(h, int(v) + radius_px + 1)
             first, end = min(first, top), max(end, bottom)
             for row in range(top, bottom):

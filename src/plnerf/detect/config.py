@@ -18,6 +18,7 @@ from plnerf.detect.config_lines import (
     check,
 )
 from plnerf.detect.config_windows import OnwardConfig, WindowConfig
+from plnerf.detect.nearest import FARTHEST_PX
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,11 @@ class OddsConfig:
         check(
             bool(radii) and min(positive) > 0 and list(radii) == sorted(radii) and self.muffled_px >= 0,
             "detect.odds needs positive radii, radii_px in increasing order, and muffled_px of 0 or more",
+            self,
+        )
+        check(
+            max(*radii, self.sharp_px) <= FARTHEST_PX,
+            f"detect.odds needs radii_px and sharp_px of {FARTHEST_PX} or less",
             self,
         )
 

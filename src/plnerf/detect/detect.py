@@ -26,6 +26,7 @@ from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.next_direction import Directions
 from plnerf.detect.onward import wires_onward
+from plnerf.detect.refit_sums import design_matrix, left_by_views, rests, sums_of_views
 from plnerf.detect.search import Search
 from plnerf.detect.segments import Segments, linked, segments_of
 from plnerf.detect.structures import ended_where_they_meet
@@ -118,8 +119,12 @@ def compile_kernels() -> None:
     chains = chains_of(search.responses, views, DEFAULT.odds.min_response, DEFAULT.chains)
     curves_where_chains_meet(chains, views, x, np.full(2, -1.0), np.full(2, 1.0), DEFAULT.chains)
     projected(views, 0, np.ones((1, 3)))
-    search.rated(np.zeros((1, 6)))
+    search.distinct(np.zeros((1, 6)))
     search.best(np.zeros((1, 6)), -np.inf)
+    J = design_matrix(np.ones((1, 6)), 2, 4)
+    sums = sums_of_views(J, np.ones(1), np.ones(1, np.int64), 2)
+    left_by_views(sums, 1.0)
+    rests(J, np.ones(1, np.int64), np.zeros((2, 2)), sums, np.zeros(6), 1.0)
     line = Candidate(np.zeros(6), np.eye(6), 1.0, images=1)
     search.odds_in_planes(line, search.odds.sharp_px)
     search.mask_ridges(line)

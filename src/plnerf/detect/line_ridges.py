@@ -39,5 +39,6 @@ def steps_of(tangent_rad: Float[np.ndarray, "*p"]) -> UInt8[np.ndarray, "*p"]:
 @no_type_check
 def turned(tangent, direction_rad):
     """The angle between a tangent in steps and a direction, 0 to a quarter of a turn; in radians."""
-    turn = (tangent * (np.pi / HALF_TURN) - direction_rad) % np.pi
+    turn = tangent * (np.pi / HALF_TURN) - direction_rad
+    turn -= np.pi * np.floor(turn / np.pi)  # `%` takes six times as long
     return min(turn, np.pi - turn)

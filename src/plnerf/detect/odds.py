@@ -9,9 +9,7 @@ hides the wire costs little, and sums need no further normalisation: above zero 
 Letters: p pixels of all views, l radii within which a ridge counts as near, c blocks of 8 x 8 pixels.
 """
 
-import os
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, no_type_check
 
 import cv2
@@ -19,16 +17,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from plnerf.detect.config import OddsConfig
-from plnerf.detect.reduction import Tile
+from plnerf.detect.nearest import STEPS, forget_in, nearest_of_views
 from plnerf.detect.views import Views, project_into_all
 from plnerf.ops.kernel_cache import njit
+from plnerf.ops.threads import share
 
 BLOCK = 8
 """Width of the blocks for which densities are tabulated, in pixels."""
-STEPS = 4
-"""Distances are kept in quarters of a pixel, up to 64 px: a byte for each pixel."""
-FARTHEST_PX = 64
-"""The greatest distance that is kept."""
 Box = tuple[slice, slice]
 """Rows and columns of a view."""
 
@@ -100,35 +95,17 @@ def forget(
     odds: as they were when only pixels in boxes of some views, `changed`, were others' or were not; every:
     those of all ridges.  left: responses without the others'.
     """
-    side, reach = 2 * config.muffled_px + 1, max(FARTHEST_PX, config.muffled_px)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-
-    def one(n: int) -> None:
-        part, shape = pixels_of(views, n)
-        # What lies farther from the box is as it was, and what lies farther from that changes nothing in it.
-        tile = Tile(grown(changed[n], reach, shape), grown(changed[n], 2 * reach, shape))
-        here, hidden, remaining = (
-            flat[part].reshape(shape)[tile.outer] for flat in (every.ridge, others, left)
-        )
-        muffled = cv2.dilate(hidden.view(np.uint8), disc) > 0
-        away = distance_to(remaining >= config.min_response)
-        odds.ridge[part].reshape(shape)[tile.inner] = np.where(muffled, np.uint8(0), here)[tile.within]
-        odds.free[part].reshape(shape)[tile.inner] = away[tile.within]
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(one, changed))
+    rows = [(n, *(edge for side in box for edge in (side.start, side.stop))) for n, box in changed.items()]
+    share(
+        forget_in, odds.ridge, odds.free, every.ridge, left, others, config.min_response, config.muffled_px,
+        views.starts, views.sizes, np.array(rows, np.int64).reshape(-1, 5), of=len(rows),
+    )  # fmt: skip
 
 
 def distances(ridges: Bool[np.ndarray, " p"], views: Views) -> UInt8[np.ndarray, " p"]:
-    """From each pixel to the nearest ridge of its view, in quarters of a pixel; 255 at most."""
+    """From each pixel to the nearest ridge of its view, in quarters of a pixel; 255 where that is far."""
     out = np.empty(len(ridges), np.uint8)
-
-    def one(n: int) -> None:
-        part, shape = pixels_of(views, n)
-        out[part] = distance_to(ridges[part].reshape(shape)).ravel()
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(one, range(len(views.sizes))))
+    share(nearest_of_views, ridges, views.starts, views.sizes, out, of=len(views.sizes))
     return out
 
 
@@ -137,21 +114,6 @@ def pixels_of(views: Views, n: int) -> tuple[slice, tuple[int, int]]:
     w, h = (int(side) for side in views.sizes[n])
     start = int(views.starts[n])
     return slice(start, start + w * h), (h, w)
-
-
-def grown(box: Box, by_px: int, shape: tuple[int, int]) -> Box:
-    """A box with a margin, as far as the view goes."""
-    rows, columns = (
-        slice(max(0, side.start - by_px), min(size, side.stop + by_px))
-        for side, size in zip(box, shape, strict=True)
-    )
-    return rows, columns
-
-
-def distance_to(ridges: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """From each pixel of one view to its nearest ridge, in quarters of a pixel; 255 at most."""
-    distance = cv2.distanceTransform((~ridges).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    return (STEPS * np.minimum(distance, 255 / STEPS)).astype(np.uint8)
 
 
 @njit(cache=True, error_model="numpy")

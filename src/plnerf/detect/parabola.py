@@ -12,7 +12,8 @@ from typing import NamedTuple, no_type_check
 import numpy as np
 
 from plnerf.detect.line_ridges import turned
-from plnerf.detect.odds import STEPS, place_odds, shown_at
+from plnerf.detect.nearest import STEPS
+from plnerf.detect.odds import place_odds, shown_at
 from plnerf.detect.views import lenses_of, project_across, project_into_all
 from plnerf.ops.kernel_cache import njit
 from plnerf.ops.threads import share

@@ -8,17 +8,15 @@ from collections.abc import Sequence
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from plnerf.detect.candidate import Candidate
 from plnerf.detect.config import RefitConfig
 from plnerf.detect.line_ridges import LineRidges, turned
 from plnerf.detect.parabola import curve_point
+from plnerf.detect.refit_sums import design_matrix, left_by_views, rests, sums_of_views
 from plnerf.detect.views import Views, project_across, project_point
 from plnerf.ops.kernel_cache import njit
-
-LEAST_SPREAD = 1e-3
-"""Standard deviation of directions, in radians, below which views look from one place."""
 
 
 def refit(
@@ -36,68 +34,30 @@ def refit(
     Light from one side moves the ridges of all views, the more so the farther they look from the side, which
     no number of them averages out: the covariance says how far that may move the curve.
     """
-    s, turn_rad = np.linspace(0, 1, len(x)), np.radians(config.turn_deg)
+    count, turn_rad = len(views.R), np.radians(config.turn_deg)
     view_px, noise_px = config.view_px[-1], 0.0
     for window in config.windows_px:
         rows = observe(views, ridges, theta, x, window, min_response, config.end_on, turn_rad)
         if len(rows) < config.min_rows:
             return None
-        rows = rows[np.argsort(rows[:, 5], kind="stable")]
-        starts = np.flatnonzero(np.diff(rows[:, 5], prepend=-1))
-        counts = np.diff(starts, append=len(rows))
-        along = s[rows[:, 0].astype(np.int64)]
-        e, g_y, g_z = rows[:, 1], rows[:, 3], rows[:, 4]
-        hump = 4 * along * (1 - along)
-        columns = [g_y * (1 - along), g_y * along, g_z * (1 - along), g_z * along, -hump * g_z, hump * g_y]
-        # By theta (0 to 5) and light (6), by the view's shift and turn (7 and 8), and e itself (9).
-        J = np.stack([*columns, aside(rows), np.ones(len(e)), _within(along, starts, counts), e], 1)
+        view, e = rows[:, 5].astype(np.int64), rows[:, 1]
+        J = design_matrix(rows, count, len(x))
         weight = rows[:, 2] / (1 + (e / max(1.0, window / 3)) ** 2)  # Cauchy: the far ones are other lines'
         rms = float(np.sqrt((weight * e**2).sum() / weight.sum()))
         weight /= max(config.sigma_px, noise_px or rms) ** 2 * config.planes_alike
-        by_view = np.add.reduceat(J[:, :, None] * (J * weight[:, None])[:, None], starts)
-        # What a view says of theta is what its own shift and turn leave of it (a Schur complement).
-        own = by_view[:, 7:9, 7:9] + np.eye(2) / view_px**2
-        left = by_view[:, :6] - by_view[:, :6, 7:9] @ np.linalg.solve(own, by_view[:, 7:9])
+        sums = sums_of_views(J, weight, view, count)
+        left = left_by_views(sums, view_px)
         calm = 1 / (config.swing_rad * max(abs(theta[4]), config.prior**2)) ** 2
-        information = left[:, :, :6].sum(0) + np.diag([config.prior**-2.0] * 5 + [calm])
-        step = np.linalg.solve(information, left[:, :, 9].sum(0) - np.eye(6)[5] * calm * theta[5])
+        information = left[:, :6] + np.diag([config.prior**-2.0] * 5 + [calm])
+        step = np.linalg.solve(information, left[:, 9] - np.eye(6)[5] * calm * theta[5])
         theta = theta + step
-        moved = by_view[:, 7:9, 9] - by_view[:, 7:9, :6] @ step
-        of_view = np.linalg.solve(own, moved[:, :, None])[:, :, 0]
-        rest = e - J[:, :6] @ step - (J[:, 7:9] * np.repeat(of_view, counts, 0)).sum(1)
+        moved = sums[:, 7:9, 9] - sums[:, 7:9, :6] @ step
+        rest = rests(J, view, moved, sums, step, view_px)
         noise_px = float(np.sqrt((weight * rest**2).sum() / weight.sum()))
-        view_px = likeliest(by_view[:, 7:9, 7:9], moved, config.view_px)
-    by_light = config.bias_px * np.linalg.solve(information, left[:, :, 6].sum(0))
+        view_px = likeliest(sums[:, 7:9, 7:9], moved, config.view_px)
+    by_light = config.bias_px * np.linalg.solve(information, left[:, 6])
     covariance = np.linalg.inv(information) + np.outer(by_light, by_light)
-    return Candidate(theta, covariance, rms, images=len(starts))
-
-
-def _within(
-    along: Float[np.ndarray, " m"], starts: Int[np.ndarray, " v"], counts: Int[np.ndarray, " v"]
-) -> Float[np.ndarray, " m"]:
-    """Where each row lies in the stretch that its view shows, from -1 to 1."""
-    low, high = np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
-    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
-    return (along - np.repeat(middle, counts)) / np.repeat(half, counts)
-
-
-def aside(rows: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, " m"]:
-    """How far from the side each row's view looks, in standard deviations of those that show the place.
-
-    Of rows as `observe` gives them: each holds the normal of the plane through its camera and the line.  The
-    side is where they fix the line least: what moves ridges in proportion to this looks as if the line lay
-    nearer or farther, the more so the less the directions differ from which views look.
-    """
-    plane = rows[:, 0].astype(np.int64)
-    n_y, n_z = rows[:, 3:5].T / np.linalg.norm(rows[:, 3:5], axis=1)
-    count = np.maximum(np.bincount(plane), 1)
-    yy, yz, zz = (np.bincount(plane, a * b) / count for a, b in ((n_y, n_y), (n_y, n_z), (n_z, n_z)))
-    # The eigenvector of the least eigenvalue of [[yy, yz], [yz, zz]] is at right angles to the largest one's.
-    angle = np.arctan2(2 * yz, yy - zz) / 2 + np.pi / 2
-    least = (yy + zz) / 2 - np.hypot((yy - zz) / 2, yz)
-    angle -= np.pi * np.round((angle - np.arctan2(2 * yz.sum(), (yy - zz).sum()) / 2 - np.pi / 2) / np.pi)
-    spread = np.sqrt(np.maximum(least, LEAST_SPREAD**2))
-    return (n_y * np.cos(angle)[plane] + n_z * np.sin(angle)[plane]) / spread[plane]
+    return Candidate(theta, covariance, rms, images=len(np.unique(view)))
 
 
 def likeliest(

@@ -14,6 +14,7 @@ from plnerf.detect.candidate import Candidate, hangs
 from plnerf.detect.chains import Chains, chains_of
 from plnerf.detect.claims import Claims, pixels_along
 from plnerf.detect.config import DetectConfig
+from plnerf.detect.distinct import distinct_ones
 from plnerf.detect.line_ridges import LineRidges
 from plnerf.detect.meets import curves_where_chains_meet
 from plnerf.detect.odds import Odds, odds_of
@@ -109,15 +110,8 @@ class Search:
         total, first, last = self.rated(curves)
         order = np.argsort(-total, kind="stable")
         order = order[total[order] > 0]
-        s = first + np.array([[0.0], [0.5], [1.0]]) * (last - first)
-        kept: list[int] = []
-        for c in order:
-            here = np.stack(curve_points(curves[c], s[:, c]))
-            there = np.stack(curve_points(curves[kept].T[:, :, None], s[:, c]))
-            if not (np.abs(there - here[:, None]).max((0, 2)) < search.apart).any():
-                kept.append(int(c))
-                if len(kept) == search.most_pending:
-                    break
+        curves = curves[order]
+        kept = distinct_ones(curves, first[order], last[order], search.apart, search.most_pending)
         return curves[kept]
 
     def alike(

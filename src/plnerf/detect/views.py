@@ -145,8 +145,10 @@ def project_across(views, n, point, on):
     `on` is a little further on the curve; depth -1 where one of the two is not in the image.
     """
     u, v, depth = project_point(views, n, point[0], point[1], point[2])
+    if depth < 0:
+        return 0.0, 0.0, -1.0, 0.0, 0.0, 0.0
     u_on, v_on, depth_on = project_point(views, n, on[0], on[1], on[2])
-    if depth < 0 or depth_on < 0:
+    if depth_on < 0:
         return 0.0, 0.0, -1.0, 0.0, 0.0, 0.0
     length = max(np.hypot(u_on - u, v_on - v), 1e-12)
     return u, v, depth, -(v_on - v) / length, (u_on - u) / length, length
