@@ -6,6 +6,7 @@ Some of them sag between two structures as the wires above them do: images alone
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool
 from scipy.spatial import cKDTree
 
 from plnerf.findings import Finding, note
@@ -19,16 +20,16 @@ STEP_M = 1.0
 
 
 def without_grounded(
-    wires: Sequence[Wire], surface: Surface, config: ClassifyConfig
+    wires: Sequence[Wire], surface: Surface, unsure: Bool[np.ndarray, " n"], config: ClassifyConfig
 ) -> tuple[list[Wire], tuple[Finding, ...]]:
     """The wires without those of which half or more runs less than `grounded_m` above ground that is seen
     beside it; with a finding where any is left out.
 
-    Points on the curves are no ground here: where nothing else is seen they would be the lowest, as the arms
-    of a tower are in the air, beside the end of a wire.
+    Points on the curves are no ground here, nor are those that may be on others, `unsure`: where nothing
+    else is seen they would be the lowest, as the arms of a tower are in the air, beside the end of a wire.
     """
     nearest, _ = on_wires(surface, wires, config.on_wires)
-    free = nearest == NONE
+    free = (nearest == NONE) & ~unsure
     ground = ground_of(surface, (), ~free, config) if free.any() else None
     if ground is None:
         return list(wires), ()

@@ -44,3 +44,9 @@ def on_wires(
             )
             doubtful[some[np.isfinite(apart)]] = True
     return wire, doubtful
+
+
+def may_be_on(surface: Surface, wires: Sequence[Wire], config: OnWiresConfig) -> Bool[np.ndarray, " n"]:
+    """The points that lie on one of some wires, or may."""
+    nearest, doubtful = on_wires(surface, wires, config)
+    return (nearest != NONE) | doubtful

@@ -49,6 +49,7 @@ from plnerf.survey.like_strings import with_like_strings
 from plnerf.survey.marked_photos import pictures_of
 from plnerf.survey.names import with_names
 from plnerf.survey.no_wires import why_none
+from plnerf.survey.on_wires import may_be_on
 from plnerf.survey.part import Part, numbered_part, own_points
 from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.rules import judge_rules, maps_near
@@ -182,8 +183,10 @@ def _of_images(
     wires = [wire for wire in found if wire.evidence.certain]
     sights: list[Sight] = []
     surface, findings = stereo_surface(photos, wires, field, config.stereo, parts[0], sights.append)
+    unsure = [wire for wire in found if not wire.evidence.certain]
+    in_air = may_be_on(surface, unsure, config.classify.on_wires)
     if photos.frame.unit == "m":
-        wires, grounded = without_grounded(wires, surface, config.classify)
+        wires, grounded = without_grounded(wires, surface, in_air, config.classify)
         findings = (*findings, *grounded)
     progress, unshown, arms = parts[1], 0, 0
     while True:
@@ -213,7 +216,7 @@ def _of_images(
         surface, sights = inflate_sigma(surface, sights, residual_px, config.stereo)
         findings = (*findings, _loose(residual_px))
     classify = config.classify if photos.frame.unit == "m" else replace(config.classify, clear_beside_m=0.0)
-    ground = ground_of(surface, wires_of(hung), supports.points, classify)
+    ground = ground_of(surface, wires_of(hung), supports.points | in_air, classify)
     lines = lines_of(hung, supports, standing_on(ground, supports.seen))
     lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
     lines = with_like_strings(with_tension_strings(lines, photos, config.strings), config.strings)
@@ -232,7 +235,6 @@ def _of_images(
         lines, cloud, as_detected = numbered_part(part, photos.frame, lines, cloud, as_detected)
         every = [wire for line in lines for wire in line.wires]
     if not every:
-        unsure = [wire for wire in found if not wire.evidence.certain]
         findings = (why_none(unsure, photos, surface, config.refine.diameter_m), *findings)
     survey = Survey(
         photos.frame, lines, cloud, source, made, findings=(*_about(found, lines), *findings, *more),
