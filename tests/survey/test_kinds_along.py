@@ -28,8 +28,7 @@ def flatter(line: Line, spans: tuple[int, ...]) -> Line:
 
 
 def kinds_of(line: Line, **settings: float) -> list[list[str]]:
-    counts = {wire.id: 300 for wire in line.wires}
-    (named,) = with_kinds([line], counts, replace(KindsConfig(), **settings))
+    (named,) = with_kinds([line], replace(KindsConfig(), **settings))
     return [[wire.kind for wire in span.wires] for span in named.spans]
 
 
@@ -86,5 +85,15 @@ def test_wires_that_run_against_each_other_and_shorter_ones_are_compared_at_one_
     assert kinds(part, [120, 300, 300, 300]) == ["phase"] * 3 + ["shield"]
 
 
+def test_how_many_images_show_a_wire_says_nothing_of_its_kind() -> None:
+    seen_less = replace(UNKNOWN.spans[0].wires[3].evidence, count=3)
+    spans = tuple(
+        replace(span, wires=(*span.wires[:3], replace(span.wires[3], evidence=seen_less)))
+        for span in UNKNOWN.spans
+    )
+    assert kinds_of(replace(UNKNOWN, spans=spans)) == [["phase"] * 4] * 3
+    assert kinds(spans[0].wires, [300, 300, 300, 3]) == ["phase"] * 3 + ["shield"]  # of a laser's points
+
+
 def test_no_spans_have_no_kinds() -> None:
-    assert same_along([]) == [] and with_kinds([], {}) == ()
+    assert same_along([]) == [] and with_kinds([]) == ()

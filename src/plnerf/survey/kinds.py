@@ -2,7 +2,8 @@
 
 The wires within `level_m` of the highest are shields if they are one or two, hang alone (no bundles), have
 three wires or more at least `below_m` beneath them, and differ from those as shields do: the others are
-bundles, or they sag less, or they are so thin that they have fewer points.
+bundles, or they sag less, or they are so thin that a laser has fewer points on them.  How many images show a
+wire says nothing of it: the highest ones are those that images cut off.
 
 A wire is no phase either if it hangs alone below three phases on one crossarm: the neutral if it is the next
 one below, a communication cable if it is further down.  A vertical or a triangular circuit, and one of fewer
@@ -12,7 +13,7 @@ Along a line a wire stays what it is: those that go on in the next span, held by
 same place across the line, have one kind.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 
@@ -30,18 +31,13 @@ PHASES = 3
 """Of a circuit."""
 
 
-def with_kinds(
-    lines: Sequence[Line], counts: Mapping[int, int], config: KindsConfig = KindsConfig()
-) -> tuple[Line, ...]:
-    """The lines with the kinds of their wires, the same in all spans of a line through which a wire goes.
-
-    counts: the points of each wire, by its id, or whatever tells how well each is seen.
-    """
+def with_kinds(lines: Sequence[Line], config: KindsConfig = KindsConfig()) -> tuple[Line, ...]:
+    """The lines of images with the kinds of their wires, the same in all spans through which a wire goes."""
     made = []
     for line in lines:
         alone = []
         for span in line.spans:
-            names = kinds(span.wires, [counts[wire.id] for wire in span.wires], config)
+            names = kinds(span.wires, None, config)
             alone.append([replace(wire, kind=kind) for wire, kind in zip(span.wires, names, strict=True)])
         same = same_along(alone, config)
         spans = tuple(replace(span, wires=tuple(wires)) for span, wires in zip(line.spans, same, strict=True))
@@ -49,8 +45,10 @@ def with_kinds(
     return tuple(made)
 
 
-def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = KindsConfig()) -> list[Kind]:
-    """The kind of each wire of one span, by its curve and its number of points.
+def kinds(
+    wires: Sequence[Wire], counts: Sequence[int] | None, config: KindsConfig = KindsConfig()
+) -> list[Kind]:
+    """The kind of each wire of one span, by its curve and its number of a laser's points, if there are any.
 
     The sag between what is seen of the ends serves to compare wires of one span, attached or not.
     Letters: h height of a wire where all of them are compared.
@@ -71,7 +69,7 @@ def kinds(wires: Sequence[Wire], counts: Sequence[int], config: KindsConfig = Ki
     hang = np.array([
         8 * wire.drop_between(0.0, length) / length**2 for wire, length in zip(wires, L, strict=True)
     ])  # fmt: skip
-    dense = np.array(counts) / L
+    dense = np.ones(len(wires)) if counts is None else np.array(counts) / L
     bundled = members[top].max() == 1 and np.median(members[below]) > 1
     flatter = np.median(hang[top]) < config.flatter * np.median(hang[below])
     thinner = np.median(dense[top]) < config.thinner * np.median(dense[below])

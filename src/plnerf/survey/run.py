@@ -64,7 +64,7 @@ from plnerf.survey.tension_strings import with_possible_strings, with_tension_st
 from plnerf.survey.thresholds import check_altitude
 from plnerf.survey.unseen_air import with_air_seen
 from plnerf.survey.unseen_ground import without_unseen_ground
-from plnerf.survey.wire_evidence import counts, with_evidence
+from plnerf.survey.wire_evidence import with_evidence
 from plnerf.survey.wire_points import wire_points
 from plnerf.train.run import TrainedRun
 from plnerf.train.settings import to_json
@@ -218,7 +218,7 @@ def _of_images(
     classify = config.classify if photos.frame.unit == "m" else replace(config.classify, clear_beside_m=0.0)
     ground = ground_of(surface, wires_of(hung), supports.points | in_air, classify)
     lines = lines_of(hung, supports, standing_on(ground, supports.seen))
-    lines = with_kinds(lines, counts(wires_of(hung), points, config.evidence), config.kinds)
+    lines = with_kinds(lines, config.kinds)
     lines = with_like_strings(with_tension_strings(lines, photos, config.strings), config.strings)
     every = [wire for line in lines for wire in line.wires]
     as_detected = tuple(

@@ -18,13 +18,6 @@ def with_evidence(wires: Sequence[Wire], points: WirePoints | None, config: Wire
     return [by_points(wire, points.xyz, config) for wire in wires]
 
 
-def counts(wires: Sequence[Wire], points: WirePoints | None, config: WireEvidenceConfig) -> dict[int, int]:
-    """How well each wire is seen, by its id: points on it, or images that show it."""
-    if points is None:
-        return {wire.id: wire.evidence.count for wire in wires}
-    return {wire.id: int(points_on(wire, points.xyz, config.near_m).sum()) for wire in wires}
-
-
 def by_images(wire: Wire) -> Wire:
     """With the coverage of the stretches that images show (`evidence.seen_m`)."""
     length, seen = wire.base.length_m, wire.evidence.seen_m or ()
