@@ -22,7 +22,7 @@ from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfi
 from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.judge import systematic
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
-from plnerf.survey.refine.projection import MOVES, Projection, crossings, project_wire
+from plnerf.survey.refine.projection import MOVES, Projection, crossings, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
 
 PIXEL = 0.45 / FOCAL
@@ -128,19 +128,20 @@ def test_pose_residuals_are_learnt_and_do_not_reach_the_wires(tmp_path: Path) ->
 def test_pose_residuals_turn_and_move_what_is_seen() -> None:
     """By what a camera that turns, or moves, sees of the same wire; mu and mv are of a pixel at `usual`."""
     camera, s, usual, small = doubled(two_passes(8)[[3]]), np.linspace(0.6, 1.0, 7), 0.5, 1e-4
-    seen = project_wire(camera, BASE, WIRES[0].theta, s, STILL, usual, END_ON)
+    places = places_along(BASE, WIRES[0].theta, s)
+    seen = project_wire(camera, places, STILL, usual, END_ON)
     assert seen.good.all()
     for k, unit in enumerate(np.eye(MOVES) * small):
-        moved = project_wire(camera, BASE, WIRES[0].theta, s, unit, usual, END_ON)
+        moved = project_wire(camera, places, unit, usual, END_ON)
         across = ((moved.pixel - seen.pixel) * seen.normal).sum(1)
         np.testing.assert_allclose(across, small * seen.by_pose[:, k], atol=1e-12)
     R, focal = camera.R_scene_camera[0].numpy(), float(camera.focal_px[0, 0])
     # What is seen moves against the camera, and outwards where it comes nearer.
     for axis, sign in enumerate((-1.0, -1.0, 1.0)):
         there = replace(camera, centre=camera.centre + torch.from_numpy(small * R[:, axis]))
-        shift = project_wire(there, BASE, WIRES[0].theta, s, STILL, usual, END_ON).pixel - seen.pixel
+        shift = project_wire(there, places, STILL, usual, END_ON).pixel - seen.pixel
         residual = sign * focal * small / usual * np.eye(MOVES)[3 + axis]
-        told = project_wire(camera, BASE, WIRES[0].theta, s, residual, usual, END_ON).pixel - seen.pixel
+        told = project_wire(camera, places, residual, usual, END_ON).pixel - seen.pixel
         np.testing.assert_allclose(told, shift, atol=2e-3 * np.abs(shift).max())
 
 
@@ -294,9 +295,11 @@ def test_a_moved_wire_is_measured_by_the_profile() -> None:
         for n in range(len(cameras)):
             camera = doubled(cameras[[n]])
             grey = cv2.cvtColor(pictures[n], cv2.COLOR_RGB2GRAY).astype(np.float32)
-            others = [project_wire(camera, BASE, wire.theta, s, STILL, 1.0, END_ON) for wire in WIRES[1:]]
             theta = WIRES[0].theta + np.array([away, away, 0, 0, 0, 0]) * PIXEL
-            moved = project_wire(camera, BASE, theta, s, STILL, 1.0, END_ON)
+            moved, *others = (
+                project_wire(camera, places_along(BASE, one, s), STILL, 1.0, END_ON)
+                for one in (theta, *(wire.theta for wire in WIRES[1:]))
+            )
             one = measure_profiles(grey, None, moved, others, 0.6, CONFIG.diameter_m, ProfileConfig())
             clear = np.abs(one.A) > 5 * np.sqrt(one.variance_A)
             if clear.sum() > 30:
@@ -356,7 +359,7 @@ def test_diameters_are_learnt_where_wires_are_wider_than_their_blur() -> None:
     seen, grey = [], []
     for wire, diameter in zip(WIRES[:2], true.tolist(), strict=True):
         picture = draw_lit(two_passes(8)[[3]], [polyline(wire)], diameter, np.zeros(3))[0]
-        seen.append(project_wire(camera, BASE, wire.theta, s, STILL, 1.0, END_ON))
+        seen.append(project_wire(camera, places_along(BASE, wire.theta, s), STILL, 1.0, END_ON))
         grey.append(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32))
     config = replace(CONFIG, diameter_m=5.5 * PIXEL)
     learnt, blur_px = (config.diameter_m, config.diameter_m), config.blur_px

@@ -17,7 +17,7 @@ from plnerf.survey.posed_photos import photos_of
 from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
-from plnerf.survey.refine.projection import MOVES, project_wire
+from plnerf.survey.refine.projection import MOVES, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
 from plnerf.survey.refine.twins import Twins
 
@@ -126,7 +126,8 @@ class Trial:
     def profile(self, state: State, k: int, w: int) -> ProfileMeasurements:
         """What the profiles of a wire in an image would say, where a state has it."""
         s = np.linspace(0, self.base.length_m, self.noise.shape[2])
-        seen = project_wire(self.cameras[[k]], self.base, state.theta[w], s, state.pose[k], 6.0, 0.15)
+        places = places_along(self.base, state.theta[w], s)
+        seen = project_wire(self.cameras[[k]], places, state.pose[k], 6.0, 0.15)
         good, L, A = seen.good, self.base.length_m, 40.0
         by_yz, by_pose, config = seen.by_yz[good], seen.by_pose[good], AdjustConfig()
         off = curve_at(self.theta[w], L, s[good]) - curve_at(state.theta[w], L, s[good])

@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float
 from plnerf.line.wire import Wire
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.refine.projection import MOVES, project_wire
+from plnerf.survey.refine.projection import MOVES, places_along, project_wire
 
 End = tuple[Wire, int]
 """A wire, and which of its ends."""
@@ -130,7 +130,8 @@ def _measure(
     config: TensionStringConfig,
 ) -> Float[np.ndarray, "2 k"]:
     """q and p at places along a wire in one image; NaN where it does not show them well."""
-    seen = project_wire(photos.cameras[[i]], wire.base, wire.theta, s, np.zeros(MOVES), 1.0, config.end_on)
+    places = places_along(wire.base, wire.theta, s)
+    seen = project_wire(photos.cameras[[i]], places, np.zeros(MOVES), 1.0, config.end_on)
     by_m = np.linalg.norm(seen.by_yz, axis=1)
     d = np.arange(-config.far_m[1], config.far_m[1] + config.sample_m / 2, config.sample_m)
     pixel = seen.pixel[:, None] + (d * by_m[:, None])[..., None] * seen.normal[:, None]

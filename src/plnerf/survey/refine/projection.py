@@ -6,15 +6,16 @@ LineFrame.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, no_type_check
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from plnerf.line.base import Base
 from plnerf.line.curve import curve_at
-from plnerf.scene.cameras import Cameras, project
+from plnerf.ops.kernel_cache import INNER, njit
+from plnerf.scene.cameras import Cameras
 
 MOVES = 6
 """Numbers of an image's pose residual."""
@@ -43,41 +44,87 @@ class Projection:
     """Within the image and not seen end-on, too."""
 
 
-def project_wire(
-    camera: Cameras,
-    base: Base,
-    theta: Float[np.ndarray, "6"],
-    s: Float[np.ndarray, " k"],
-    pose_residual: Float[np.ndarray, "6"],
-    usual_m: float,
-    end_on: float,
-) -> Projection:
-    """Projects a wire.  camera: one, in float64.  pose_residual: of its image; usual_m: distance, see
-    `Projection.by_pose`."""
+class Places(NamedTuple):
+    """Points of a wire and what is a step beside each, the same for all cameras."""
+
+    s: Float[np.ndarray, " k"]
+    """Along the wire's base."""
+    points: Float[np.ndarray, "4 k 3"]
+    """On the wire; a step on along it; a step to y, and to z."""
+    step: float
+
+
+def places_along(base: Base, theta: Float[np.ndarray, "6"], s: Float[np.ndarray, " k"]) -> Places:
+    """A wire's points at s."""
     L = base.length_m
     step = 1e-4 * L
     here = curve_at(theta, L, s)
-    places = [base.place(s, here), base.place(s + step, curve_at(theta, L, s + step))]
-    places += [base.place(s, here + step * axis) for axis in np.eye(2)]
-    pixels, depths = project(camera, torch.from_numpy(np.concatenate(places)))
-    (pixel, on, y_px, z_px), depth = np.split(pixels[0].numpy(), 4), depths[0].numpy().reshape(4, -1)
-    front = np.asarray((depth > 1e-6).all(0))
-    length = np.linalg.norm(on - pixel, axis=1)
-    tangent = (on - pixel) / np.maximum(length, 1e-12)[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
-    by_yz = np.stack([((to - pixel) * normal).sum(1) / step for to in (y_px, z_px)], 1)
-    focal = float(camera.focal_px[0, 0])
-    u = (pixel - camera.principal_px[0].numpy()) / focal
-    turn = np.stack([-u[:, 1], u[:, 0]], 1)
-    nearness = (usual_m / np.where(front, depth[0], np.inf))[:, None]
-    pixel = pixel + pose_residual[:2] + pose_residual[2] * turn
-    pixel += nearness * (pose_residual[3:5] + pose_residual[5] * u)
-    inside = ((pixel > 0) & (pixel < camera.size_px[0].numpy())).all(1)
-    square_on = focal * step / np.where(front, depth[0], 1.0)
-    rolled, outwards = ((normal * by).sum(1, keepdims=True) for by in (turn, u))
-    by_pose = np.concatenate([normal, rolled, normal * nearness, outwards * nearness], 1)
-    good = front & inside & (length > end_on * square_on)
-    return Projection(s, pixel, tangent, normal, by_yz, by_pose, front, good)
+    on = base.place(s + step, curve_at(theta, L, s + step))
+    beside = [base.place(s, here + step * axis) for axis in np.eye(2)]
+    return Places(s, np.stack([base.place(s, here), on, *beside]), step)
+
+
+def project_wire(
+    camera: Cameras, places: Places, pose_residual: Float[np.ndarray, "6"], usual_m: float, end_on: float
+) -> Projection:
+    """Projects a wire.  camera: one, in float64.  pose_residual: of its image; usual_m: distance, see
+    `Projection.by_pose`; end_on: sine of the angle to the line of sight below which a place is not good."""
+    k = len(places.s)
+    pixel, tangent, normal, by_yz = (np.empty((k, 2)) for _ in range(4))
+    by_pose, front, good = np.empty((k, 6)), np.empty(k, np.bool_), np.empty(k, np.bool_)
+    lens = (camera.R_scene_camera, camera.centre, camera.focal_px, camera.principal_px, camera.distortion)
+    _project(
+        places.points, places.step, *(part[0].numpy() for part in (*lens, camera.size_px)), pose_residual,
+        usual_m, end_on, pixel, tangent, normal, by_yz, by_pose, front, good,
+    )  # fmt: skip
+    return Projection(places.s, pixel, tangent, normal, by_yz, by_pose, front, good)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _project(  # noqa: PLR0913 (a camera's and a projection's arrays, one by one)
+    points, step, R, centre, focal, principal, distortion, size, pose, usual_m, end_on,
+    pixel, tangent, normal, by_yz, by_pose, front, good,
+):  # fmt: skip
+    """Into the arrays of a `Projection`.  points, step: of `Places`; R to size: of a camera."""
+    for k in range(points.shape[1]):
+        x, y, depth = _seen(points[0, k], R, centre, focal, principal, distortion)
+        x_on, y_on, depth_on = _seen(points[1, k], R, centre, focal, principal, distortion)
+        x_y, y_y, depth_y = _seen(points[2, k], R, centre, focal, principal, distortion)
+        x_z, y_z, depth_z = _seen(points[3, k], R, centre, focal, principal, distortion)
+        front[k] = min(depth, depth_on, depth_y, depth_z) > 1e-6
+        length = np.hypot(x_on - x, y_on - y)
+        t_x, t_y = (x_on - x) / max(length, 1e-12), (y_on - y) / max(length, 1e-12)
+        n_x, n_y = -t_y, t_x
+        tangent[k, 0], tangent[k, 1], normal[k, 0], normal[k, 1] = t_x, t_y, n_x, n_y
+        by_yz[k, 0] = ((x_y - x) * n_x + (y_y - y) * n_y) / step
+        by_yz[k, 1] = ((x_z - x) * n_x + (y_z - y) * n_y) / step
+        u, v = (x - principal[0]) / focal[0], (y - principal[1]) / focal[0]
+        near = usual_m / depth if front[k] else 0.0
+        x += pose[0] - pose[2] * v + near * (pose[3] + pose[5] * u)
+        y += pose[1] + pose[2] * u + near * (pose[4] + pose[5] * v)
+        pixel[k, 0], pixel[k, 1] = x, y
+        by_pose[k, 0], by_pose[k, 1], by_pose[k, 2] = n_x, n_y, n_y * u - n_x * v
+        by_pose[k, 3], by_pose[k, 4], by_pose[k, 5] = n_x * near, n_y * near, (n_x * u + n_y * v) * near
+        square_on = focal[0] * step / (depth if front[k] else 1.0)
+        inside = 0 < x < size[0] and 0 < y < size[1]
+        good[k] = front[k] and inside and length > end_on * square_on
+
+
+@njit(cache=True, error_model="numpy", **INNER)
+@no_type_check
+def _seen(point, R, centre, focal, principal, distortion):
+    """Pixel and depth of a point, as `scene.cameras.project` has them."""
+    d0, d1, d2 = point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]
+    depth = R[0, 2] * d0 + R[1, 2] * d1 + R[2, 2] * d2
+    x = (R[0, 0] * d0 + R[1, 0] * d1 + R[2, 0] * d2) / depth
+    y = (R[0, 1] * d0 + R[1, 1] * d1 + R[2, 1] * d2) / depth
+    k1, k2, p1, p2, k3 = distortion
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    column = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    row = y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+    return column * focal[0] + principal[0], row * focal[1] + principal[1], depth
 
 
 def crossings(

@@ -9,6 +9,7 @@ motion.
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -24,7 +25,7 @@ from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.judge import believed, between, on_stretches, pose_residual_px, stretches_seen
 from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
-from plnerf.survey.refine.projection import MOVES, Projection, project_wire
+from plnerf.survey.refine.projection import MOVES, Places, Projection, places_along, project_wire
 from plnerf.survey.refine.twins import twins_of
 
 Widths = tuple[tuple[float, ...], float]
@@ -77,8 +78,8 @@ def refine_wires(
     state = State(before, np.zeros((N, MOVES)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
     metres = photos.frame.unit == "m"
-    places = np.array([wire.at(s) for wire in started])
-    twins = twins_of(wires, base, places, config.twin_m) if metres else ()
+    at = np.array([wire.at(s) for wire in started])
+    twins = twins_of(wires, base, at, config.twin_m) if metres else ()
     prior = Prior(before, trust, np.full(MOVES, config.pose_sd_px), twins)
     usual_m = _usual_distance(photos, started, s)
     diameters, blur_px = widths or (_first_diameters(cameras, base, before, s, config), config.blur_px)
@@ -86,20 +87,20 @@ def refine_wires(
     found: list[list[ProfileMeasurements]] = []
     report = progress or (lambda done, of: None)
 
-    def project(n: int, state: State, s: Float[np.ndarray, " k"]) -> list[Projection]:
+    def project(n: int, state: State, places: list[Places]) -> list[Projection]:
         end_on = config.profile.end_on
-        return [project_wire(cameras[n], base, one, s, state.pose[n], usual_m, end_on) for one in state.theta]
+        return [project_wire(cameras[n], one, state.pose[n], usual_m, end_on) for one in places]
+
+    def measure(
+        state: State, places: list[Places], blur: float, across: tuple[float, ...], n: int
+    ) -> list[ProfileMeasurements]:
+        return _of_image(photos, views[n], project(n, state, places), blur, across, config)
 
     for k in range(config.most_rounds):
         blur = blur_px if k else first_blur_px
-
-        def measure(
-            n: int, state: State = state, blur: float = blur, across: tuple[float, ...] = diameters
-        ) -> list[ProfileMeasurements]:
-            return _of_image(photos, views[n], project(n, state, s), blur, across, config)
-
+        places = [places_along(base, one, s) for one in state.theta]
         with ThreadPoolExecutor() as pool:
-            found = list(pool.map(measure, range(N)))
+            found = list(pool.map(partial(measure, state, places, blur, diameters), range(N)))
         step = adjust(base, state, prior, found, config.adjust)
         if k:
             diameters, blur_px = likelier_widths(diameters, blur_px, found, config)
@@ -113,7 +114,7 @@ def refine_wires(
     step = replace(step, state=state)
     seen = [stretches_seen(step, w, base.length_m, config) for w in range(W)]
     sure = adjust(base, state, prior, on_stretches(seen, found), config.adjust)
-    few = s[:: config.beside_every]
+    few = [places_along(base, one, s[:: config.beside_every]) for one in state.theta]
     more = stands_out(photos, lambda n: project(n, state, few), diameters, blur_px, config)
     judged = [
         believed(wire, prior, (step, sure), w, found, seen[w], float(more[w]), config)
@@ -156,7 +157,8 @@ def _first_diameters(
     """The assumed diameter of wires that are wide by it in most images, and a share of it of others."""
     still, first = np.zeros(MOVES), []
     for one in theta:
-        seen = [project_wire(camera, base, one, s, still, 1.0, config.profile.end_on) for camera in cameras]
+        places = places_along(base, one, s)
+        seen = [project_wire(camera, places, still, 1.0, config.profile.end_on) for camera in cameras]
         px_per_m = np.concatenate([np.linalg.norm(view.by_yz, axis=1)[view.good] for view in seen])
         wide = len(px_per_m) > 0 and config.diameter_m * float(np.median(px_per_m)) >= config.thin_px
         first.append(config.diameter_m * (1.0 if wide else config.thin_share))
