@@ -24,6 +24,7 @@ from scipy.special import ndtr
 
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import ProfileConfig
+from plnerf.survey.refine.profile_fits import least_squares
 from plnerf.survey.refine.projection import Projection, crossings
 
 
@@ -110,7 +111,7 @@ def measure_profiles(
     *shapes, wider, blurred = _bar(d, width, blur_px)
     columns = _columns(d, shapes, tau[good], near[good])
     step_px = d[:, 1] - d[:, 0]
-    fit = _least_squares(profile.astype(np.float64), columns, wider, blurred, step_px, config.quantum)
+    fit = least_squares(profile.astype(np.float64), columns, wider, blurred, step_px, config.quantum)
     # What B is, given C: C is the slope in grey levels times the width, for K and S are of integral 1.
     kappa = fit.variance[:, 1, 2] / (fit.variance[:, 2, 2] + (config.uneven_grey * width) ** 2)
     return ProfileMeasurements(
@@ -152,42 +153,3 @@ def _kernel(x: Float[np.ndarray, "k n"], tau: Float[np.ndarray, " k"]) -> list[F
     share = np.clip(x / tau[:, None], -30, 30)
     K = np.exp(-(share**2) / 2) / (np.sqrt(2 * np.pi) * tau[:, None])
     return [K, -share / tau[:, None] * K]
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Least-squares fit of k profiles."""
-
-    of: Float[np.ndarray, "k 3"]
-    """A, B and C."""
-    variance: Float[np.ndarray, "k 3 3"]
-    wider: Float[np.ndarray, " k"]
-    wider_by_blur: Float[np.ndarray, " k"]
-    variance_wider: Float[np.ndarray, " k"]
-
-
-def _least_squares(
-    profile: Float[np.ndarray, "k n"],
-    columns: Float[np.ndarray, "k n c"],
-    wider: Float[np.ndarray, "k n"],
-    blurred: Float[np.ndarray, "k n"],
-    step_px: Float[np.ndarray, " k"],
-    quantum: float,
-) -> _Fit:
-    """The first three coefficients of each profile; that of `wider` beside all columns, and in `blurred`."""
-    normal = np.einsum("knc,kne->kce", columns, columns, optimize=True)
-    normal += 1e-6 * np.eye(normal.shape[1])  # columns of nothing get nothing
-    inverse = np.linalg.inv(normal)
-    by = np.einsum("kce,kne->kcn", inverse, columns, optimize=True)
-    fit = np.einsum("kcn,kn->kc", by, profile)
-    left = profile - np.einsum("knc,kc->kn", columns, fit)
-    # Neighbours half a pixel apart share their noise: a pixel's counts once.
-    freedom = profile.shape[1] * step_px - 5
-    noise = ((left**2).sum(1) / freedom * step_px + quantum) / step_px
-    # What all columns leave of `wider` (Frisch, Waugh and Lovell).
-    alone = wider - np.einsum("knc,kcn->kn", columns, np.einsum("kcm,km->kc", by, wider)[:, :, None])
-    strength = (alone**2).sum(1) + 1e-6
-    return _Fit(
-        fit[:, :3], noise[:, None, None] * inverse[:, :3, :3],
-        (alone * left).sum(1) / strength, (alone * blurred).sum(1) / strength, noise / strength,
-    )  # fmt: skip

@@ -10,7 +10,6 @@ from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
 
 from plnerf.line.base import Base
 from plnerf.line.curve import curve_at
@@ -136,38 +135,51 @@ def crossings(
     0 stands for a wire that runs along the normal (the sine of their angle below `least_sine`), so that it is
     nowhere in particular.
     """
-    rows = [np.full(len(seen.s), np.nan)] * most
-    if seen.good.any():
-        low, high = seen.pixel[seen.good].min(0) - within_px, seen.pixel[seen.good].max(0) + within_px
-        for other in others:
-            # A sample beyond the edge on either side, so that no crossing is lost at it.
-            near = other.front & ((other.pixel > low) & (other.pixel < high)).all(1)
-            near = np.convolve(near, np.ones(3), "same")[: len(near)].astype(bool) & other.front
-            if near.any():
-                rows.append(
-                    _crossing(seen, other.pixel[near], other.tangent[near], within_px, least_sine)
-                )
-    apart = np.stack(rows, 1)
+    if not seen.good.any():
+        return np.full((len(seen.s), most), np.nan)
+    low, high = seen.pixel[seen.good].min(0) - within_px, seen.pixel[seen.good].max(0) + within_px
+    apart = np.full((len(seen.s), len(others) + most), np.nan)
+    for k, other in enumerate(others):
+        _cross(
+            seen.pixel, seen.normal, seen.good, other.pixel, other.tangent, other.front, low, high,
+            within_px, least_sine, apart[:, k],
+        )  # fmt: skip
     order = np.argsort(np.where(np.isnan(apart), np.inf, np.abs(apart)), 1)[:, :most]
     nearest: Float[np.ndarray, "k most"] = np.take_along_axis(apart, order, 1)
     return nearest
 
 
-def _crossing(
-    seen: Projection,
-    pixel: Float[np.ndarray, "n 2"],
-    tangent: Float[np.ndarray, "n 2"],
-    within_px: float,
-    least_sine: float,
-) -> Float[np.ndarray, " k"]:
-    """Of one other wire: by the straight line through its nearest sample."""
-    spacing = float(np.linalg.norm(np.diff(pixel, axis=0), axis=1).max(initial=0.0))
-    away, nearest = cKDTree(pixel).query(seen.pixel, distance_upper_bound=1.5 * within_px + spacing)
-    hit = np.isfinite(away)
-    nearest = np.where(hit, nearest, 0)
-    to, along = pixel[nearest] - seen.pixel, tangent[nearest]
-    sine = seen.normal[:, 0] * along[:, 1] - seen.normal[:, 1] * along[:, 0]
-    crosses = np.abs(sine) >= least_sine
-    off = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / np.where(crosses, sine, 1.0)
-    off = np.where(crosses, off, 0.0)
-    return np.where(hit & (np.abs(off) <= within_px), off, np.nan)
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _cross(  # noqa: PLR0913 (two projections' arrays, one by one)
+    pixel, normal, good, other, tangent, front, low, high, within_px, least_sine, out
+):
+    """Into out (k,): where one other wire, samples other (n, 2), crosses: by the straight line through the
+    nearest of them.  low, high: the box outside of which none is near enough."""
+    some, count, spacing = np.empty(len(other), np.int64), 0, 0.0
+    for n in range(len(other)):
+        # A sample beyond the edge on either side, so that no crossing is lost at it.
+        for m in range(max(0, n - 1), min(len(other), n + 2) if front[n] else 0):
+            x, y = other[m]
+            if front[m] and low[0] < x < high[0] and low[1] < y < high[1]:
+                some[count] = n
+                count += 1
+                break
+    for j in range(1, count):
+        step = other[some[j]] - other[some[j - 1]]
+        spacing = max(spacing, np.hypot(step[0], step[1]))
+    farthest = (1.5 * within_px + spacing) ** 2
+    for k in range(len(pixel) if count else 0):
+        nearest, least = -1, farthest
+        for n in some[: count if good[k] else 0]:
+            away = (other[n, 0] - pixel[k, 0]) ** 2 + (other[n, 1] - pixel[k, 1]) ** 2
+            if away < least:
+                nearest, least = n, away
+        if nearest < 0:
+            continue
+        x, y = other[nearest, 0] - pixel[k, 0], other[nearest, 1] - pixel[k, 1]
+        t_x, t_y = tangent[nearest]
+        sine = normal[k, 0] * t_y - normal[k, 1] * t_x
+        off = (x * t_y - y * t_x) / sine if abs(sine) >= least_sine else 0.0
+        if abs(off) <= within_px:
+            out[k] = off
