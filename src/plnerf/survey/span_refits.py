@@ -1,4 +1,4 @@
-"""The refit of all spans to the photos at their full size, each for itself, with those that show it.
+"""The refit of all spans to the photos at their full size, each for itself, with those that show it well.
 
 So time and memory grow with the number of spans, and images far from a span neither cost nor count there.
 """
@@ -13,6 +13,7 @@ from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.alike import alike
 from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.crossed_pairs import uncrossed
+from plnerf.survey.refine.leverage import telling
 from plnerf.survey.refine.refine import refine_wires
 from plnerf.survey.refine.strays import without_strays
 
@@ -37,7 +38,7 @@ def refine_spans(
 
         places = np.linspace(0.0, 1.0, config.samples)
         points = np.concatenate([wire.points(places * wire.base.length_m) for wire in span.wires])
-        seen = full.of(points)
+        seen = telling(full.of(points), span.wires, config.least_leverage, config.profile.end_on)
         refined = refine_wires(seen, span.wires, config, report)
         if photos.frame.unit == "m":
             # In this order: what `alike` fits again would lose the doubts that `uncrossed` adds.

@@ -157,6 +157,9 @@ class RefineConfig:
     unlike_bar: float = 0.2
     """By what share of its width a wire may look wider or thinner than a bar, standard deviation of one
     measurement."""
+    least_leverage: float = 0.005
+    """Photos that say less than this of every place, as a share of what all say of it (`leverage.py`), are
+    not measured: of `long` a third of those that show a span, which together say 2 % at most of a place."""
     samples: int = 240
     """Places along a wire at which its images are measured."""
     first_blur_px: float = 1.2
@@ -231,6 +234,10 @@ class RefineConfig:
             raise ConfigError(
                 "The refit needs diameter_m > 0, samples >= 10 and most_rounds >= 1, but got "
                 f"{self.diameter_m}, {self.samples} and {self.most_rounds}."
+            )
+        if not 0 <= self.least_leverage < 1:
+            raise ConfigError(
+                f"The refit needs a least_leverage of 0 or more and below 1, but got {self.least_leverage}."
             )
         least = min(self.least_beside, self.doubtful_diameters, self.thick_m, self.least_beside_thick)
         if min(self.stray_m, self.stray_indistinct_m) < 0 or self.stray_ratio < 1:
