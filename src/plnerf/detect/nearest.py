@@ -75,9 +75,9 @@ def forget_in(ridges, free, every, left, others, least, muffled, starts, sizes, 
 
     boxes: a view, and the first and the end of its rows and of its columns.  every: (p,), distances to the
     ridges of all; left: (p,), responses of those that are left, ridges from `least` on; muffled: pixels from
-    those of `others` (p,) within which nothing is known.
+    those of `others` (p,), to the quarter, within which nothing is known.
     """
-    reach = max(FARTHEST_PX, muffled)
+    reach, within = max(FARTHEST_PX, muffled), (muffled + 1 / STEPS) ** 2
     for k in range(start, stop):
         n, top, bottom, first, end = boxes[k]
         w, h = sizes[n]
@@ -94,4 +94,4 @@ def forget_in(ridges, free, every, left, others, least, muffled, starts, sizes, 
         ridge, before = ridges[part].reshape(h, w)[r0:r1, c0:c1], every[part].reshape(h, w)[r0:r1, c0:c1]
         for r in range(len(beside)):
             for c in range(beside.shape[1]):
-                ridge[r, c] = 0 if beside[r, c] <= muffled * muffled else before[r, c]
+                ridge[r, c] = 0 if beside[r, c] <= within else before[r, c]
