@@ -1,4 +1,8 @@
-"""How far each pixel of a view lies from the nearest ridge, exactly, as far as `FARTHEST_PX`."""
+"""How far each pixel of a view lies from the nearest ridge, exactly, as far as `FARTHEST_PX`.
+
+OpenCV's transform of a whole view takes twice as long, and a call with Python's lock: a line takes its
+ridges, and gives them back, in some dozens of views at a time.
+"""
 
 from typing import no_type_check
 
