@@ -42,6 +42,7 @@ from plnerf.train.settings import from_json, to_json
         (OddsConfig, {"min_density": 0.0}),
         (OddsConfig, {"min_response": 0.0}),
         (OddsConfig, {"radii_px": (3.0, 1.0)}),
+        (OddsConfig, {"radii_px": (3.0, 33.0)}),
         (OddsConfig, {"sharp_px": 0.0}),
         (OddsConfig, {"muffled_px": -1}),
         (RefitConfig, {"windows_px": ()}),

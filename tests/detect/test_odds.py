@@ -7,9 +7,9 @@ from scipy.ndimage import distance_transform_edt
 from tests.support.drawn import two_passes
 
 from plnerf.detect.claims import boxes_of
-from plnerf.detect.config import OddsConfig
+from plnerf.detect.config import FARTHEST_PX, OddsConfig
 from plnerf.detect.line_ridges import HALF_TURN
-from plnerf.detect.nearest import FARTHER, FARTHEST_PX, STEPS
+from plnerf.detect.nearest import FARTHER, STEPS
 from plnerf.detect.odds import (
     BLOCK,
     Odds,

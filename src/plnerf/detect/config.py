@@ -18,7 +18,9 @@ from plnerf.detect.config_lines import (
     check,
 )
 from plnerf.detect.config_windows import OnwardConfig, WindowConfig
-from plnerf.detect.nearest import FARTHEST_PX
+
+FARTHEST_PX = 32
+"""The greatest distance from a ridge that is kept (`nearest.py`)."""
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from typing import no_type_check
 
 import numpy as np
 
+from plnerf.detect.config import FARTHEST_PX
 from plnerf.ops.kernel_cache import njit
 
 STEPS = 4
 """Distances are kept in quarters of a pixel: a byte for each pixel."""
-FARTHEST_PX = 32
-"""The greatest distance that is kept; what is farther is `FARTHER`."""
 FARTHER = 255
+"""What is kept of a greater distance than `FARTHEST_PX`."""
 
 
 @njit(cache=True)
