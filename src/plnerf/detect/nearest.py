@@ -79,9 +79,9 @@ def forget_in(ridges, free, every, left, others, least, muffled, starts, sizes, 
 
     boxes: a view, and the first and the end of its rows and of its columns.  every: (p,), distances to the
     ridges of all; left: (p,), responses of those that are left, ridges from `least` on; muffled: pixels from
-    those of `others` (p,), to the quarter, within which nothing is known.
+    those of `others` (p,) within which nothing is known.
     """
-    reach, within = max(FARTHEST_PX, muffled), (muffled + 1 / STEPS) ** 2
+    reach = max(FARTHEST_PX, muffled)
     for k in range(start, stop):
         n, top, bottom, first, end = boxes[k]
         w, h = sizes[n]
@@ -94,8 +94,18 @@ def forget_in(ridges, free, every, left, others, least, muffled, starts, sizes, 
         near = squared_to_nearest(left[part].reshape(h, w)[rows, columns] >= least, FARTHEST_PX)
         here = slice(r0 - rows.start, r1 - rows.start), slice(c0 - columns.start, c1 - columns.start)
         put_steps(near[here], free[part].reshape(h, w)[r0:r1, c0:c1])
-        beside = squared_to_nearest(others[part].reshape(h, w)[rows, columns].copy(), muffled)[here]
-        ridge, before = ridges[part].reshape(h, w)[r0:r1, c0:c1], every[part].reshape(h, w)[r0:r1, c0:c1]
-        for r in range(len(beside)):
-            for c in range(beside.shape[1]):
-                ridge[r, c] = 0 if beside[r, c] <= within else before[r, c]
+        ridge, box = ridges[part].reshape(h, w), (r0, r1, c0, c1)
+        ridge[r0:r1, c0:c1] = every[part].reshape(h, w)[r0:r1, c0:c1]
+        put_discs(others[part].reshape(h, w), muffled, box, ridge)
+
+
+@njit(cache=True)
+@no_type_check
+def put_discs(marked, radius, box, out):
+    """Into out (h, w), within a box of it: 0 on a drawn disc about each marked pixel."""
+    r0, r1, c0, c1 = box
+    for r in range(max(0, r0 - radius), min(len(marked), r1 + radius)):
+        for c in range(max(0, c0 - radius), min(marked.shape[1], c1 + radius)):
+            for row in range(max(r0, r - radius), min(r1, r + radius + 1) if marked[r, c] else 0):
+                half = round(np.sqrt(radius * radius - (row - r) ** 2))
+                out[row, max(c0, c - half) : min(c1, c + half + 1)] = 0
