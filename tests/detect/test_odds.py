@@ -1,5 +1,6 @@
 """Ridges and their lack as odds: fair by chance, blind beside others' ridges, and as the definition says."""
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -102,6 +103,16 @@ def test_beside_others_ridges_nothing_is_known() -> None:
     assert before[0] > 1 and after[0] == 0 and after[1] == 0
     assert after[2] == before[2] == MISSED
     assert after[3] == before[3] > 1 and after[4] == MISSED
+
+
+def test_what_others_muffle_is_a_drawn_disc() -> None:
+    """Exactly round, it changes which of two wires that lie side by side is found."""
+    views, others = one_view(60, 40), np.zeros((40, 60), np.uint8)
+    others[[1, 20, 20], [2, 30, 33]] = 1
+    first = odds_of(np.zeros(2400, np.float32), views, CONFIG)
+    odds = without(first, np.zeros(2400, np.float32), others.ravel() > 0, views)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * CONFIG.muffled_px + 1,) * 2)
+    assert ((odds.ridge.reshape(40, 60) == 0) == (cv2.dilate(others, disc) > 0)).all()
 
 
 @pytest.mark.parametrize("ridges", [0.03, 0.0003])

@@ -1,4 +1,4 @@
-"""Of curves that lie near each other, the best."""
+"""The best of the curves that lie near each other."""
 
 from typing import no_type_check
 

@@ -14,7 +14,7 @@ from plnerf.ops.kernel_cache import njit
 STEPS = 4
 """Distances are kept in quarters of a pixel: a byte for each pixel."""
 FARTHER = 255
-"""What is kept of a greater distance than `FARTHEST_PX`."""
+"""Stands for every distance greater than `FARTHEST_PX`."""
 
 
 @njit(cache=True)

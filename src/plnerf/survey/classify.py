@@ -41,15 +41,16 @@ noise the second time leaves it 2 mm too low, on such with 0.2 m the third 1 cm.
 
 
 def ground_of(
-    surface: Surface, wires: Sequence[Wire], of_structure: Bool[np.ndarray, " n"], config: ClassifyConfig
+    surface: Surface, wires: Sequence[Wire], left_out: Bool[np.ndarray, " n"], config: ClassifyConfig
 ) -> Ground | None:
     """The ground that the surface shows; None where it shows none.
 
-    Points of structures, on wires and at their height, in crowns and of uncertain height do not take part.
+    Points that are left out, such as those of structures, on wires and at their height, in crowns and of
+    uncertain height do not take part.
     """
     nearest, _ = on_wires(surface, wires, config.on_wires)
     upright = surface.upright_sigma_m
-    firm = (upright <= config.max_sigma_m) & ~of_structure & (nearest == NONE)
+    firm = (upright <= config.max_sigma_m) & ~left_out & (nearest == NONE)
     firm[firm] = ~_at_wires(surface.xyz[firm], wires, config)
     firm[firm] = ~_in_crowns(surface.xyz[firm], upright[firm], config)
     points, upright = surface.xyz[firm], upright[firm]

@@ -3,7 +3,7 @@
 The wires within `level_m` of the highest are shields if they are one or two, hang alone (no bundles), have
 three wires or more at least `below_m` beneath them, and differ from those as shields do: the others are
 bundles, or they sag less, or they are so thin that a laser has fewer points on them.  How many images show a
-wire says nothing of it: the highest ones are those that images cut off.
+wire does not count: images cut off the highest ones.
 
 A wire is no phase either if it hangs alone below three phases on one crossarm: the neutral if it is the next
 one below, a communication cable if it is further down.  A vertical or a triangular circuit, and one of fewer

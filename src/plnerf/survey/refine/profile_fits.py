@@ -14,7 +14,7 @@ from plnerf.ops.kernel_cache import INNER, njit
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Of k profiles."""
+    """The fits of k profiles."""
 
     of: Float[np.ndarray, "k 3"]
     """A, B and C."""
