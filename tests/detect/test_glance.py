@@ -98,17 +98,21 @@ def vote_for(monkeypatch: pytest.MonkeyPatch, *excess: float) -> list[Direction]
 def test_without_lines_in_the_air_directions_are_searched_until_wires_are_found(
     span: Shown, looks: Looks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the order of their votes, the faint ones not."""
+    """In the order of their votes.  The faint ones are not, but had a look; once wires are found only those
+    with more votes have one."""
     scene, views, maps, surroundings = span
     known, none = nothing_known(views), segments_of(maps, views, CONFIG.segments)[0]
-    some = vote_for(monkeypatch, 19.0, 8.0, 1.8, 1.2)
+    some = vote_for(monkeypatch, 19.0, 8.0, 1.8, 1.2, 0.6, 0.4)
     directions = Directions(scene, views, maps, surroundings, CONFIG)
     assert [directions.following(none, known) for _ in range(3)] == [some[0], some[1], None]
-    usual = CONFIG.directions.least_in_air
-    assert looks == [(some[0], usual), (some[1], usual), (some[2], CONFIG.select.min_odds)]
+    usual, much = CONFIG.directions.least_in_air, CONFIG.select.min_odds
+    clear = [(some[0], usual), (some[1], usual), (some[2], much)]
+    assert looks == [*clear, (some[3], much), (some[4], much)]
+    looks.clear()
     directions = Directions(scene, views, maps, surroundings, CONFIG)
     known.wires.append(SPAN[0])
     assert directions.following(none, known) is None
+    assert looks == clear
 
 
 def test_a_direction_to_which_votes_on_both_sides_lead_is_searched_once(

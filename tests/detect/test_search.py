@@ -77,9 +77,20 @@ def test_what_hangs_free_needs_less_sag_and_what_lies_on_something_never_hangs()
     assert not hangs(doubtful, LENGTH, SELECT)
     assert hangs(replace(doubtful, likeness=SELECT.free), LENGTH, SELECT)
     assert not hangs(replace(doubtful, likeness=1.01 * SELECT.free), LENGTH, SELECT)
-    best, lying = line(), replace(line(y=0.2), likeness=1.01 * SELECT.lies)
+    best, lying = line(), replace(line(y=0.2), likeness=1.01 * SELECT.lies_alike)
     assert hangs(best, LENGTH, SELECT) and not hangs(lying, LENGTH, SELECT)
     assert select_wires([best, lying], LENGTH, SELECT) == [best]
+
+
+def test_views_beside_a_clear_line_that_hangs_as_the_best_may_be_more_alike() -> None:
+    best, beside = line(), replace(line(y=0.2), likeness=1.01 * SELECT.lies)
+    assert select_wires([best, beside], LENGTH, SELECT) == [best, beside]
+    assert select_wires([beside], LENGTH, SELECT) == []
+    faint = replace(beside, odds=SELECT.min_odds - 1)
+    unlike = replace(beside, theta=line(y=0.2, sag=0.1).theta)
+    doubtful = replace(beside, covariance=(best.theta[4] / SELECT.sag_sigmas) ** 2 * 1.1 * np.eye(6))
+    for other in (faint, unlike, doubtful):
+        assert select_wires([best, other], LENGTH, SELECT) == [best]
 
 
 def test_how_sharp_ridges_are_is_learnt_from_what_hangs() -> None:

@@ -8,6 +8,7 @@ import pytest
 from tests.support.drawn import HALF, hanging, pinhole_cameras, two_passes, uncertain
 
 from plnerf.detect.config import JoinConfig
+from plnerf.detect.config_lines import ChainConfig
 from plnerf.detect.config_windows import WindowConfig
 from plnerf.detect.directions import Direction
 from plnerf.detect.join import joined, with_onward
@@ -95,6 +96,36 @@ def test_a_film_is_searched_in_the_windows_of_photos_that_overlap() -> None:
         views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
         lengths.append([2 * window.half for window in windows_along(direction, views, CONFIG)])
     assert lengths[1] == pytest.approx(lengths[0]) and len(lengths[0]) > 3
+
+
+def test_planes_are_nearer_to_each_other_where_images_show_little_of_a_window() -> None:
+    centres = long_track(33)
+    views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
+    (usual,) = windows_along(Direction(0.0, 0.0, 1.0, 20.0), views, CONFIG)
+    (finer,) = windows_along(Direction(0.0, 0.0, 1.0, 5.0), views, CONFIG)
+    assert usual.finer == 1.0 and 20.0 * usual.planes / (2 * usual.half) > CONFIG.shown
+    assert 5.0 * finer.planes / (2 * finer.half) == pytest.approx(CONFIG.shown, rel=0.01)
+    assert finer.planes == pytest.approx(finer.finer * usual.planes, abs=1)
+    chains, much = ChainConfig(), ChainConfig().finer(2.0, 0.3)
+    assert much.places == tuple(2 * count for count in chains.places)
+    assert (much.least_length, much.spare) == (chains.least_length / 2, 0.3)
+
+
+def test_views_that_show_little_of_a_window_are_used_where_none_shows_more() -> None:
+    centres = long_track(200)
+    views = views_of(pinhole_cameras(centres, centres + np.array([0.0, 5.0, 0.0])))
+    narrow = views._replace(focal=4 * views.focal)
+    most, few = (
+        [
+            len(window.views)
+            for window in windows_along(Direction(0.0, 0.0, 1.0), narrow, replace(CONFIG, enough=count))
+        ]
+        for count in (CONFIG.enough, 10)
+    )
+    assert min(few) >= 10 and max(most) <= CONFIG.enough
+    assert all(a > b for a, b in zip(most, few, strict=True))
+    nothing = views._replace(focal=1e6 * views.focal)
+    assert not list(windows_along(Direction(0.0, 0.0, 1.0), nothing, CONFIG))
 
 
 def test_cameras_around_a_place_have_one_window_as_wide_as_their_orbit() -> None:

@@ -19,7 +19,7 @@ from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.string_profiles import _end_of_string, _spread, shown_strings
-from plnerf.survey.tension_strings import with_possible_strings, with_tension_strings
+from plnerf.survey.tension_strings import _held_alike, with_possible_strings, with_tension_strings
 
 CONFIG = TensionStringConfig()
 THICK_M, STRING_M = 0.03, 0.2
@@ -122,6 +122,19 @@ def test_a_wire_that_hangs_alone_above_the_others_may_be_a_shield(
     assert [end.point[0] for end in phases] == pytest.approx([string_m] * 3, abs=0.2)
     assert top.point[0] == pytest.approx(0.0)
     assert top.sigma_m == 0.05 if known else TWO_SIDED_95 * top.sigma_m > 1.2
+
+
+def test_one_span_shows_which_wire_hangs_alone_though_of_another_a_phase_is_missing() -> None:
+    every = wires(places=ONE_ABOVE)
+    missed = [
+        replace(wire, id=wire.id + 10, ends=wire.ends[::-1], base=hang((-30.0, y, z), (0.0, y, z), 0.6).base)
+        for wire, (y, z) in list(zip(every, ONE_ABOVE, strict=True))[1:]
+    ]
+    spans = (Span(1, (3, 1), tuple(missed)), Span(2, (1, 2), tuple(every)))
+    for found, alone in ((spans, 2), (spans[:1], 0)):
+        held = [(wire, k) for span, k in zip(found, (1, 0), strict=False) for wire in span.wires]
+        _, above = _held_alike(found, held, CONFIG)
+        assert [wire.id for wire, _ in above] == [14, 4][:alone]
 
 
 def test_so_they_do_where_their_last_end_is_held() -> None:

@@ -48,14 +48,16 @@ def select_wires(lines: Sequence[Candidate], length: float, select: SelectConfig
 
     A line that hangs unlike the best, and as no other does, is a wire only if it is known to hang in the air:
     edges on the ground that views from two sides show meet in such lines too.  Less evidence is enough only
-    beside the leader: past the end of its span are a structure's members, which run every way.
+    beside the leader: past the end of its span are a structure's members, which run every way.  Views beside
+    one that clearly hangs as a leader does may be more alike: edges on the ground seldom sag as wires do.
     """
     first = leaders(lines, length, select)
 
     def is_enough(line: Candidate, leader: Candidate) -> bool:
-        lies = line.seen[0] == line.seen[1] or line.likeness > select.lies
+        clear = line.odds >= select.min_odds and sags(line, length, select.sag_sigmas, select)
+        lies = line.likeness > (select.lies_alike if clear else select.lies)  # not of NaN
         least = needed(line, select) if seen_together(leader, line) else select.min_odds
-        return not lies and line.odds >= least
+        return line.planes > 0 and not lies and line.odds >= least
 
     def alike(leader: Candidate) -> list[Candidate]:
         return [
@@ -150,9 +152,14 @@ def without_gaps(
 def hangs(line: Candidate, length: float, config: SelectConfig) -> bool:
     """Whether a line sags significantly, and does not lie on something."""
     sigmas = config.sag_sigmas_free if line.likeness <= config.free else config.sag_sigmas
-    uncertainty = sigmas * float(line.covariance[4, 4]) ** 0.5
     lies = line.likeness > config.lies  # not of NaN
-    return bool(line.theta[4] >= max(config.min_sag * length, uncertainty)) and not lies
+    return sags(line, length, sigmas, config) and not lies
+
+
+def sags(line: Candidate, length: float, sigmas: float, config: SelectConfig) -> bool:
+    """Whether a line's sag differs from 0 by so many of its standard deviations."""
+    uncertainty = sigmas * float(line.covariance[4, 4]) ** 0.5
+    return bool(line.theta[4] >= max(config.min_sag * length, uncertainty))
 
 
 def hang_alike(a: Candidate, b: Candidate, length: float, config: SelectConfig) -> bool:

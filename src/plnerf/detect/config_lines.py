@@ -4,7 +4,7 @@ Letters and frames as in `config.py`.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from plnerf.errors import ConfigError
 
@@ -197,6 +197,11 @@ class ChainConfig:
             self,
         )
 
+    def finer(self, times: float, spare: float) -> "ChainConfig":
+        """The same with another `spare`, for windows whose planes are so many times as near to each other."""
+        along, across, up = (round(count * times) for count in self.places)
+        return replace(self, places=(along, across, up), least_length=self.least_length / times, spare=spare)
+
 
 @dataclass(frozen=True)
 class SegmentConfig:
@@ -259,6 +264,8 @@ class DirectionConfig:
     """and as a fraction of what the first direction had; one with less is faint,"""
     min_faint: float = 1.5
     """and needs so many, since looks take time."""
+    least_excess: float = 0.5
+    """Until a wire is found, a look is worth its time from so many on."""
     clear: float = 20.0
     """With so many a direction is searched without a look."""
     least_in_air: float = 150.0

@@ -31,27 +31,33 @@ class WindowConfig:
     window's length."""
     planes: int = 80
     """Planes across a window in which lines are looked for, for each stretch as long as what was flown past
-    or as a window of a longer flight."""
+    or as a window of a longer flight;"""
+    shown: float = 16.0
+    """and at least so many for each stretch that an image shows: a long lens near the wires shows little."""
     aside: float = 0.5
     """Wires are searched so far to either side of the cameras, as a fraction of the window's length,"""
     below: float = 0.5
     """below the lowest of them,"""
     above: float = 0.35
     """and above the highest."""
-    near: float = 1.0
+    near: float = 0.5
     """Views that stand within this fraction of a window's length before and behind it are used,"""
     places: tuple[int, int, int] = (12, 8, 6)
     """in windows of a longer flight if they see, of so many places along a window, across and upwards,"""
     least_shown: float = 0.05
-    """at least this share: others would cost as much."""
+    """at least this share: others would cost as much;"""
+    enough: int = 48
+    """or are among so many that see most: of what is shown by a long lens each view sees little."""
 
     def __post_init__(self) -> None:
         check(
             0 < self.spacings <= self.whole and 0 < self.overlap < 1
             and min(self.aside, self.below, self.above, self.near, *self.places) > 0
-            and min(self.margin, self.follow, self.least_step, self.least_shown) >= 0 and self.planes >= 10,
+            and min(self.margin, self.follow, self.least_step, self.least_shown, self.shown) >= 0
+            and min(self.planes, self.enough) >= 10,
             "detect.windows needs positive lengths and places, whole not below spacings, an overlap between "
-            "0 and 1, margin, follow, least_step and least_shown of 0 or more, and 10 planes or more",
+            "0 and 1, margin, follow, least_step, least_shown and shown of 0 or more, and planes and enough "
+            "of 10 or more",
             self,
         )
 

@@ -50,10 +50,12 @@ class Directions:
         if config.azimuth_deg is not None:
             x, y, _ = heading(self._scene.frames, config.azimuth_deg)
             return given(float(np.arctan2(y, x)) % np.pi, votes, config)
+        found = any(wire.evidence.certain for wire in known.wires)
         while True:
             direction = strongest(votes, self._looked, config)
             faint = not stands_out(direction, self._first, config)
-            if direction.excess < (config.min_faint if faint else config.min_excess):
+            least = config.min_faint if faint else config.min_excess
+            if direction.excess < (least if found else config.least_excess):
                 break
             self._first = self._first or direction
             self._looked.append(direction.azimuth_rad)
@@ -65,7 +67,7 @@ class Directions:
                 return in_air
             if not faint:
                 self._silent.append(direction)
-        if any(wire.evidence.certain for wire in known.wires) or not self._silent:
+        if found or not self._silent:
             return None
         return self._silent.pop(0)
 

@@ -88,7 +88,7 @@ class Search:
 
         spare: by which part of its length a chain may be longer.
         """
-        config = replace(self.config.chains, spare=spare)
+        config = self.config.chains.finer(window.finer, spare)
         box = (window.low, window.high)
         return curves_where_chains_meet(self.chains, self.views, self.x, *box, config)
 

@@ -35,6 +35,8 @@ class Window:
     """Planes across it in which lines are looked for."""
     follow: tuple[int, int] = (0, 0)
     """Planes before and beyond it in which those that were found are followed: no other window is there."""
+    finer: float = 1.0
+    """How many times as near to each other as usual its planes are, since its images show little of it."""
 
     @property
     def R(self) -> Float[np.ndarray, "3 3"]:
@@ -97,6 +99,8 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
     first, last = first - longer, last + longer
     length = last - first if whole else config.spacings * spacing
     planes = round(config.planes * length / flown) if whole else config.planes
+    finer = max(1.0, config.shown * length / (planes * (direction.footprint or np.inf)))
+    planes = round(finer * planes)
     count = int(np.ceil((last - first - length) / ((1 - config.overlap) * length) - 1e-9)) + 1
     more = round(config.follow * planes)
     for k, middle in enumerate(np.linspace(first + length / 2, last - length / 2, count)):
@@ -111,7 +115,7 @@ def windows_along(direction: Direction, views: Views, config: WindowConfig) -> I
         window = Window(
             np.array([*(middle * u + y * np.array([-u[1], u[0]])), z]), direction.azimuth_rad, half,
             np.array(low) / half, np.array(high) / half, np.flatnonzero(near), planes,
-            (more * (k == 0), more * (k == count - 1)),
+            (more * (k == 0), more * (k == count - 1)), finer,
         )  # fmt: skip
         window = window if whole else _with_those_that_see_it(window, views, config)
         if len(window.views):
@@ -123,4 +127,5 @@ def _with_those_that_see_it(window: Window, views: Views, config: WindowConfig) 
     sides = zip((-1.0, *window.low), (1.0, *window.high), config.places, strict=True)
     places = np.stack(np.meshgrid(*(np.linspace(*side) for side in sides), indexing="ij"), -1).reshape(-1, 3)
     shown = seen_places(window.seen_by(views), places).mean(1)
-    return replace(window, views=window.views[shown >= config.least_shown])
+    enough = np.sort(shown)[-min(config.enough, len(shown))]
+    return replace(window, views=window.views[(shown >= min(config.least_shown, enough)) & (shown > 0)])

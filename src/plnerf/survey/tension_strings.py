@@ -70,7 +70,7 @@ def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
         if id_ in hanging:
             continue
         longest_m = longest_string_m(line.spans, ends, config)
-        phases, above = _held_alike(ends, config)
+        phases, above = _held_alike(line.spans, ends, config)
         shown = shown_strings(phases, photos, longest_m, config)
         strings |= {(id_, wire.id): shown for wire, _ in phases}
         if above:
@@ -79,13 +79,17 @@ def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
     return _with_strings(line, strings, config)
 
 
-def _held_alike(ends: Sequence[End], config: TensionStringConfig) -> tuple[list[End], list[End]]:
-    """Those of a structure's ends that are held alike, and those of wires that hang above all others, each
-    above a circuit's phases or more, which may be shields."""
+def _held_alike(
+    spans: Sequence[Span], ends: Sequence[End], config: TensionStringConfig
+) -> tuple[list[End], list[End]]:
+    """Those of a structure's ends that are held alike, and those of wires that hang above all others, in a
+    span that shows each above a circuit's phases or more, which may be shields."""
     height = np.array([wire.points(np.array([0.0, wire.base.length_m]))[k, 2] for wire, k in ends])
     top = height >= height.max() - config.alone_m
     gap_m = height[top].min() - height[~top].max(initial=-np.inf)
-    if (~top).sum() < PHASES * top.sum() or gap_m <= config.alone_m:
+    of_span = np.array([[any(one is wire for one in span.wires) for wire, _ in ends] for span in spans])
+    high, low = (of_span & top).sum(1), (of_span & ~top).sum(1)
+    if not ((high > 0) & (low >= PHASES * high)).any() or gap_m <= config.alone_m:
         return list(ends), []
     below, above = ([end for end, high in zip(ends, top, strict=True) if high == which] for which in (0, 1))
     return below, above
