@@ -240,6 +240,9 @@ class SelectConfig:
     lies_alike: float = 0.55
     """by more than this if it hangs clearly, and as a leader does: of 22 random scenes no line that lies on
     something hangs so."""
+    steep: float = 2.0
+    """A line that hangs alone is a wire if it is above another one, aside by so many times the height between
+    them at most."""
     max_slope_difference: float = 0.03
     """Two wires hang alike whose chords' slopes differ by no more, across and upwards,"""
     max_sag_ratio: float = 1.6

@@ -13,6 +13,7 @@ from itertools import permutations
 import numpy as np
 from jaxtyping import Bool, Float
 
+from plnerf.detect.above import above_wires
 from plnerf.detect.candidate import (
     Candidate,
     hang_alike,
@@ -84,8 +85,10 @@ def find_lines(
     onwards = [line for line in others if runs_through(line, ends, search.x, config.search)]
     onwards += lines_onward(search, window, ends, judged)
     # Of a few metres the sag is not known: those were found, and are no wires by themselves.
-    more = of_next_span(onwards, search.x, config.select)
-    return [*wires, *more], [line for line in others if line not in more]
+    wires += of_next_span(onwards, search.x, config.select)
+    rest = [line for line in others if line not in wires]
+    shields = above_wires(rest, wires, len(search.x), search.length, config.select)
+    return [*wires, *shields], [line for line in rest if line not in shields]
 
 
 def lines_met(search: Search, window: Window, least: float, judged: Judge) -> list[Candidate]:
