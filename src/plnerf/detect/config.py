@@ -251,10 +251,11 @@ class SelectConfig:
     def __post_init__(self) -> None:
         check(
             self.max_sag_ratio >= 1
-            and min(self.min_sag, self.sag_sigmas, self.sag_sigmas_free, self.max_slope_difference) >= 0
+            and min(self.min_sag, self.sag_sigmas, self.sag_sigmas_free) >= 0
+            and min(self.max_slope_difference, self.steep) >= 0
             and self.free <= self.lies <= self.lies_alike,
-            "detect.select needs max_sag_ratio of 1 or more, min_sag, sag_sigmas, sag_sigmas_free and "
-            "max_slope_difference of 0 or more, and free not above lies, nor that above lies_alike",
+            "detect.select needs max_sag_ratio of 1 or more, min_sag, sag_sigmas, sag_sigmas_free, "
+            "max_slope_difference and steep of 0 or more, and free not above lies, nor that above lies_alike",
             self,
         )
 

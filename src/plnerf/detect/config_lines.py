@@ -309,9 +309,9 @@ class DirectionConfig:
         check(
             min(self.most, self.partners) >= 1
             and min(self.min_excess, self.few_px, self.min_share) > 0
-            and min(self.min_faint, self.clear, self.least_in_air) > 0,
+            and min(self.min_faint, self.least_excess, self.clear, self.least_in_air) > 0,
             "detect.directions needs most and partners of 1 or more, and min_excess, few_px, min_share, "
-            "min_faint, clear and least_in_air above 0",
+            "min_faint, least_excess, clear and least_in_air above 0",
             self,
         )
 
