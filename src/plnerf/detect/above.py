@@ -1,7 +1,8 @@
 """Shield wires: lines that hang above wires, alone and with another sag.
 
 By itself a line that hangs as no other does may be an edge on the ground, where nothing can be compared
-beside it, as before a clear sky.  Nothing on the ground hangs above a span's wires and runs as they do.
+beside it, as before a clear sky.  But an edge on the ground hardly ever lies above a span's wires, sags, and
+runs as they do.
 """
 
 from collections.abc import Sequence

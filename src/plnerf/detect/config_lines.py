@@ -198,7 +198,7 @@ class ChainConfig:
         )
 
     def finer(self, times: float, spare: float) -> "ChainConfig":
-        """The same with another `spare`, for windows whose planes are so many times as near to each other."""
+        """The same with another `spare`, for a window whose planes are so many times closer together."""
         along, across, up = (round(count * times) for count in self.places)
         return replace(self, places=(along, across, up), least_length=self.least_length / times, spare=spare)
 
@@ -265,7 +265,7 @@ class DirectionConfig:
     min_faint: float = 1.5
     """and needs so many, since looks take time."""
     least_excess: float = 0.5
-    """Until a wire is found, a look is worth its time from so many on."""
+    """Until a wire is found, so many are enough for a look."""
     clear: float = 20.0
     """With so many a direction is searched without a look."""
     least_in_air: float = 150.0

@@ -47,7 +47,7 @@ class WindowConfig:
     least_shown: float = 0.05
     """at least this share: others would cost as much;"""
     enough: int = 48
-    """or are among so many that see most: of what is shown by a long lens each view sees little."""
+    """or are among the so many that see most: through a long lens every view sees little."""
 
     def __post_init__(self) -> None:
         check(

@@ -36,7 +36,7 @@ class Window:
     follow: tuple[int, int] = (0, 0)
     """Planes before and beyond it in which those that were found are followed: no other window is there."""
     finer: float = 1.0
-    """How many times as near to each other as usual its planes are, since its images show little of it."""
+    """Its planes are so many times closer together than usual, because each image shows little of it."""
 
     @property
     def R(self) -> Float[np.ndarray, "3 3"]:
