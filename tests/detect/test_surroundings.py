@@ -16,13 +16,18 @@ from plnerf.scene.cameras import Cameras
 
 CONFIG, SELECT = SurroundingsConfig(), SelectConfig()
 X = np.linspace(-0.6, 0.6, 40)
-MOST_PX = 2048
+MOST_PX, PLAIN = 2048, 128
 
 
 def ground(
-    cameras: Cameras, height: float, seed: int = 0, contrast: float = 40.0, axis: int = 2
+    cameras: Cameras,
+    height: float,
+    seed: int = 0,
+    contrast: float = 40.0,
+    axis: int = 2,
+    until: float = np.inf,
 ) -> list[np.ndarray]:
-    """Soft spots on level ground, or on a wall across another axis, as cameras see them."""
+    """Soft spots on level ground, or on a wall across another axis, as cameras see them; none beyond an x."""
     spots = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(1200, 1200)), (0, 0), 2.0)
     painted = (128 + contrast * spots / spots.std()).clip(0, 255).astype(np.float32)
     pictures = []
@@ -37,6 +42,7 @@ def ground(
         at = np.delete(centre + reach[..., None] * rays, axis, axis=-1)
         column, row = ((400 * at[..., k] + 600).astype(np.float32) for k in (0, 1))
         grey = cv2.remap(painted, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+        grey[(column - 600) / 400 > until] = PLAIN
         pictures.append(np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, -1))
     return pictures
 
@@ -65,6 +71,14 @@ def test_beside_a_line_on_the_ground_views_agree_and_beside_one_in_the_air_they_
 def test_a_line_on_a_wall_lies_on_it(tmp_path: Path) -> None:
     cameras = two_passes(12)
     assert likeness(tmp_path / "on", ground(cameras, 0.0, axis=1), cameras) > 1.5 * SELECT.lies
+
+
+def test_what_stands_at_the_end_of_a_line_says_nothing_of_it(tmp_path: Path) -> None:
+    cameras = two_passes(40)
+    body = ground(cameras, 0.0, until=X[0] + 0.12 * (X[-1] - X[0]))
+    assert not likeness(tmp_path / "alone", body, cameras) > SELECT.free  # not of NaN
+    below = [np.where(b == PLAIN, g, b) for b, g in zip(body, ground(cameras, -0.6, 1), strict=True)]
+    assert likeness(tmp_path / "below", below, cameras) <= SELECT.free
 
 
 def test_without_texture_nothing_is_said(tmp_path: Path) -> None:

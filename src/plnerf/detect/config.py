@@ -187,6 +187,10 @@ class SearchConfig:
     """and whose least distance is less than this part of their largest one: twins run beside each other."""
     starts_together: int = 4
     """Pairs of curves that two lines are fitted to together, at most."""
+    meeting: float = 0.35
+    """Of two lines whose least distance is less than this part of their largest one, one may be a mixture,"""
+    merged_odds: float = 0.9
+    """and gives way to the other if that, alone, has so large a part of what both have."""
     max_lines: int = 40
     """Lines at most, edges of roads included."""
 
@@ -206,9 +210,10 @@ class SearchConfig:
         )
         check(
             min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0
-            and min(self.around, self.onward, self.side_by_side) > 0 and self.parallel <= 1,
+            and min(self.around, self.onward, self.side_by_side) > 0
+            and max(self.parallel, self.meeting) <= 1,
             "detect.search needs mask_px, rounds, refits and doubt of 0 or more, around, onward and "
-            "side_by_side above 0, and parallel of 1 or less",
+            "side_by_side above 0, and parallel and meeting of 1 or less",
             self,
         )
 

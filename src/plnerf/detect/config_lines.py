@@ -339,7 +339,9 @@ class SurroundingsConfig:
     greatest_angle_rad: float = math.radians(40.0)
     """at more, a surface may look different."""
     least_pairs: int = 40
-    """Comparisons without which nothing is said."""
+    """Comparisons without which nothing is said,"""
+    least_share: float = 0.25
+    """or that are at fewer of a line's segments: the tower at a wire's end says nothing of the wire."""
 
     def __post_init__(self) -> None:
         check(
@@ -350,6 +352,7 @@ class SurroundingsConfig:
             "least_pairs above 0",
             self,
         )
+        check(0 <= self.least_share <= 1, "detect.surroundings.least_share must be from 0 to 1", self)
         check(
             0 <= self.least_angle_rad < self.greatest_angle_rad < math.pi,
             "detect.surroundings needs angles of 0 or more and below pi, the least below the greatest",

@@ -50,6 +50,9 @@ class Surroundings:
     ) -> float:
         """Mean correlation of views beside a line, -1 to 1; NaN where too few of them can be compared.
 
+        Each place counts alike, however many views show it: most views see the tower at a wire's end, or one
+        clear tree behind it.
+
         views: those of a window, in its frame; numbers: theirs among all training photos; x: planes of the
         fit.
         """
@@ -63,10 +66,12 @@ class Surroundings:
             strips = [
                 _strips(picture, views, n, beside, footprint, config) for n, picture in enumerate(pictures)
             ]
-            alike = np.einsum("ngd,mgd->gnm", strips, strips)[comparable]
-            alike = alike[np.isfinite(alike)]
-            if len(alike) >= config.least_pairs:
-                means.append(float(alike.mean()))
+            alike = np.einsum("ngd,mgd->gnm", strips, strips)
+            pairs = comparable & np.isfinite(alike)
+            number = pairs.sum((1, 2))
+            known = number > 0
+            if number.sum() >= config.least_pairs and known.mean() >= config.least_share:
+                means.append(float((np.where(pairs, alike, 0).sum((1, 2))[known] / number[known]).mean()))
         return max(means, default=np.nan)
 
     def _grey(self, numbers: Int[np.ndarray, " n"]) -> list[UInt8[np.ndarray, "H W"]]:

@@ -25,6 +25,7 @@ from plnerf.detect.candidate import (
 )
 from plnerf.detect.config import SelectConfig
 from plnerf.detect.continuations import ends_of_lines, goes_on, of_next_span, runs_through
+from plnerf.detect.merged import merged
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
@@ -69,7 +70,7 @@ def find_lines(
         # Fitted again, the lines leave more of their ridges to others.
         if more := _like_the_leaders(search, met, lines, judged):
             lines = refit_all(search, [*lines, *more])
-        lines = untangled(search, lines)
+        lines = merged(search, untangled(search, lines))
         # A wire beside the camera is ten pixels wide: its ridges lie farther from it than the first one's.
         with search.blurred():
             lines += refit_all(search, _like_the_leaders(search, met, lines, judged))
