@@ -87,7 +87,7 @@ def of_next_span(
 
     def may_hang(line: Candidate) -> bool:
         least = -config.sag_sigmas_free * np.sqrt(line.covariance[4, 4])
-        return not line.likeness > config.lies and bool(line.theta[4] > least)  # not of NaN
+        return not line.likeness > config.lies_alike and bool(line.theta[4] > least)  # not of NaN
 
     in_air = [line for line in lines if may_hang(line)]
     parallel = in_parallel(in_air, x, config)

@@ -24,7 +24,13 @@ from plnerf.detect.candidate import (
     without_gaps,
 )
 from plnerf.detect.config import SelectConfig
-from plnerf.detect.continuations import ends_of_lines, goes_on, of_next_span, runs_through
+from plnerf.detect.continuations import (
+    ends_of_lines,
+    goes_on,
+    in_parallel,
+    of_next_span,
+    runs_through,
+)
 from plnerf.detect.merged import merged
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
@@ -143,7 +149,24 @@ def lines_onward(
 
     met = search.met(window, config.chains.spare_alike)
     least, most = config.select.min_odds_continued, config.search.max_lines
-    return _found_near(search, met[onward(met)], least, most, judged, wanted)
+    lines = _found_near(search, met[onward(met)], least, most, judged, wanted)
+    # Of twins one may be left, and the other's ridges be a mixture's: rows of wires show where they are.
+    for line in sorted(lines, key=lambda line: line.odds):
+        others = [one for one in in_parallel(lines, x, config.select) if one is not line and one.fixed]
+        again = repeated(others, len(x))
+        again = again[onward(again)]
+        if not len(again):
+            continue
+        search.free_ridges(line)
+        new = _found_near(search, again, least, most - len(lines), judged, wanted)
+        if sum(one.odds for one in new) > line.odds:
+            lines.remove(line)
+            lines += [replace(one, repeats=True) for one in new]
+        else:
+            for one in new:
+                search.release(one)
+            search.mask_ridges(line)
+    return lines
 
 
 def judge(search: Search, window: Window, surroundings: Surroundings, line: Candidate) -> Candidate:
