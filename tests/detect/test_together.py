@@ -13,6 +13,7 @@ from plnerf.detect.config import DetectConfig, SelectConfig
 from plnerf.detect.detect import detect_wires
 from plnerf.detect.evidence import line_evidence
 from plnerf.detect.line_ridges import joined_ridges
+from plnerf.detect.merged import merged
 from plnerf.detect.parabola import curve_odds
 from plnerf.detect.search import Search
 from plnerf.detect.together import parallel, untangled
@@ -98,6 +99,42 @@ def test_only_lines_of_one_span_near_each_other_are_a_pair(twins: Scene) -> None
     before, beyond = replace(one, seen=(0, 45)), replace(other, seen=(35, 79))
     for a, b in ((one, far), (one, steep), (before, beyond)):
         assert parallel(a, b, search) == 1.0
+
+
+def mixture_and_piece(search: Search) -> list[Candidate]:
+    """A line that leaves the first twin half way, and the rest of that twin."""
+    leaving = theta_of(0) + np.array([-0.012, 0.02, 0.0, 0.0, 0.0, 0.0])
+    mixture, piece = masked(search, [leaving, theta_of(0)])
+    search.release(piece)
+    piece = replace(piece, seen=(25, len(X) - 1))
+    search.mask_ridges(piece)
+    return [mixture, piece]
+
+
+def test_a_piece_of_a_wire_and_a_mixture_are_one_line(twins: Scene) -> None:
+    search = a_search(twins)
+    lines = mixture_and_piece(search)
+    lines = [replace(line, odds=line.odds / 2) for line in lines]  # each had its ridges alone
+    (other,) = masked(search, [theta_of(1)])
+    one, same = sorted(merged(search, [*lines, other]), key=lambda line: line is other)
+    assert same is other and np.abs(one.theta - theta_of(0)).max() < CLOSE
+    assert one.seen[0] < 5 and one.seen[1] > len(X) - 6
+
+
+def test_two_that_meet_stay_where_one_has_less_than_both(twins: Scene) -> None:
+    search = a_search(twins)
+    lines = [replace(line, odds=1e6) for line in mixture_and_piece(search)]
+    taken = search.claims.masks.copy()
+    assert all(one is other for one, other in zip(merged(search, lines), lines, strict=True))
+    assert (search.claims.masks == taken).all()
+
+
+def test_twins_are_not_merged(twins: Scene) -> None:
+    true = [theta_of(0), theta_of(1)]
+    for curves in (true, swapped(*true)):
+        search = a_search(twins)
+        lines = masked(search, curves)
+        assert all(one is other for one, other in zip(merged(search, lines), lines, strict=True))
 
 
 def test_what_is_detected_is_what_is_left_of_pairs(twins: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
