@@ -72,6 +72,21 @@ def test_wires_are_held_where_their_strings_are() -> None:
     assert beyond is not None and beyond.x_m == pytest.approx(15.0, abs=0.05) and beyond.wires == 1
 
 
+def test_a_single_wire_holds_nothing_where_the_others_show_something_elsewhere() -> None:
+    random = np.random.default_rng(4)
+    z = np.interp(15.0, *wire_lines()[0][:, [0, 2]].T)
+    above = random.uniform(z + 0.3, z + 1, 60)
+    one = np.column_stack([random.normal(15.0, 0.1, 60), np.full(60, 2.0), above])
+    alone = held_at(one, wire_lines(), 12.5, 17.5, AttachmentConfig())
+    assert alone is not None and alone.x_m == pytest.approx(15.0, abs=0.05) and alone.wires == 1
+    # Of a lattice, over a metre: at no one place.
+    members = np.column_stack(
+        [random.uniform(14.1, 15.9, 60), random.choice([-2.0, 0.0], 60), above]
+    )
+    assert held_at(members, wire_lines(), 12.5, 17.5, AttachmentConfig()) is None
+    assert held_at(np.concatenate([one, members]), wire_lines(), 12.5, 17.5, AttachmentConfig()) is None
+
+
 def test_crowns_specks_and_the_wires_themselves_hold_nothing() -> None:
     random = np.random.default_rng(1)
     wires = wire_lines()
@@ -124,6 +139,8 @@ def test_a_poles_axis_is_between_its_sides_wherever_its_crossarm_holds_the_wires
     afar = replace(held, x_m=15.45)  # a leg of a lattice, unless where wires are held is known no better
     assert pole_axis(afar, 0.05, pole, 0.0, PoleConfig()) is None
     assert pole_axis(afar, 0.3, pole, 0.0, PoleConfig()) is not None
+    wide = pole * [1, 0, 1] + (pole - [15, 0, 0]) * [8, 0, 0]  # of which only a part is near
+    assert pole_axis(replace(held, x_m=16.5), 0.7, wide, 0.0, PoleConfig()) is None
 
 
 def found(

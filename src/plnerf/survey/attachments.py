@@ -37,12 +37,15 @@ def held_at(
 ) -> Hangers | None:
     """Where between two places of the line the wires (polylines along x) are held; None: nothing shows it."""
     points = points[(points[:, 0] >= low - config.around_m) & (points[:, 0] <= high + config.around_m)]
-    held = [_at_one_place(_above(points, wire, wires, config), low, high, config) for wire in wires]
+    above = [_above(points, wire, wires, config) for wire in wires]
+    held = [_at_one_place(x, low, high, config) for x in above]
     every = np.concatenate(held) if held else np.zeros(0)
     if not len(every):
         return None
     at = float(np.median(every[_window(every, low, high, config)]))
-    return Hangers(at, tuple(bool((np.abs(x - at) <= config.depth_m / 2).any()) for x in held))
+    hangers = Hangers(at, tuple(bool((np.abs(x - at) <= config.depth_m / 2).any()) for x in held))
+    # A single wire's may be a member of the body's, which is above the other wires too, elsewhere.
+    return hangers if hangers.wires > 1 or _all_there(np.concatenate(above), at, config) else None
 
 
 def _above(
@@ -71,6 +74,12 @@ def _at_one_place(
     here = _window(x, low, high, config)
     around = np.abs(x - np.median(x[here])) <= config.around_m if here.any() else here
     return x[here] if here.sum() >= max(config.least_points, config.least_share * around.sum()) else x[:0]
+
+
+def _all_there(x: Float[np.ndarray, " k"], at: float, config: AttachmentConfig) -> bool:
+    """Whether nearly all that are around a place are at it."""
+    off = np.abs(x - at)
+    return bool((off <= config.depth_m / 2).sum() >= config.least_share * (off <= config.around_m).sum())
 
 
 def _window(x: Float[np.ndarray, " k"], low: float, high: float, config: AttachmentConfig) -> np.ndarray:

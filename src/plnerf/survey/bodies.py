@@ -101,11 +101,13 @@ def pole_axis(
     pole is.
 
     A crossarm may carry its wires before the pole or behind it, so that these do not say where it stands;
-    what stands farther from them is another thing, such as a leg of a lattice.  held_sigma_m: standard
-    deviation of where they are held; lowest_m: height of the lowest wire there.
+    what stands farther from them is another thing, such as a leg of a lattice.  What is looked at is as much
+    longer as it is unknown where they are held, or else the edge of something wide would look slender.
+    held_sigma_m: standard deviation of where they are held; lowest_m: height of the lowest wire there.
     """
     low, high = body.foot_m + config.foot_m, lowest_m - config.below_wires_m
-    beside = np.abs(points[:, :2] - [body.x_m, body.y_m]).max(1) <= config.about_m
+    within = config.about_m + np.array([held_sigma_m, 0.0])
+    beside = (np.abs(points[:, :2] - [body.x_m, body.y_m]) <= within).all(1)
     own = points[beside & (points[:, 2] > low) & (points[:, 2] < high)]
     if len(own) < config.least_points:
         return None
