@@ -75,7 +75,7 @@ def test_a_faint_line_alone_is_none_of_the_next_span() -> None:
     steeper = replace(one, theta=through(0.2, 0.5, 0.2, climb=0.1 + 2.1 * select.max_slope_difference)[0])
     assert of_next_span([one, beside], X, select) == [one, beside]
     assert of_next_span([one, steeper], X, select) == of_next_span([one], X, select) == []
-    on_ground = replace(beside, likeness=1.01 * select.lies)
+    on_ground = replace(beside, likeness=1.01 * select.lies_alike)
     assert of_next_span([one, on_ground], X, select) == []
 
 
@@ -99,6 +99,6 @@ def test_a_clear_line_alone_is_one_of_the_next_span_if_it_hangs() -> None:
     for other in (
         replace(one, odds=0.99 * select.min_odds),
         replace(one, theta=standing),
-        replace(one, likeness=1.01 * select.lies),
+        replace(one, likeness=1.01 * select.lies_alike),
     ):
         assert of_next_span([other], X, select) == []
