@@ -18,8 +18,13 @@ from plnerf.line.wire import Kind, Wire
 from plnerf.scene.cameras import Cameras, project
 from plnerf.survey.config_spans import TensionStringConfig
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.string_profiles import _end_of_string, _spread, shown_strings
-from plnerf.survey.tension_strings import _held_alike, with_possible_strings, with_tension_strings
+from plnerf.survey.string_profiles import Strings, _misfits, _spread, shown_strings
+from plnerf.survey.tension_strings import (
+    _held_alike,
+    _of_one_length,
+    with_possible_strings,
+    with_tension_strings,
+)
 
 CONFIG = TensionStringConfig()
 THICK_M, STRING_M = 0.03, 0.2
@@ -251,8 +256,20 @@ def test_a_string_ends_where_what_is_beside_the_axis_falls_and_not_where_it_rise
     at = np.arange(0.0, 4.0, 0.1)
     q = np.where(at < 0.55, 0.6, np.where(at < 1.75, 0.25, 0.36))
     q[[2, 3, 5]] = 0.37, 0.31, 0.36  # a string's shells and the gaps between them
-    assert _end_of_string(at, q, 1.8, CONFIG) == pytest.approx(0.6, abs=0.15)
-    assert _end_of_string(at, np.linspace(0.2, 0.4, len(at)), 1.8, CONFIG) is None
+    length, _ = min(_misfits(at, q, 1.8, CONFIG), key=lambda one: one[1])
+    assert length == pytest.approx(0.6, abs=0.15)
+    assert _misfits(at, np.linspace(0.2, 0.4, len(at)), 1.8, CONFIG) == []
+
+
+def test_of_two_lengths_that_describe_strings_as_well_the_lines_other_strings_tell_which() -> None:
+    clear = Strings(1.0, 1.8, ((0.9, 7.1), (1.0, 6.5), (1.9, 25.7)))
+    either = Strings(1.9, 1.8, ((0.9, 17.6), (1.0, 18.0), (1.9, 17.2)))
+    bare, unknown = Strings(0.0, 1.8), Strings(None, 1.8)
+    shown = {1: either, 2: clear, 3: bare, 4: unknown}
+    assert _of_one_length(shown, {1, 2, 3, 4}, CONFIG) == {**shown, 1: replace(either, length_m=0.9)}
+    assert _of_one_length(shown, {2, 3, 4}, CONFIG) == shown  # where 1 stands is not well known
+    other = replace(either, misfits=((0.9, 27.6), (1.0, 28.0), (1.9, 17.2)))
+    assert _of_one_length({1: other, 2: clear}, {1, 2}, CONFIG) == {1: other, 2: clear}
 
 
 def test_settings_that_contradict_each_other_are_refused() -> None:

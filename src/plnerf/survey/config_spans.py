@@ -177,6 +177,9 @@ class TensionStringConfig:
     """Standard deviation of the length of a string that images show."""
     alike_m: float = 0.1
     """Standard deviation of the strings of one line from each other."""
+    alike_misfit: float = 1.15
+    """A structure's strings are as long as the line's others if that describes what images show of them at
+    most so many times as ill as the length that does it best."""
     placed_m: float = 0.2
     """Structures whose place has a greater standard deviation are placed by their strings."""
     spacing_share: float = 0.8

@@ -16,7 +16,7 @@ image.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -42,6 +42,16 @@ class Strings:
     """0 where they show the wires up to the structure; None where they do not show which it is."""
     longest_m: float
     """No string there is longer."""
+    misfits: tuple[tuple[float, float], ...] = ()
+    """Of each length that strings may have, how ill it describes what images show."""
+
+    def like(self, length_m: float, within_m: float, most: float) -> "Strings":
+        """With that length so near to another one which describes it best, if not worse by more than a factor
+        than the best of all lengths does."""
+        least = min((misfit for _, misfit in self.misfits), default=0.0)
+        near = [(misfit, own) for own, misfit in self.misfits if abs(own - length_m) <= within_m]
+        misfit, own = min(near, default=(np.inf, 0.0))
+        return replace(self, length_m=own) if misfit <= most * least else self
 
 
 def shown_strings(
@@ -76,8 +86,9 @@ def shown_strings(
     hidden = ratio > config.bare_ratio and seen * sure_of_it < config.seen_ratio
     if hidden or (ratio >= max(config.string_ratio, config.bare_ratio * sure) and here >= config.string_q):
         good = samples >= config.min_samples / inside.sum()
-        x = np.nanmedian(beside[:, good], 0)
-        return Strings(_end_of_string(at[good], x, longest_m, config), longest_m)
+        misfits = _misfits(at[good], np.nanmedian(beside[:, good], 0), longest_m, config)
+        best = min(misfits, key=lambda one: one[1], default=(None, 0.0))
+        return Strings(best[0], longest_m, tuple(misfits))
     bare = ratio <= config.bare_ratio or ratio * sure < config.string_ratio
     return Strings(0.0 if bare and not seen < config.seen_ratio else None, longest_m)
 
@@ -105,15 +116,14 @@ def _spread(q: Float[np.ndarray, "r k"]) -> float:
     return MEDIAN_OF_NORMAL * off / float(np.sqrt(len(x)))
 
 
-def _end_of_string(
+def _misfits(
     at: Float[np.ndarray, " k"], q: Float[np.ndarray, " k"], longest_m: float, config: TensionStringConfig
-) -> float | None:
-    """The place at which a step downwards describes the logarithm of q best; None where none does."""
+) -> list[tuple[float, float]]:
+    """The places at which the logarithm of q may step downwards, and how ill each such step describes it."""
     x = np.log(np.maximum(q, 1e-6))
     inner = np.flatnonzero((at >= config.window_m[1]) & (at <= longest_m + config.step_m))
     falls = [k for k in inner if np.median(x[1:k]) > np.median(x[k:])]
-    best = min(falls, key=lambda k: _misfit(x[1:k]) + _misfit(x[k:]), default=None)
-    return None if best is None else float(at[best])
+    return [(float(at[k]), _misfit(x[1:k]) + _misfit(x[k:])) for k in falls]
 
 
 def _misfit(x: Float[np.ndarray, " k"]) -> float:

@@ -65,18 +65,41 @@ def _held(line: Line) -> dict[int, list[End]]:
 
 def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
     hanging = {one.id for one in line.structures if one.kind == "suspension"}
+    held = {id_: ends for id_, ends in _held(line).items() if id_ not in hanging}
+    longest = {id_: longest_string_m(line.spans, ends, config) for id_, ends in held.items()}
+    alike = {id_: _held_alike(line.spans, ends, config) for id_, ends in held.items()}
+    shown = {
+        id_: shown_strings(phases, photos, longest[id_], config) for id_, (phases, _) in alike.items()
+    }
+    placed = {one.id for one in line.structures if one.sigma_m <= config.placed_m}
     strings: dict[tuple[int, int], Strings] = {}
-    for id_, ends in _held(line).items():
-        if id_ in hanging:
-            continue
-        longest_m = longest_string_m(line.spans, ends, config)
-        phases, above = _held_alike(line.spans, ends, config)
-        shown = shown_strings(phases, photos, longest_m, config)
-        strings |= {(id_, wire.id): shown for wire, _ in phases}
+    for id_, own in _of_one_length(shown, placed, config).items():
+        phases, above = alike[id_]
+        strings |= {(id_, wire.id): own for wire, _ in phases}
         if above:
-            bare = shown.length_m == 0 or shown_strings(above, photos, longest_m, config).length_m == 0
-            strings |= {(id_, wire.id): Strings(0.0 if bare else None, longest_m) for wire, _ in above}
+            bare = own.length_m == 0 or shown_strings(above, photos, longest[id_], config).length_m == 0
+            strings |= {(id_, wire.id): Strings(0.0 if bare else None, longest[id_]) for wire, _ in above}
     return _with_strings(line, strings, config)
+
+
+def _of_one_length(
+    shown: Mapping[int, Strings], placed: set[int], config: TensionStringConfig
+) -> dict[int, Strings]:
+    """Strings of structures, which are alike along a line, of those that are well placed near one length.
+
+    What is beyond a string, as its clamp before a tower of the next span, may look like more of it: where two
+    lengths describe what images show about as well, it is the one that describes the other structures' too.
+    """
+    known = {id_: dict(one.misfits) for id_, one in shown.items() if id_ in placed and one.length_m}
+    lengths = set.intersection(*(set(one) for one in known.values())) if known else set()
+    if len(known) < 2 or not lengths:
+        return dict(shown)
+    common = min(sorted(lengths), key=lambda length: sum(one[length] for one in known.values()))
+    within = config.sigmas * config.alike_m
+    return {
+        id_: one.like(common, within, config.alike_misfit) if id_ in known else one
+        for id_, one in shown.items()
+    }
 
 
 def _held_alike(
