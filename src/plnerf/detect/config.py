@@ -211,9 +211,9 @@ class SearchConfig:
         check(
             min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0
             and min(self.around, self.onward, self.side_by_side) > 0
-            and max(self.parallel, self.meeting) <= 1,
+            and max(self.parallel, self.meeting, self.merged_odds) <= 1,
             "detect.search needs mask_px, rounds, refits and doubt of 0 or more, around, onward and "
-            "side_by_side above 0, and parallel and meeting of 1 or less",
+            "side_by_side above 0, and parallel, meeting and merged_odds of 1 or less",
             self,
         )
 

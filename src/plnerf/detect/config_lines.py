@@ -341,7 +341,7 @@ class SurroundingsConfig:
     least_pairs: int = 40
     """Comparisons without which nothing is said,"""
     least_share: float = 0.25
-    """or that are at fewer of a line's segments: the tower at a wire's end says nothing of the wire."""
+    """or if fewer of a line's segments have any: the tower at a wire's end says nothing of the wire."""
 
     def __post_init__(self) -> None:
         check(

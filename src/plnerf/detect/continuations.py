@@ -85,7 +85,8 @@ def of_next_span(
     """Of lines that go on where wires end those in the air that run as another one does, or that hang and
     have by themselves the evidence that a window's first line needs.  None that bends upwards is a wire.
 
-    Views may be more alike beside them than beside a wire: a structure is behind their beginning."""
+    Views may be more alike beside them than beside a wire: a structure is behind their beginning.
+    """
 
     def may_hang(line: Candidate) -> bool:
         least = -config.sag_sigmas_free * np.sqrt(line.covariance[4, 4])

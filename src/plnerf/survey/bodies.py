@@ -101,8 +101,9 @@ def pole_axis(
     pole is.
 
     A crossarm may carry its wires before the pole or behind it, so that these do not say where it stands;
-    what stands farther from them is another thing, such as a leg of a lattice.  What is looked at is as much
-    longer as it is unknown where they are held, or else the edge of something wide would look slender.
+    what stands farther from them is another thing, such as a leg of a lattice.  Where they are
+    held is uncertain, points are looked at so much farther along the line: else the edge of something wide
+    would look slender.
     held_sigma_m: standard deviation of where they are held; lowest_m: height of the lowest wire there.
     """
     low, high = body.foot_m + config.foot_m, lowest_m - config.below_wires_m

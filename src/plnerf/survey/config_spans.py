@@ -178,8 +178,8 @@ class TensionStringConfig:
     alike_m: float = 0.1
     """Standard deviation of the strings of one line from each other."""
     alike_misfit: float = 1.15
-    """A structure's strings are as long as the line's others if that describes what images show of them at
-    most so many times as ill as the length that does it best."""
+    """A structure's strings are taken to be as long as the line's others if that length fits what images show
+    at most so many times as badly as the best one."""
     placed_m: float = 0.2
     """Structures whose place has a greater standard deviation are placed by their strings."""
     spacing_share: float = 0.8
@@ -206,6 +206,8 @@ class TensionStringConfig:
                 "Tension strings need a seen_to above 0 and at most 1 and a seen_ratio from 0 to 1, but got "
                 f"{self.seen_to} and {self.seen_ratio}."
             )
+        if self.alike_misfit < 1:
+            raise ConfigError(f"Tension strings need alike_misfit of 1 or more, but got {self.alike_misfit}.")
         if not 1 <= self.bare_ratio <= self.string_ratio or self.min_samples < 1:
             raise ConfigError(
                 "Tension strings need 1 <= bare_ratio <= string_ratio and min_samples of 1 or more, but got "

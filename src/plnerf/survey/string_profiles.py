@@ -43,11 +43,11 @@ class Strings:
     longest_m: float
     """No string there is longer."""
     misfits: tuple[tuple[float, float], ...] = ()
-    """Of each length that strings may have, how ill it describes what images show."""
+    """Each length that strings may have, and how badly it fits what images show."""
 
     def like(self, length_m: float, within_m: float, most: float) -> "Strings":
-        """With that length so near to another one which describes it best, if not worse by more than a factor
-        than the best of all lengths does."""
+        """With the length that fits best within a distance of another one, if it fits at most so many times
+        as badly as the best of all; else as they are."""
         least = min((misfit for _, misfit in self.misfits), default=0.0)
         near = [(misfit, own) for own, misfit in self.misfits if abs(own - length_m) <= within_m]
         misfit, own = min(near, default=(np.inf, 0.0))
@@ -119,7 +119,7 @@ def _spread(q: Float[np.ndarray, "r k"]) -> float:
 def _misfits(
     at: Float[np.ndarray, " k"], q: Float[np.ndarray, " k"], longest_m: float, config: TensionStringConfig
 ) -> list[tuple[float, float]]:
-    """The places at which the logarithm of q may step downwards, and how ill each such step describes it."""
+    """The places at which the logarithm of q may step downwards, and how badly each such step fits it."""
     x = np.log(np.maximum(q, 1e-6))
     inner = np.flatnonzero((at >= config.window_m[1]) & (at <= longest_m + config.step_m))
     falls = [k for k in inner if np.median(x[1:k]) > np.median(x[k:])]

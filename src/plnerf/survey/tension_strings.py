@@ -85,10 +85,10 @@ def _of_line(line: Line, photos: Photos, config: TensionStringConfig) -> Line:
 def _of_one_length(
     shown: Mapping[int, Strings], placed: set[int], config: TensionStringConfig
 ) -> dict[int, Strings]:
-    """Strings of structures, which are alike along a line, of those that are well placed near one length.
+    """A line's strings, at well placed structures of about one length where images allow it.
 
-    What is beyond a string, as its clamp before a tower of the next span, may look like more of it: where two
-    lengths describe what images show about as well, it is the one that describes the other structures' too.
+    What is behind the wire beyond a string may look like more of it.  Where two lengths fit what images show
+    about as well, it is the one that fits the other structures' strings too.
     """
     known = {id_: dict(one.misfits) for id_, one in shown.items() if id_ in placed and one.length_m}
     lengths = set.intersection(*(set(one) for one in known.values())) if known else set()
