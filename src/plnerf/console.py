@@ -22,6 +22,7 @@ from plnerf.scene.memory import require_room_for_threads
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.report import RunLog
+from plnerf.train.schedule import HeldOut
 
 
 def say(console: Console, text: str) -> None:
@@ -87,7 +88,10 @@ class RunConsole(RunLog):
         used = (
             f"{step} of {config.steps} steps" if config.steps else f"{seconds:.0f} of {config.seconds:.0f} s"
         )
-        self._console.print(f"Nothing left to train: {used} are done. Give a larger budget to go on.")
+        more = "Give a larger budget to go on."
+        if config.until == "settled":
+            more = "It had settled, or used its budget; of the latter a larger one can be given."
+        self._console.print(f"Nothing left to train: {used} are done. {more}")
 
     def begin(self, config: RunConfig, scene: Scene, step: int) -> None:
         """Opens the logs and prints what is trained, and on what."""
@@ -118,10 +122,11 @@ class RunConsole(RunLog):
             if self._lines is not None:
                 self._lines.show("train", progress, f"{rate}, {loss}, {psnr}")
 
-    def validation(self, step: int, seconds: float, psnr_db: float) -> None:
+    def validation(self, step: int, seconds: float, seen: HeldOut) -> None:
         """Logs the held-out PSNR, which the bar shows from then on."""
-        super().validation(step, seconds, psnr_db)
-        self._held_out = f", held out {psnr_db:.2f} dB"
+        super().validation(step, seconds, seen)
+        near = "" if seen.wire_psnr_db is None else f", near wires {seen.wire_psnr_db:.2f}"
+        self._held_out = f", held out {seen.psnr_db:.2f} dB{near}"
 
     def end(self, step: int, seconds: float) -> None:
         """Prints what was reached."""

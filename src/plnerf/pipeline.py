@@ -43,7 +43,7 @@ from plnerf.synth.hang_scene import hang_in_photos
 from plnerf.synth.photos import write_photos
 from plnerf.synth.scene_options import SceneOptions, find_scene
 from plnerf.synth.synthesize import synthesize
-from plnerf.train.config import RunConfig, TrainConfig
+from plnerf.train.config import RunConfig, TrainConfig, Until
 from plnerf.train.evaluate import evaluate_run
 from plnerf.train.fitted import finest_of, fit_to_scene
 from plnerf.train.loop import train as train_loop
@@ -87,6 +87,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     poses: PosesConfig | None = None,
     steps: int | None = None,
     seconds: float | None = None,
+    until: Until = "spent",
     downscale: int = 1,
     seed: int = 0,
     device: Device = "auto",
@@ -98,7 +99,8 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
     """Trains a radiance field on a scene, into a new run folder, which returns.
 
     model, train, detect, poses: settings; None: the preset's.  A grid's `finest` that is the preset's is
-    fitted to the scene's pixels.  The budget is either `steps` or `seconds`.  report: hears of every step;
+    fitted to the scene's pixels.  The budget is either `steps` or `seconds`; until "settled", the run may end
+    before it is spent.  report: hears of every step;
     None: a log in the run folder.  finder: finds the wires in place of `detect_wires`.  visitor: may look at
     the model between two steps and end the run early.  Where torchrun started several processes, each calls
     this: see `train/ranks.py`.  Raises PlnerfError where another process writes into the folder.
@@ -122,6 +124,7 @@ def train_scene(  # noqa: PLR0913 (an argument is an option of the command)
                 poses=poses or PosesConfig(),
                 steps=steps,
                 seconds=seconds,
+                until=until,
                 seed=seed,
             )
             # What would not come back from config.json, such as infinity, is refused before anything is read.
@@ -141,10 +144,12 @@ def resume_run(
     *,
     steps: int | None = None,
     seconds: float | None = None,
+    until: Until | None = None,
     report: Report | None = None,
     visitor: Visitor = NOBODY,
 ) -> Path:
-    """Goes on with a run from its newest checkpoint, with its own settings; a larger budget may be given."""
+    """Goes on with a run from its newest checkpoint, with its own settings; a larger budget may be given, and
+    another end."""
     config = read_config(out)
     if Path(config.scene) != scene.resolve():
         raise ConfigError(
@@ -153,6 +158,7 @@ def resume_run(
         )
     if steps is not None or seconds is not None:
         config = replace(config, steps=steps, seconds=seconds)
+    config = replace(config, until=until or config.until)
     with join_ranks(config.device) as ranks, ranks.only_writer(out):
         return train_loop(config, out, report or RunLog(out), ranks=ranks, visitor=visitor)
 

@@ -65,7 +65,7 @@ def config(tiny_scene: Path) -> RunConfig:
 
 def test_wire_pixels_are_those_near_the_wires_image_in_training_images(scene: Scene) -> None:
     """Against all pixels of all images, each by its distance from the finely projected curve."""
-    chosen = set(wire_pixels(scene, [wire_of(scene)]).tolist())
+    chosen = set(wire_pixels(scene, [wire_of(scene)], scene.train).tolist())
     seen, depth = project(scene.cameras, on_curve(np.linspace(-HALF, HALF, 2000)))
     on_wire = 0
     for i in range(len(scene.names)):
@@ -85,7 +85,7 @@ def test_wire_pixels_are_those_near_the_wires_image_in_training_images(scene: Sc
         assert not mine[apart > max(widest, 2) + 2].any()
         on_wire += int(mine.sum())
     assert on_wire == len(chosen) > 0
-    assert sorted(chosen) == wire_pixels(scene, [wire_of(scene)]).tolist()
+    assert sorted(chosen) == wire_pixels(scene, [wire_of(scene)], scene.train).tolist()
 
 
 def test_a_wire_behind_all_cameras_has_no_pixels(scene: Scene) -> None:
@@ -95,7 +95,7 @@ def test_a_wire_behind_all_cameras_has_no_pixels(scene: Scene) -> None:
     inside = (depth > 0) & (ahead[..., 0] > -9) & (ahead[..., 0] < w + 9)
     inside &= (ahead[..., 1] > -9) & (ahead[..., 1] < h + 9)
     assert not inside.any()
-    assert len(wire_pixels(scene, [wire_of(scene, up)])) == 0
+    assert len(wire_pixels(scene, [wire_of(scene, up)], scene.train)) == 0
 
 
 def test_only_certain_wires_guide_and_stored_ones_cost_nothing(

@@ -23,14 +23,13 @@ from plnerf.train.checkpoint import list_checkpoints
 from plnerf.train.config import TrainConfig
 from plnerf.train.loop import (
     anneal,
-    due,
-    progress_of,
     set_learning_rates,
     step_generator,
     train,
 )
 from plnerf.train.optimizer import build_optimizer
 from plnerf.train.run import open_run, read_config
+from plnerf.train.schedule import due, progress_of
 
 
 def steps_saved(run: Path) -> list[int]:

@@ -12,13 +12,16 @@ from PIL import Image
 from skimage.metrics import structural_similarity
 from tests.support.oracle import Oracle, Seen, tiny_world
 
-from plnerf.scene.scene import load_scene
+from plnerf.render.system import RadianceSystem
+from plnerf.scene.scene import Scene, load_scene
 from plnerf.train.metrics import (
     LPIPS_ABSENT,
     Lpips,
+    held_out_pixels,
     mean_inside,
     psnr,
     psnr_of_mse,
+    some_of,
     ssim,
     ssim_map,
     validation_psnr,
@@ -110,12 +113,17 @@ def test_lpips_is_computed_or_its_absence_stated() -> None:
         pytest.skip("torchvision is there, and its weights may have to be downloaded")
 
 
+def validated(model: RadianceSystem, scene: Scene, pixels: int, seed: int = 0) -> float:
+    chosen = held_out_pixels(scene, pixels, torch.Generator().manual_seed(seed))
+    return validation_psnr(model, scene, chosen)
+
+
 def test_validation_looks_at_held_out_pixels_alone_and_finds_the_oracle_right(
     tiny_scene: Path, tmp_path: Path
 ) -> None:
     scene = load_scene(tiny_scene, store=tmp_path / "store")
     model = Oracle(tiny_world(scene.frames), len(scene.names))
-    value = validation_psnr(model, scene, 3000, torch.Generator().manual_seed(0))
+    value = validated(model, scene, 3000)
     assert ROUNDING_DB - 0.5 < value < ROUNDING_DB + 15
     assert model.cameras == set(scene.test) and sum(model.chunks) == 3000
     assert not torch.cat(model.appearances).requires_grad
@@ -130,7 +138,7 @@ def test_validation_repeats_itself_and_leaves_the_model_alone(tiny_scene: Path, 
 
     model = Oracle(noisy, len(scene.names)).train()
     first, again, other = (
-        validation_psnr(model, scene, 500, torch.Generator().manual_seed(seed)) for seed in (1, 1, 2)
+        validated(model, scene, 500, seed) for seed in (1, 1, 2)
     )
     assert first == again != other
     assert model.training
@@ -154,5 +162,12 @@ def test_validation_leaves_ignored_pixels_out(tiny_scene: Path, tmp_path: Path) 
     (tiny_scene / "transforms.json").write_text(with_masks)
     masked = load_scene(tiny_scene, store=tmp_path / "masked")
     model = Oracle(tiny_world(masked.frames), len(masked.names))
-    assert validation_psnr(model, spoilt, 2000, torch.Generator().manual_seed(0)) < 15
-    assert validation_psnr(model, masked, 2000, torch.Generator().manual_seed(0)) > 55
+    assert validated(model, spoilt, 2000) < 15
+    assert validated(model, masked, 2000) > 55
+
+
+def test_some_pixels_are_drawn_once_each() -> None:
+    pixels, generator = np.arange(100, 150), torch.Generator().manual_seed(1)
+    assert len(set(some_of(pixels, 20, generator).tolist())) == 20
+    assert sorted(some_of(pixels, 90, generator).tolist()) == pixels.tolist()
+    assert len(some_of(np.zeros(0, np.int64), 9, generator)) == 0

@@ -14,6 +14,7 @@ from tests.support.tiny_run import log_of, open_tiny, tiny_config
 from plnerf.console import RunConsole
 from plnerf.scene.scene import Scene
 from plnerf.train.report import LOG_EVERY, Report, RunLog, SilentReport, read_log
+from plnerf.train.schedule import HeldOut
 
 
 def terms_of(step: int) -> dict[str, torch.Tensor]:
@@ -33,7 +34,7 @@ def play(folder: Path, scene: Scene, first: int, last: int, total: int = 100) ->
     for step in range(first + 1, last + 1):
         report.step(step, step / 2, step / total, terms_of(step))
         if step % 10 == 0:
-            report.validation(step, step / 2, 20 + step / 10)
+            report.validation(step, step / 2, HeldOut(20 + step / 10))
     if last == total:
         report.end(last, last / 2)
     report.close()
@@ -116,7 +117,7 @@ def test_a_failed_run_gives_the_console_and_the_log_back(tmp_path: Path, scene: 
     text = (tmp_path / "console.txt").read_text()
     assert text.rindex("\x1b[?25h") > text.rindex("\x1b[?25l")  # the cursor is shown again
     with pytest.raises(ValueError, match="closed file"):
-        report.validation(1, 0.5, 20.0)
+        report.validation(1, 0.5, HeldOut(20.0, 18.0))
 
 
 @pytest.mark.parametrize(

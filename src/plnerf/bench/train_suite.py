@@ -27,6 +27,7 @@ from plnerf.scene.memory import peak_resident_bytes
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig, Settings
 from plnerf.train.report import SilentReport
+from plnerf.train.schedule import HeldOut
 
 WINDOW_STEPS = 20
 WARM_SHARE = 0.1  # of the steps, left out at the start
@@ -103,10 +104,10 @@ class Stopwatch(SilentReport):
         if self._progress is not None and (self.steps % WINDOW_STEPS == 0 or progress >= 1):
             self._progress(round(1000 * progress), 1000)
 
-    def validation(self, step: int, seconds: float, psnr_db: float) -> None:
+    def validation(self, step: int, seconds: float, seen: HeldOut) -> None:
         """Notes the held-out PSNR."""
-        super().validation(step, seconds, psnr_db)
-        self.validations.append(Validation(step, seconds, self._since(), psnr_db))
+        super().validation(step, seconds, seen)
+        self.validations.append(Validation(step, seconds, self._since(), seen.psnr_db))
 
     def figures(self) -> TrainFigures:
         """All of it.  Raises ConfigError where the run was too short for one window after the warm-up."""

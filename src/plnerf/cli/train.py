@@ -20,6 +20,7 @@ def train(  # noqa: PLR0913 (an argument is an option)
     preset: PresetName = "pl-nerf",
     seconds: float | None = None,
     steps: int | None = None,
+    until: Literal["spent", "settled"] = "spent",
     downscale: int = 1,
     resume: bool = False,
     view: bool = False,
@@ -37,8 +38,9 @@ def train(  # noqa: PLR0913 (an argument is an option)
         scene: Folder with transforms.json (nerfstudio, instant-ngp) or a COLMAP model, or the file itself.
         out: Run folder to write.
         preset: Named settings to start from; --help-all shows their values.
-        seconds: Budget in seconds of training; 300 when neither this nor --steps is given.
+        seconds: Budget in seconds of training; 300 when neither this nor --steps is given, 3600 to settle.
         steps: Budget in steps; such a run can be repeated, and resumed, to the same bits.
+        until: When to end: with the budget, or before it is spent, once held-out pixels no longer gain.
         downscale: Integer factor by which images are made smaller.
         resume: Go on with the run in OUT from its newest checkpoint, with its own settings.
         view: Show the field in a browser while it is trained (needs plnerf[view]).
@@ -73,13 +75,16 @@ def train(  # noqa: PLR0913 (an argument is an option)
             f"{out / 'config.json'}, or train anew into another folder."
         )
     if resume:
-        resume_run(scene, out, steps=steps, seconds=seconds, report=report, visitor=visitor)
+        other = None if until == "spent" else until
+        resume_run(scene, out, steps=steps, seconds=seconds, until=other, report=report, visitor=visitor)
     else:
-        budget = 300.0 if seconds is None and steps is None else seconds
+        usual = {"spent": 300.0, "settled": 3600.0}[until]
+        budget = usual if seconds is None and steps is None else seconds
         train_scene(
             scene, out, preset=preset, model=settings.model, train=settings.train,
             detect=settings.detect.along(line_azimuth), poses=settings.poses, steps=steps, seconds=budget,
-            downscale=downscale, seed=seed, device=device, backend=backend, report=report, visitor=visitor,
+            until=until, downscale=downscale, seed=seed, device=device, backend=backend, report=report,
+            visitor=visitor,
         )  # fmt: skip
 
 

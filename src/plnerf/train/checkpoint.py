@@ -39,6 +39,8 @@ class Checkpoint:
     """Seconds of training done."""
     frames: dict[str, Any]
     """The scene's frames, so that the weights stay georeferenced without the scene folder."""
+    schedule: dict[str, Any] | None = None
+    """What the run's schedule must know to go on; None: nothing."""
 
 
 def save_checkpoint(
@@ -49,6 +51,7 @@ def save_checkpoint(
     step: int,
     seconds: float,
     frames: dict[str, Any],
+    schedule: dict[str, Any] | None = None,
 ) -> Checkpoint:
     """Writes folder/step-N.{safetensors,json}.
 
@@ -56,6 +59,7 @@ def save_checkpoint(
     """
     path, beside = folder / f"step-{step}.json", folder / f"step-{step}.safetensors"
     about = {"format_version": FORMAT_VERSION, "step": step, "seconds": seconds, "frames": frames}
+    about |= {} if schedule is None else {"schedule": schedule}
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
     _check_finite(tensors, folder, step)
     tensors |= _optimizer_tensors(optimizer.state_dict())
@@ -71,7 +75,7 @@ def save_checkpoint(
             f"{folder} are untouched. Make room on the disk, or make the folder writable, then go on with "
             "--resume."
         ) from error
-    return Checkpoint(path, step, seconds, frames)
+    return Checkpoint(path, step, seconds, frames, schedule)
 
 
 def _check_finite(tensors: dict[str, Tensor], folder: Path, step: int) -> None:
@@ -143,7 +147,9 @@ def load_checkpoint(path: Path, model: nn.Module, optimizer: TableAdam | None = 
     if optimizer is not None:
         optimizer.load_state_dict(_optimizer_state(optimizer, tensors, path))
     model.load_state_dict(state)
-    return Checkpoint(path, about["step"], float(about["seconds"]), about["frames"])
+    return Checkpoint(
+        path, about["step"], float(about["seconds"]), about["frames"], about.get("schedule")
+    )
 
 
 def _read_about(path: Path) -> dict[str, Any]:
@@ -155,10 +161,12 @@ def _read_about(path: Path) -> dict[str, Any]:
             f"{FORMAT_VERSION}. Use the version of plnerf that wrote it, or train again."
         )
     whole = isinstance(about.get("step"), int) and isinstance(about.get("frames"), dict)
+    whole = whole and isinstance(about.get("schedule"), dict | None)
     if not whole or not isinstance(about.get("seconds"), int | float):
         raise CheckpointError(
             f"The checkpoint {path} is damaged: its step is {about.get('step')!r}, its seconds are "
-            f"{about.get('seconds')!r}, its frames {about.get('frames')!r}. {_REMOVE}"
+            f"{about.get('seconds')!r}, its frames {about.get('frames')!r}, its schedule "
+            f"{about.get('schedule')!r}. {_REMOVE}"
         )
     return about
 

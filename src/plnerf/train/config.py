@@ -49,6 +49,33 @@ class LossWeights:
             raise ConfigError(f"The weights of losses and interlevel_blur must be 0 or more, but are {self}.")
 
 
+Until = Literal["spent", "settled"]
+"""When a run ends: with its budget, or once held-out pixels no longer gain."""
+
+
+@dataclass(frozen=True)
+class SettleConfig:
+    """When a run is settled.  Looks at held-out pixels follow one another by steps, whatever the machine."""
+
+    first: int = 500
+    """Steps before the first look."""
+    growth: float = 1.25
+    """How much longer a run is at each look than at the one before."""
+    gain_db: float = 0.3
+    """What the last two looks must show more than all before, over the pixels or those near wires."""
+    hold: float = 0.25
+    """Progress at which the learning rates wait until then."""
+    cooling: float = 0.5
+    """Steps over which they then fall, as a share of those before."""
+
+    def __post_init__(self) -> None:
+        if self.first < 1 or self.growth <= 1 or not 0 <= self.hold < 1 or self.cooling <= 0:
+            raise ConfigError(
+                "A run that is to settle needs first >= 1, growth > 1, 0 <= hold < 1 and cooling > 0, but "
+                f"got first={self.first}, growth={self.growth}, hold={self.hold}, cooling={self.cooling}."
+            )
+
+
 @dataclass(frozen=True)
 class TrainConfig:
     """How the loop trains."""
@@ -90,6 +117,8 @@ class TrainConfig:
     checkpoints: int = 10
     """How many checkpoints a run writes; the last two are kept."""
     loss: LossWeights = field(default_factory=LossWeights)
+    settle: SettleConfig = field(default_factory=SettleConfig)
+    """Of runs that end once they are settled."""
 
     def __post_init__(self) -> None:
         if self.rays < 1 or not 0 <= self.normal_rays <= self.rays or not 0 <= self.detail_share < 1:
@@ -151,6 +180,8 @@ class RunConfig:
     """Budget in steps; a run with a budget in steps can be repeated and resumed to the same bits."""
     seconds: float | None = None
     """Budget in seconds of training steps; loading, validation and saving are not counted."""
+    until: Until = "spent"
+    """When it ends: with its budget, or before, once held-out pixels no longer gain."""
     seed: int = 0
     """Decides the initial weights and, with the step, every random draw."""
 

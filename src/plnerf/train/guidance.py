@@ -127,18 +127,18 @@ def favoured_pixels(config: RunConfig, scene: Scene, wires: Sequence[Wire]) -> t
     pools = detail_pools(
         scene.images, scene.train, cfg.detail_share, cfg.detail_part, cfg.detail_map, config.detect.ridges
     )
-    if wires and cfg.curve_share and len(pixels := wire_pixels(scene, wires)):
+    if wires and cfg.curve_share and len(pixels := wire_pixels(scene, wires, scene.train)):
         return (*pools, Pool(pixels, cfg.curve_share))
     return pools
 
 
-def wire_pixels(scene: Scene, wires: Sequence[Wire]) -> Int[np.ndarray, " d"]:
-    """Flat indices of the training pixels within reach of a wire, in increasing order."""
+def wire_pixels(scene: Scene, wires: Sequence[Wire], images: Sequence[int]) -> Int[np.ndarray, " d"]:
+    """Flat indices of the pixels of some images within reach of a wire, in increasing order."""
     frame, found = LineFrame.of_scene(scene.frames), []
     points = [torch.from_numpy(scene_points(wire, frame, POINTS)).float() for wire in wires]
     seen = [project(scene.cameras, one) for one in points]
     reaches = [reach_in_scene(wire, frame) for wire in wires]
-    for i in sorted(scene.train):
+    for i in sorted(images):
         w, h = (int(side) for side in scene.cameras.size_px[i])
         near = np.zeros((h, w), np.uint8)
         for reach, (pixels, depths) in zip(reaches, seen, strict=True):
@@ -150,4 +150,4 @@ def wire_pixels(scene: Scene, wires: Sequence[Wire]) -> Int[np.ndarray, " d"]:
                 a, b = (tuple(int(v) for v in at[j]) for j in (k, k + 1))
                 cv2.line(near, a, b, 255, thick)
         found.append(scene.images.starts[i] + np.flatnonzero(near))
-    return np.concatenate(found).astype(np.int64)
+    return np.concatenate([np.zeros(0, np.int64), *found]).astype(np.int64)

@@ -31,13 +31,14 @@ from plnerf.train.checkpoint import (
 )
 from plnerf.train.config import RunConfig, TrainConfig
 from plnerf.train.graph import GraphedStep
-from plnerf.train.guidance import favoured_pixels, guides_for, run_wires
-from plnerf.train.metrics import validation_psnr
+from plnerf.train.guidance import favoured_pixels, guides_for, run_wires, wire_pixels
+from plnerf.train.metrics import held_out_pixels, some_of, validation_psnr
 from plnerf.train.optimizer import Optimizer, build_optimizer
 from plnerf.train.pixels import PixelBatch, PixelSampler
 from plnerf.train.ranks import ALONE, Ranks, SharedGradients, processes_here
 from plnerf.train.report import LOG_EVERY, Report, SilentReport
 from plnerf.train.run import build_model, open_scene, write_run
+from plnerf.train.schedule import HeldOut, schedule_of
 from plnerf.train.step import NonFiniteMonitor, Training
 from plnerf.train.visitor import NOBODY, Visitor
 
@@ -72,14 +73,15 @@ def train(
         scene, wires, searched = run_wires(config, scene, folder, trained=bool(saved), finder=finder)
     model = build_model(config, scene, guides_for(wires, scene, config))
     optimizer = build_optimizer(model, cfg)
-    step, seconds = 0, billable_seconds(searched, config)
+    step, seconds, state = 0, billable_seconds(searched, config), None
     if saved:
         start = load_checkpoint(saved[-1], model, optimizer)
-        step, seconds = start.step, start.seconds
+        step, seconds, state = start.step, start.seconds, start.schedule
     ranks.require_same(model, step)
     seconds = ranks.same(seconds)
-    progress = progress_of(config, step, seconds)
-    if progress >= 1:
+    schedule = schedule_of(config, step, seconds, state)
+    now = schedule.at(step, seconds)
+    if now.progress >= 1:
         report.nothing_left(config, step, seconds)
         return folder
     if ranks.first:
@@ -91,6 +93,15 @@ def train(
     take_step, first, goes_on = make_step(training, config), step, True
     check_every = 1 if device == CPU else LOG_EVERY  # asking a GPU waits for it
 
+    same = step_generator(config.seed, 0, CPU)  # the same pixels every time
+    held_out = held_out_pixels(scene, VALIDATION_PIXELS, same)
+    on_wires = some_of(wire_pixels(scene, wires, scene.test), VALIDATION_PIXELS, same) if wires else None
+
+    def look() -> HeldOut:
+        sets = [pixels for pixels in (held_out, on_wires) if pixels is not None and len(pixels)]
+        seen = [validation_psnr(model, scene, one) if ranks.first else 0.0 for one in sets]
+        return HeldOut(*map(ranks.same, seen))
+
     def draw(step: int) -> tuple[PixelBatch, Generator]:
         generator = ranks.generator(CPU).manual_seed(step_seed(config.seed, step))
         batch = sampler.draw(config.train.rays, generator, ranks.rays)
@@ -101,14 +112,14 @@ def train(
     ahead = 2 if device != CPU or scene.images.waits_for_disk else 0
     with closing(report), closing(visitor), Ahead(draw, step, ahead) as batches:
         visitor.begin(config, folder, scene, model)
-        while progress < 1 and goes_on:
+        while now.progress < 1 and goes_on:
             clock = time.perf_counter()
-            set_learning_rates(optimizer, cfg, step, progress)
+            set_learning_rates(optimizer, cfg, step, now.progress)
             batch, generator = next(batches)
             model.update(step, generator)
             if device != CPU:
                 generator = ranks.generator(device).manual_seed(step_seed(config.seed, step))
-            refine_poses = cfg.pose_refinement and progress >= cfg.pose_from
+            refine_poses = cfg.pose_refinement and now.progress >= cfg.pose_from
             terms = take_step(batch, anneal(step, cfg.anneal_steps), generator, refine_poses)
             if step % check_every == 0:
                 _check_finite(training.monitor, first, step, terms, checkpoints)
@@ -116,19 +127,21 @@ def train(
             # The first step of a process compiles the kernels: it does not count against a budget in seconds.
             seconds += time.perf_counter() - clock if report.steps else 0.0
             seconds = ranks.same(seconds) if config.seconds else seconds
-            before, progress = progress, progress_of(config, step, seconds)
-            report.step(step, seconds, progress, terms)
+            now = schedule.at(step, seconds)
+            report.step(step, seconds, now.share, terms)
             goes_on = visitor.between_steps(step)
-            if ranks.first and due(before, progress, cfg.validations):
-                same = step_generator(config.seed, 0, CPU)  # the same pixels every time
-                psnr_db = validation_psnr(model, scene, VALIDATION_PIXELS, generator=same)
-                report.validation(step, seconds, psnr_db)
-            if due(before, progress, cfg.checkpoints) or not goes_on:
+            if now.look:
+                seen = look()
+                schedule.heard(step, seen)
+                report.validation(step, seconds, seen)
+            if now.save or not goes_on:
                 _check_finite(training.monitor, first, step - 1, terms, checkpoints)
                 ranks.require_same(model, step)
                 if ranks.first:
-                    frames = scene.frames.to_json()
-                    save_checkpoint(checkpoints, model, optimizer, step=step, seconds=seconds, frames=frames)
+                    save_checkpoint(
+                        checkpoints, model, optimizer, step=step, seconds=seconds,
+                        frames=scene.frames.to_json(), schedule=schedule.state(),
+                    )  # fmt: skip
                     drop_old_checkpoints(checkpoints, keep=2)
         report.end(step, seconds)
     return folder
@@ -200,17 +213,6 @@ def anneal(step: int, steps: int, slope: float = 10.0) -> float:
     """Exponent of the proposals' weights, from 0 to 1 over some steps.  Mip-NeRF 360 eq. 18."""
     share = min(1.0, (step + 1) / steps)
     return slope * share / ((slope - 1) * share + 1)
-
-
-def progress_of(config: RunConfig, step: int, seconds: float) -> float:
-    """Part of the budget that is used up, in [0, 1]."""
-    used = step / config.steps if config.steps else seconds / (config.seconds or 1.0)
-    return min(1.0, used)
-
-
-def due(before: float, after: float, times: int) -> bool:
-    """Whether progress passed one of `times` evenly spaced marks, the last of them at 1."""
-    return int(after * times + 1e-9) > int(before * times + 1e-9)
 
 
 def step_generator(seed: int, step: int, device: torch.device) -> Generator:

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Generator, Tensor
 
 from plnerf.rays.rays import pixel_rays
@@ -105,20 +105,28 @@ def _batch(picture: Float[np.ndarray, "h w 3"]) -> Float[Tensor, "1 3 h w"]:
     return torch.from_numpy(picture.astype(np.float32)).permute(2, 0, 1)[None]
 
 
-def validation_psnr(model: RadianceSystem, scene: Scene, pixels: int, generator: Generator) -> float:
-    """PSNR in dB over random held-out pixels, the same ones for generators in the same state.
-
-    Pixels that masks ignore are left out; the appearance vector is the mean of the training images'.  NaN
-    where masks ignore all that were drawn.  Leaves the model's mode as it is and records no gradients.
-    """
+def held_out_pixels(scene: Scene, count: int, generator: Generator) -> Int[Tensor, " n"]:
+    """Flat indices of random pixels of the held-out images, without those that masks ignore."""
     test = list(scene.test)
     ends = torch.from_numpy(np.cumsum(np.diff(scene.images.starts)[test]))
-    within = torch.randint(int(ends[-1]), (pixels,), generator=generator)
+    within = torch.randint(int(ends[-1]), (count,), generator=generator)
     slot = torch.searchsorted(ends, within, right=True)
-    flat = (
-        torch.from_numpy(scene.images.starts[test])[slot] + within - torch.where(slot > 0, ends[slot - 1], 0)
-    )
-    flat = flat[scene.images.valid_flat(flat)]
+    before = torch.where(slot > 0, ends[slot - 1], 0)
+    flat = torch.from_numpy(scene.images.starts[test])[slot] + within - before
+    return flat[scene.images.valid_flat(flat)]
+
+
+def some_of(pixels: Int[np.ndarray, " d"], count: int, generator: Generator) -> Int[Tensor, " n"]:
+    """Random ones of given pixels, each once at most."""
+    return torch.from_numpy(pixels)[torch.randperm(len(pixels), generator=generator)[:count]]
+
+
+def validation_psnr(model: RadianceSystem, scene: Scene, flat: Int[Tensor, " n"]) -> float:
+    """PSNR in dB over pixels, given by their flat indices; NaN where there are none.
+
+    The appearance vector is the mean of the training images'.  Leaves the model's mode as it is and records
+    no gradients.
+    """
     camera, pixel_px = scene.images.locate(flat)
     rays = pixel_rays(scene.cameras, camera, pixel_px)
     device, chunk = model.appearance.device, default_chunk(model)

@@ -16,6 +16,7 @@ from plnerf.scene.memory import require_room_for_threads
 from plnerf.scene.scene import Scene
 from plnerf.scene.strict_json import parse_json
 from plnerf.train.config import RunConfig
+from plnerf.train.schedule import HeldOut
 
 LOG_EVERY = 20  # steps between two lines of the log
 
@@ -29,7 +30,7 @@ class Report(Protocol):
     def nothing_left(self, config: RunConfig, step: int, seconds: float) -> None: ...
     def begin(self, config: RunConfig, scene: Scene, step: int) -> None: ...
     def step(self, step: int, seconds: float, progress: float, terms: Mapping[str, Tensor]) -> None: ...
-    def validation(self, step: int, seconds: float, psnr_db: float) -> None: ...
+    def validation(self, step: int, seconds: float, seen: HeldOut) -> None: ...
     def end(self, step: int, seconds: float) -> None: ...
     def close(self) -> None: ...
 
@@ -51,9 +52,9 @@ class SilentReport:
         """Counts."""
         self.steps += 1
 
-    def validation(self, step: int, seconds: float, psnr_db: float) -> None:
+    def validation(self, step: int, seconds: float, seen: HeldOut) -> None:
         """Keeps the value."""
-        self.held_out_db.append(psnr_db)
+        self.held_out_db.append(seen.psnr_db)
 
     def end(self, step: int, seconds: float) -> None:
         """Does nothing."""
@@ -104,10 +105,11 @@ class RunLog(SilentReport):
         self.latest = {"rays_per_s": rate, "loss": loss, "train_psnr_db": train_db, **values}
         self._write(step, seconds, self.latest)
 
-    def validation(self, step: int, seconds: float, psnr_db: float) -> None:
-        """Logs the PSNR over fixed random held-out pixels."""
-        super().validation(step, seconds, psnr_db)
-        self._write(step, seconds, {"held_out_psnr_db": psnr_db})
+    def validation(self, step: int, seconds: float, seen: HeldOut) -> None:
+        """Logs the PSNR over fixed random held-out pixels, and over those near wires."""
+        super().validation(step, seconds, seen)
+        near = {} if seen.wire_psnr_db is None else {"held_out_wire_psnr_db": seen.wire_psnr_db}
+        self._write(step, seconds, {"held_out_psnr_db": seen.psnr_db, **near})
 
     def close(self) -> None:
         """Closes the logs."""
