@@ -22,7 +22,7 @@ from plnerf.scene.memory import require_room_for_threads
 from plnerf.scene.scene import Scene
 from plnerf.train.config import RunConfig
 from plnerf.train.report import RunLog
-from plnerf.train.schedule import HeldOut
+from plnerf.train.schedule import HeldOut, progress_of
 
 
 def say(console: Console, text: str) -> None:
@@ -85,13 +85,13 @@ class RunConsole(RunLog):
 
     def nothing_left(self, config: RunConfig, step: int, seconds: float) -> None:
         """Prints that a run had already used up its budget."""
+        if progress_of(config, step, seconds) < 1:
+            self._console.print(f"Nothing left to train: the run had settled after {step} steps.")
+            return
         used = (
             f"{step} of {config.steps} steps" if config.steps else f"{seconds:.0f} of {config.seconds:.0f} s"
         )
-        more = "Give a larger budget to go on."
-        if config.until == "settled":
-            more = "It had settled, or used its budget; of the latter a larger one can be given."
-        self._console.print(f"Nothing left to train: {used} are done. {more}")
+        self._console.print(f"Nothing left to train: {used} are done. Give a larger budget to go on.")
 
     def begin(self, config: RunConfig, scene: Scene, step: int) -> None:
         """Opens the logs and prints what is trained, and on what."""

@@ -120,6 +120,13 @@ def test_a_failed_run_gives_the_console_and_the_log_back(tmp_path: Path, scene: 
         report.validation(1, 0.5, HeldOut(20.0, 18.0))
 
 
+def test_nothing_left_of_a_run_that_settled(tmp_path: Path) -> None:
+    console = Console(record=True, width=100)
+    report = RunConsole(tmp_path / "run", console)
+    report.nothing_left(tiny_config(Path("/s"), "until=settled", steps=90), 40, 12.6)
+    assert console.export_text() == "Nothing left to train: the run had settled after 40 steps.\n"
+
+
 @pytest.mark.parametrize(
     ("budget", "words"), [({"steps": 40}, "40 of 40 steps"), ({"seconds": 12.0}, "13 of 12 s")]
 )

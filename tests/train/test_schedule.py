@@ -1,5 +1,6 @@
 """When a run ends that goes on until it is settled: on known curves of held-out PSNR, and in training."""
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -102,6 +103,16 @@ def test_what_was_kept_goes_on_as_it_was() -> None:
             schedule.heard(step, seen(step))
     rest = play(seen, state=schedule.state(), start=stopped)
     assert rest.moments == whole.moments[stopped:]
+
+
+def test_what_masks_ignore_settles_nothing_and_comes_back_from_json() -> None:
+    played = play(lambda step: HeldOut(math.nan, math.nan), steps=6000)
+    assert played.steps == 6000
+    config = tiny_config(Path("/s"), "until=settled", steps=6000)
+    schedule = UntilSettled(config, None)
+    schedule.heard(500, HeldOut(math.nan, 25.0))
+    state = json.loads(json.dumps(schedule.state(), allow_nan=False))
+    assert UntilSettled(config, state).state() == schedule.state()
 
 
 def test_a_larger_budget_lets_a_run_gain_again() -> None:

@@ -40,7 +40,7 @@ class Checkpoint:
     frames: dict[str, Any]
     """The scene's frames, so that the weights stay georeferenced without the scene folder."""
     schedule: dict[str, Any] | None = None
-    """What the run's schedule must know to go on; None: nothing."""
+    """State of the run's schedule; None where the step and the seconds are all of it."""
 
 
 def save_checkpoint(

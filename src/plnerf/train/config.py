@@ -60,9 +60,9 @@ class SettleConfig:
     first: int = 500
     """Steps before the first look."""
     growth: float = 1.25
-    """How much longer a run is at each look than at the one before."""
+    """Ratio of the steps at one look to those at the one before."""
     gain_db: float = 0.3
-    """What the last two looks must show more than all before, over the pixels or those near wires."""
+    """What the better of the last two looks must gain on all before, over all pixels or those near wires."""
     hold: float = 0.25
     """Progress at which the learning rates wait until then."""
     cooling: float = 0.5
@@ -118,7 +118,7 @@ class TrainConfig:
     """How many checkpoints a run writes; the last two are kept."""
     loss: LossWeights = field(default_factory=LossWeights)
     settle: SettleConfig = field(default_factory=SettleConfig)
-    """Of runs that end once they are settled."""
+    """For runs with `until` "settled"."""
 
     def __post_init__(self) -> None:
         if self.rays < 1 or not 0 <= self.normal_rays <= self.rays or not 0 <= self.detail_share < 1:

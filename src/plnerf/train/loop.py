@@ -98,7 +98,7 @@ def train(
     on_wires = some_of(wire_pixels(scene, wires, scene.test), VALIDATION_PIXELS, same) if wires else None
 
     def look() -> HeldOut:
-        sets = [pixels for pixels in (held_out, on_wires) if pixels is not None and len(pixels)]
+        sets = [held_out] if on_wires is None else [held_out, on_wires]
         seen = [validation_psnr(model, scene, one) if ranks.first else 0.0 for one in sets]
         return HeldOut(*map(ranks.same, seen))
 

@@ -106,14 +106,13 @@ def _batch(picture: Float[np.ndarray, "h w 3"]) -> Float[Tensor, "1 3 h w"]:
 
 
 def held_out_pixels(scene: Scene, count: int, generator: Generator) -> Int[Tensor, " n"]:
-    """Flat indices of random pixels of the held-out images, without those that masks ignore."""
+    """Flat indices of random pixels of the held-out images."""
     test = list(scene.test)
     ends = torch.from_numpy(np.cumsum(np.diff(scene.images.starts)[test]))
     within = torch.randint(int(ends[-1]), (count,), generator=generator)
     slot = torch.searchsorted(ends, within, right=True)
     before = torch.where(slot > 0, ends[slot - 1], 0)
-    flat = torch.from_numpy(scene.images.starts[test])[slot] + within - before
-    return flat[scene.images.valid_flat(flat)]
+    return torch.from_numpy(scene.images.starts[test])[slot] + within - before
 
 
 def some_of(pixels: Int[np.ndarray, " d"], count: int, generator: Generator) -> Int[Tensor, " n"]:
@@ -122,11 +121,13 @@ def some_of(pixels: Int[np.ndarray, " d"], count: int, generator: Generator) -> 
 
 
 def validation_psnr(model: RadianceSystem, scene: Scene, flat: Int[Tensor, " n"]) -> float:
-    """PSNR in dB over pixels, given by their flat indices; NaN where there are none.
+    """PSNR in dB over pixels, given by their flat indices, without those that masks ignore; NaN where none
+    is left.
 
     The appearance vector is the mean of the training images'.  Leaves the model's mode as it is and records
     no gradients.
     """
+    flat = flat[scene.images.valid_flat(flat)]
     camera, pixel_px = scene.images.locate(flat)
     rays = pixel_rays(scene.cameras, camera, pixel_px)
     device, chunk = model.appearance.device, default_chunk(model)

@@ -32,8 +32,13 @@ class HeldOut:
     """What fixed held-out pixels show of a model."""
 
     psnr_db: float
+    """NaN where masks ignore all of them."""
     wire_psnr_db: float | None = None
-    """Of those near detected wires; None without wires."""
+    """Of those near detected wires; None without wires, NaN where none of them is to be seen."""
+
+
+Look = tuple[float | None, float | None]
+"""The PSNR of all held-out pixels and of those near wires; None where there is none."""
 
 
 @runtime_checkable
@@ -82,7 +87,7 @@ class UntilSettled:
     def __init__(self, config: RunConfig, state: dict[str, Any] | None) -> None:
         self._config, self._cfg = config, config.train.settle
         self._latest = 1 / (1 + self._cfg.cooling)
-        self._looks: list[HeldOut] = []
+        self._looks: list[Look] = []
         self._settled_at: int | None = None
         self._forced = False
         if state is not None:
@@ -108,19 +113,20 @@ class UntilSettled:
         return Moment(1.0 if done else progress, min(1.0, share), mark or done, mark or done)
 
     def heard(self, step: int, seen: HeldOut) -> None:
-        """Settled where neither the last look nor the one before it gained on all that were earlier."""
-        self._looks.append(seen)
-        if self._settled_at is not None or len(self._looks) < 3:
-            return
-        kinds = [[one.psnr_db for one in self._looks]]
-        kinds.append([one.wire_psnr_db for one in self._looks if one.wire_psnr_db is not None])
+        """Settled where neither the last look nor the one before it gained on all that were earlier.
+
+        Where there is nothing to look at, only the budget ends the run.
+        """
+        whole, near = (_finite(value) for value in (seen.psnr_db, seen.wire_psnr_db))
+        self._looks.append((whole, near))
+        kinds = [[value for value in kind if value is not None] for kind in zip(*self._looks, strict=True)]
         gains = [max(of[-2:]) - max(of[:-2]) for of in kinds if len(of) >= 3]
-        if max(gains) < self._cfg.gain_db:
+        if self._settled_at is None and gains and max(gains) < self._cfg.gain_db:
             self._settled_at = step
 
     def state(self) -> dict[str, Any]:
         """The looks, and when it settled."""
-        looks = [[one.psnr_db, one.wire_psnr_db] for one in self._looks]
+        looks = [list(one) for one in self._looks]
         return {"looks": looks, "settled_at": self._settled_at, "forced": self._forced}
 
     def _is_mark(self, step: int) -> bool:
@@ -130,10 +136,14 @@ class UntilSettled:
         return mark == step
 
 
-def _read(state: dict[str, Any]) -> tuple[list[HeldOut], int | None, bool]:
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _read(state: dict[str, Any]) -> tuple[list[Look], int | None, bool]:
     """What `UntilSettled.state` wrote.  Raises CheckpointError where it is something else."""
     try:
-        looks = [HeldOut(float(whole), None if w is None else float(w)) for whole, w in state["looks"]]
+        looks = [(_finite(whole), _finite(near)) for whole, near in state["looks"]]
         settled_at = state["settled_at"]
         if settled_at is not None and (type(settled_at) is not int or settled_at < 0):
             raise ValueError(f"settled_at is {settled_at!r}")
