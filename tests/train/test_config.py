@@ -43,6 +43,8 @@ GOOD: dict[str, Any] = {
         ("hash_lr", -1e-3),
         ("mlp_lr", -1e-3),
         ("pose_lr", -1e-3),
+        ("lr_fall_from", 1.0),
+        ("lr_fall_from", -0.1),
         ("lr_final_factor", 0.0),
         ("lr_final_factor", 1.5),
         ("pose_from", 1.5),

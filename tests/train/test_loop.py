@@ -62,8 +62,8 @@ def test_progress_is_the_used_part_of_the_budget() -> None:
     assert [progress_of(seconds, 10**9, spent) for spent in (0.0, 1.0, 4.0, 5.0)] == [0.0, 0.25, 1.0, 1.0]
 
 
-def test_learning_rates_rise_and_then_decay_to_their_share() -> None:
-    cfg = TrainConfig(warmup_steps=10, lr_final_factor=0.05)
+def test_learning_rates_rise_wait_and_fall_to_their_share() -> None:
+    cfg = TrainConfig(warmup_steps=10, lr_fall_from=0.6, lr_final_factor=0.05)
     groups = [{"params": [torch.zeros(1, requires_grad=True)], "rate": rate} for rate in (1e-2, 5e-4)]
     optimizer = torch.optim.Adam(groups)
 
@@ -73,9 +73,9 @@ def test_learning_rates_rise_and_then_decay_to_their_share() -> None:
 
     rise = [rates(step, 0.0)[0] for step in range(10)]
     assert rise == pytest.approx([(step + 1) / 10 for step in range(10)])
-    assert rates(10, 0.0) == pytest.approx([1.0, 1.0])
+    assert rates(10, 0.0) == rates(60, 0.6) == pytest.approx([1.0, 1.0])
     assert rates(100, 1.0) == pytest.approx([0.05, 0.05])
-    assert rates(100, 0.5)[0] ** 2 == pytest.approx(rates(100, 0.25)[0] * rates(100, 0.75)[0])
+    assert rates(100, 0.8)[0] ** 2 == pytest.approx(rates(100, 0.7)[0] * rates(100, 0.9)[0])
 
 
 def test_annealing_rises_from_flat_to_untouched() -> None:

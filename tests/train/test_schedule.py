@@ -135,7 +135,7 @@ def test_a_damaged_schedule_is_an_error(part: dict[str, Any]) -> None:
         UntilSettled(config, {})
 
 
-@pytest.mark.parametrize("part", [{"first": 0}, {"growth": 1.0}, {"hold": 1.0}, {"cooling": 0.0}])
+@pytest.mark.parametrize("part", [{"first": 0}, {"growth": 1.0}, {"hold": 1.0}, {"hold": 0.0}])
 def test_settings_that_mean_nothing_are_refused(part: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match="that is to settle"):
         SettleConfig(**part)

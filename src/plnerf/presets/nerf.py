@@ -18,6 +18,7 @@ PRESET = Preset(
         normal_rays=0,
         anneal_steps=1,
         mlp_lr=5e-4,
+        lr_fall_from=0.0,
         lr_final_factor=0.1,
         loss=LossWeights(interlevel=0.0, distortion=0.0),
     ),

@@ -63,16 +63,14 @@ class SettleConfig:
     """Ratio of the steps at one look to those at the one before."""
     gain_db: float = 0.3
     """What the better of the last two looks must gain on all before, over all pixels or those near wires."""
-    hold: float = 0.25
-    """Progress at which the learning rates wait until then."""
-    cooling: float = 0.5
-    """Steps over which they then fall, as a share of those before."""
+    hold: float = 2 / 3
+    """Progress at which a run waits until then: half as many steps as before follow."""
 
     def __post_init__(self) -> None:
-        if self.first < 1 or self.growth <= 1 or not 0 <= self.hold < 1 or self.cooling <= 0:
+        if self.first < 1 or self.growth <= 1 or not 0 < self.hold < 1:
             raise ConfigError(
-                "A run that is to settle needs first >= 1, growth > 1, 0 <= hold < 1 and cooling > 0, but "
-                f"got first={self.first}, growth={self.growth}, hold={self.hold}, cooling={self.cooling}."
+                "A run that is to settle needs first >= 1, growth > 1 and 0 < hold < 1, but got "
+                f"first={self.first}, growth={self.growth}, hold={self.hold}."
             )
 
 
@@ -82,14 +80,16 @@ class TrainConfig:
 
     rays: int = 512
     """Rays of a step."""
-    hash_lr: float = 4e-2
+    hash_lr: float = 3e-2
     """Learning rate of the hash tables."""
-    mlp_lr: float = 2e-2
+    mlp_lr: float = 1.5e-2
     """Learning rate of the networks and appearance vectors."""
     pose_lr: float = 5e-4
     """Learning rate of the pose corrections (radians, scene units)."""
-    lr_final_factor: float = 0.05
-    """Share of the learning rates that is left at the end; they decay exponentially with progress."""
+    lr_fall_from: float = 2 / 3
+    """Progress from which the learning rates fall, exponentially; until then they wait."""
+    lr_final_factor: float = 0.1
+    """Share of the learning rates that is left at the end."""
     warmup_steps: int = 50
     """Steps over which the learning rates rise from zero."""
     anneal_steps: int = 300
@@ -144,6 +144,11 @@ class TrainConfig:
                 f"0 <= pose_from <= 1, but got hash_lr={self.hash_lr}, mlp_lr={self.mlp_lr}, "
                 f"pose_lr={self.pose_lr}, lr_final_factor={self.lr_final_factor}, "
                 f"pose_from={self.pose_from}."
+            )
+        if not 0 <= self.lr_fall_from < 1:
+            raise ConfigError(
+                f"Learning rates must begin to fall before the end, 0 <= lr_fall_from < 1, but "
+                f"lr_fall_from={self.lr_fall_from}."
             )
 
 

@@ -200,8 +200,9 @@ def make_step(
 
 
 def set_learning_rates(optimizer: Optimizer, cfg: TrainConfig, step: int, progress: float) -> None:
-    """Linear warm-up over the first steps, exponential decay to `lr_final_factor` over the whole budget."""
-    factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.lr_final_factor**progress
+    """Linear warm-up over the first steps, exponential decay to `lr_final_factor` from `lr_fall_from` on."""
+    fallen = max(0.0, progress - cfg.lr_fall_from) / (1 - cfg.lr_fall_from)
+    factor = min(1.0, (step + 1) / cfg.warmup_steps) * cfg.lr_final_factor**fallen
     for group in optimizer.param_groups:
         if isinstance(group["lr"], Tensor):
             group["lr"].fill_(group["rate"] * factor)

@@ -1,8 +1,8 @@
 """How far a run has come: when its learning rates fall, when held-out pixels are looked at, when it ends.
 
-A budget known beforehand lets the rates fall over all of it.  Until a run is settled nobody knows how long it
-takes: the rates wait while held-out pixels gain, and then fall over half as many steps as were taken so far,
-which is known as warmup-stable-decay (Hu et al. 2024, MiniCPM, section 4).
+Learning rates wait and then fall, which is known as warmup-stable-decay (Hu et al. 2024, MiniCPM, section 4).
+A budget known beforehand says when.  Until a run is settled nobody knows how long it takes: it waits while
+held-out pixels gain, and then goes on for half as many steps as were taken so far.
 """
 
 import math
@@ -86,7 +86,6 @@ class UntilSettled:
 
     def __init__(self, config: RunConfig, state: dict[str, Any] | None) -> None:
         self._config, self._cfg = config, config.train.settle
-        self._latest = 1 / (1 + self._cfg.cooling)
         self._looks: list[Look] = []
         self._settled_at: int | None = None
         self._forced = False
@@ -96,21 +95,20 @@ class UntilSettled:
     def at(self, step: int, seconds: float) -> Moment:
         """Looks and saves after the first steps, then whenever a run is longer by the factor `growth`."""
         used = progress_of(self._config, step, seconds)
-        if self._forced and used < self._latest:  # resumed with a larger budget
+        if self._forced and used < self._cfg.hold:  # resumed with a larger budget
             self._settled_at, self._forced = None, False
-        if self._settled_at is None and used >= self._latest:
+        if self._settled_at is None and used >= self._cfg.hold:
             self._settled_at, self._forced = step, True
         mark = self._is_mark(step)
+        waiting = self._cfg.hold * min(1.0, (self._settled_at or step) / self._cfg.first)
         if self._settled_at is None:
-            progress = self._cfg.hold * min(1.0, step / self._cfg.first)
-            return Moment(progress, 0.0, mark, mark)
-        cooling = max(1, round(self._cfg.cooling * self._settled_at))
-        fallen = 1.0 if used >= 1 else min(1.0, (step - self._settled_at) / cooling)
-        begin = self._cfg.hold * min(1.0, self._settled_at / self._cfg.first)
-        progress = begin + (1 - begin) * fallen
-        share = max(used, step / (self._settled_at + cooling))
-        done = fallen >= 1
-        return Moment(1.0 if done else progress, min(1.0, share), mark or done, mark or done)
+            return Moment(waiting, 0.0, mark, mark)
+        rest = max(1, round((1 / self._cfg.hold - 1) * self._settled_at))
+        gone = 1.0 if used >= 1 else min(1.0, (step - self._settled_at) / rest)
+        share = max(used, step / (self._settled_at + rest))
+        done = gone >= 1
+        progress = 1.0 if done else waiting + (1 - waiting) * gone
+        return Moment(progress, min(1.0, share), mark or done, mark or done)
 
     def heard(self, step: int, seen: HeldOut) -> None:
         """Settled where neither the last look nor the one before it gained on all that were earlier.
