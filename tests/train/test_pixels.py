@@ -1,5 +1,6 @@
 """Drawing pixels: unbiased whatever the share of detail, from the training images alone; ridges are lines."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from plnerf.errors import ConfigError
 from plnerf.scene.images import ImageStore
-from plnerf.train.config import DetailMap
+from plnerf.train.config import DetailMap, TrainConfig
 from plnerf.train.pixels import DETAIL_MAPS, PixelSampler, Pool, detail_pixels, detail_pools, ridge_strength
 
 SIZES = [(24, 16), (10, 30), (17, 13), (20, 20)]
@@ -258,3 +259,39 @@ def test_without_a_share_there_is_no_pool(tmp_path: Path) -> None:
     assert detail_pools(store, TRAIN, 0.0, 0.1) == ()
     (pool,) = detail_pools(store, TRAIN, 0.2, 0.1)
     assert pool.share == 0.2 and np.array_equal(pool.pixels, detail_pixels(store, TRAIN, 0.1))
+
+
+@pytest.mark.parametrize("masked", [False, True], ids=["no masks", "masks"])
+@pytest.mark.parametrize("side", [1, 3, 5])
+def test_a_squares_mean_is_that_of_its_pixels(tmp_path: Path, side: int, masked: bool) -> None:
+    """Against loops over images whose edge pixels are repeated; ignored pixels do not count."""
+    store, half = make_store(tmp_path, masked), side // 2
+    found = store.mean_colours(torch.arange(sum(w * h for w, h in SIZES)), side)
+    start = 0
+    for i, (width, height) in enumerate(SIZES):
+        padded = np.pad(store.image(i) / 255, ((half, half), (half, half), (0, 0)), mode="edge")
+        counts = np.pad(store.valid(i).astype(float), half, mode="edge")
+        for x, y in [(0, 0), (width - 1, 3), (5, height - 1), (7, 8)]:
+            square = padded[y : y + side, x : x + side].reshape(-1, 3)
+            weights = counts[y : y + side, x : x + side].ravel()
+            weights = weights if weights.any() else np.ones_like(weights)
+            mean = np.average(square, axis=0, weights=weights)
+            np.testing.assert_allclose(found[start + y * width + x].numpy(), mean, atol=1e-5)
+        start += width * height
+
+
+def test_squares_stand_for_pixels_outside_pools_alone(tmp_path: Path) -> None:
+    store = make_store(tmp_path)
+    sampler = PixelSampler(store, TRAIN, detail_pools(store, TRAIN, 0.3, 0.1))
+    own, mean = (sampler.draw(4000, torch.Generator().manual_seed(3), side=side) for side in (1, 3))
+    assert torch.equal(own.pixel_px, mean.pixel_px) and torch.equal(own.importance, mean.importance)
+    differ = (own.colour != mean.colour).any(1)
+    assert torch.equal(differ, own.importance > 1) and 0.5 < float(differ.double().mean()) < 0.8
+
+
+def test_squares_end_with_a_share_of_all_pixels_drawn(tmp_path: Path) -> None:
+    sampler = PixelSampler(make_store(tmp_path), TRAIN)
+    cfg = TrainConfig(rays=16, normal_rays=4, smooth_px=5, smooth_draws=0.1)
+    sides = [sampler.side_at(step, cfg) for step in range(20)]
+    smooth = math.ceil(0.1 * sampler.total / 16)
+    assert 0 < smooth < 20 and sides == [5] * smooth + [1] * (20 - smooth)

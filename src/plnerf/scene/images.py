@@ -112,6 +112,26 @@ class ImageStore:
         rows = torch.from_numpy(self._pixels.pick(flat.cpu().numpy()))
         return rows.to(flat.device).float() / 255.0
 
+    def mean_colours(self, flat: Int[Tensor, "r"], side: int) -> Float[Tensor, "r 3"]:
+        """Mean colours of squares of so many pixels a side, an odd number, around flat pixel indices.
+
+        Beyond an image's edge its last pixels go on; what a mask ignores does not count, unless nothing else
+        is there.
+        """
+        starts, sizes = self._starts.to(flat.device), torch.from_numpy(self.sizes_px).to(flat.device)
+        image, pixel_px = self.locate(flat)
+        steps = torch.arange(side, device=flat.device) - side // 2
+        cells = [
+            (at.long()[:, None] + steps).clamp(min=0).minimum(size[:, None] - 1)
+            for at, size in zip(pixel_px.unbind(-1), sizes[image].unbind(-1), strict=True)
+        ]
+        rows = cells[1] * sizes[image, :1] + starts[image, None]
+        square = (rows[:, :, None] + cells[0][:, None, :]).flatten()
+        counts = self.valid_flat(square).view(len(flat), -1, 1).float()
+        counts = torch.where(counts.sum(1, keepdim=True) > 0, counts, 1.0)
+        colours = self.colours(square).view(len(flat), -1, 3)
+        return (colours * counts).sum(1) / counts.sum(1)
+
     def valid_flat(self, flat: Int[Tensor, "r"]) -> Bool[Tensor, "r"]:
         """``valid`` at flat pixel indices."""
         if self._valid is None:

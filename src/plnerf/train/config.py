@@ -106,6 +106,11 @@ class TrainConfig:
     """Whether wires are detected in the images first, to guide pixels and samples."""
     curve_share: float = 0.3
     """Share of the rays drawn from the pixels along detected wires."""
+    smooth_px: int = 3
+    """Side of the square whose mean colour stands for a pixel at first, odd; 1: its own alone.  As long as
+    few pixels of a texture were seen, their mean says more of it than one of them."""
+    smooth_draws: float = 0.1
+    """Draws after which pixels have their own colours, as a share of the training images' pixels."""
     unbias: float = 1.0
     """Power of the importance weights: 1 makes the loss that of uniform draws, 0 leaves it as drawn."""
     pose_refinement: bool = False
@@ -136,6 +141,11 @@ class TrainConfig:
             raise ConfigError(
                 "Training needs warmup_steps and anneal_steps of 1 or more, but got "
                 f"warmup_steps={self.warmup_steps}, anneal_steps={self.anneal_steps}."
+            )
+        if self.smooth_px < 1 or self.smooth_px % 2 == 0 or not 0 <= self.smooth_draws < math.inf:
+            raise ConfigError(
+                "A square around a pixel needs an odd smooth_px and smooth_draws >= 0, but got "
+                f"smooth_px={self.smooth_px}, smooth_draws={self.smooth_draws}."
             )
         rates = (self.hash_lr, self.mlp_lr, self.pose_lr)
         if min(rates) < 0 or not 0 < self.lr_final_factor <= 1 or not 0 <= self.pose_from <= 1:

@@ -104,7 +104,8 @@ def train(
 
     def draw(step: int) -> tuple[PixelBatch, Generator]:
         generator = ranks.generator(CPU).manual_seed(step_seed(config.seed, step))
-        batch = sampler.draw(config.train.rays, generator, ranks.rays)
+        side = sampler.side_at(step, config.train)
+        batch = sampler.draw(config.train.rays, generator, ranks.rays, side)
         return batch if device == CPU else pinned(batch), generator
 
     report.begin(config, scene, step)
