@@ -115,8 +115,8 @@ class ImageStore:
     def mean_colours(self, flat: Int[Tensor, "r"], side: int) -> Float[Tensor, "r 3"]:
         """Mean colours of squares of so many pixels a side, an odd number, around flat pixel indices.
 
-        Beyond an image's edge its last pixels go on; what a mask ignores does not count, unless nothing else
-        is there.
+        Beyond an image's edge its outermost pixels are repeated.  What a mask ignores does not count,
+        unless it is all there is.
         """
         starts, sizes = self._starts.to(flat.device), torch.from_numpy(self.sizes_px).to(flat.device)
         image, pixel_px = self.locate(flat)
