@@ -25,6 +25,7 @@ from plnerf.score.wire_matches import match_wires
 from plnerf.synth.build import stand
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.line_scenes import LINE_SCENES
+from plnerf.synth.near_plants import near_plants
 from plnerf.synth.truth import Shows, truth_of
 
 CONFIG = DEFAULT.wires
@@ -35,7 +36,7 @@ def truth_from(scene: SceneConfig, path: Path) -> Truth:
     """As `plnerf synth` writes it and `plnerf score` reads it, with all of every wire observable."""
     site = stand(scene.span)
     whole = [[(0.0, wire.base.length_m)] for wire in site.wires]
-    path.write_text(json.dumps(truth_of(site, scene, (), Shows(whole, whole))))
+    path.write_text(json.dumps(truth_of(site, scene, (), near_plants(site), Shows(whole, whole))))
     return read_truth(path)
 
 

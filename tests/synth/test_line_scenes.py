@@ -21,6 +21,7 @@ from plnerf.synth.flight_config import CaptureConfig, Grid, Orbit
 from plnerf.synth.insulators import insulators, jumpers
 from plnerf.synth.line_config import LineConfig, StructureConfig
 from plnerf.synth.line_scenes import LINE_SCENES
+from plnerf.synth.near_plants import near_plants
 from plnerf.synth.random_scene import random_scene
 from plnerf.synth.route import Route
 from plnerf.synth.scene_options import SceneOptions, find_scene
@@ -226,7 +227,7 @@ def test_an_orbit_looks_at_its_tower_from_its_distance_and_a_grid_looks_down() -
 @pytest.mark.parametrize("name", NAMES)
 def test_the_truth_is_what_stands_there(name: str) -> None:
     site = stand(LINE_SCENES[name].span)
-    content = truth_of(site, LINE_SCENES[name], ())
+    content = truth_of(site, LINE_SCENES[name], (), near_plants(site))
     rows, towers = content["conductors"], content["towers"]
     assert len({row["name"] for row in rows}) == len(rows) == len(site.wires)
     for row, wire in zip(rows, site.wires, strict=True):

@@ -23,6 +23,7 @@ from plnerf.synth.houses import roof, walls, windows
 from plnerf.synth.insulators import insulators, spacers
 from plnerf.synth.line_scenes import LINE_SCENES
 from plnerf.synth.meshes import Mesh
+from plnerf.synth.near_plants import near_plants
 from plnerf.synth.planting import clearance_m
 from plnerf.synth.scenes import SCENES, WHY
 from plnerf.synth.tower import footings
@@ -236,12 +237,15 @@ def test_the_double_circuit_has_the_measured_figures():
 
 
 def test_the_truth_in_the_package_is_that_of_the_default_scene():
-    """All but the stretches seen and observable, which are read from the rendered masks."""
+    """All but what is seen and observable, which is read from rendered masks and depths."""
     kept = json.loads((Path(plnerf.__file__).parent / "data" / "span" / "truth.json").read_text())
     span, views = built("span")
     seen = [(wire.pop("seen_m"), wire.pop("observable_m")) for wire in kept["conductors"]]
     assert len(seen) == len(span.wires)
-    assert_close(json.loads(json.dumps(truth_of(span, SCENES["span"], views))), kept)
+    plants = near_plants(span)
+    shown = [plant.pop("observable") for plant in kept["vegetation"] if "clearance_m" in plant]
+    assert len(shown) == sum(plant is not None for plant in plants)
+    assert_close(json.loads(json.dumps(truth_of(span, SCENES["span"], views, plants))), kept)
 
 
 def assert_close(found: Any, kept: Any, where: str = "") -> None:

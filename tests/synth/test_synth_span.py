@@ -13,6 +13,7 @@ from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.insulators import insulators
 from plnerf.synth.line_config import SupportConfig
 from plnerf.synth.meshes import beam, grid, lathe, tube, without, write_ply
+from plnerf.synth.near_plants import near_plants
 from plnerf.synth.terrain import Ground
 from plnerf.synth.texture import ground_texture, noise, strand_texture
 from plnerf.synth.tower import steel
@@ -67,7 +68,7 @@ def test_plants_stand_on_the_ground_off_the_track_and_their_leaves_stay_in_their
 
 def test_clearances_agree_with_brute_force():
     span = build_site(SMALL)
-    listed = truth_of(span, SceneConfig(span=SMALL), ())["vegetation"]
+    listed = truth_of(span, SceneConfig(span=SMALL), (), near_plants(span))["vegetation"]
     near = [i for i, entry in enumerate(listed) if "clearance_m" in entry]
     assert len(near) >= SMALL.plants.trees
     bushes = [i for i in near if listed[i]["kind"] == "bush"]  # fewer leaves than a tree

@@ -48,6 +48,8 @@ GOOD: dict[str, Any] = {
         ("lr_final_factor", 0.0),
         ("lr_final_factor", 1.5),
         ("pose_from", 1.5),
+        ("normals_from", -0.1),
+        ("normals_from", 1.1),
     ],
 )
 def test_a_wrong_value_is_named(name: str, value: float) -> None:

@@ -29,11 +29,6 @@ OBSERVABLE_RULE = (
     f"{OBSERVABLE_PX} px wide, from places whose planes with the wire span {OBSERVABLE_DEG:g} degrees or "
     f"more; looked at every {COARSE_STEP_M} m"
 )
-PLANTS_RULE = (
-    f"observable: whether at least {OBSERVABLE_IMAGES} images have a plant's leaf that is nearest to a "
-    f"conductor in their frames, from directions that span {OBSERVABLE_DEG:g} degrees or more, whatever "
-    "stands before it"
-)
 
 Stations = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
 
@@ -117,16 +112,7 @@ def width_px(
     return np.where(z > 0.05, capture.focal_px * thick_m / np.maximum(z, 0.05), 0.0)
 
 
-def is_observable(point: Float[np.ndarray, "3"], views: Sequence[View], capture: CaptureConfig) -> bool:
-    """Whether images have a place in their frames well enough to measure it: PLANTS_RULE."""
-    rays = np.array([point - view.centre for view in views if len(_in_frame(point[None], view, capture)[0])])
-    if len(rays) < OBSERVABLE_IMAGES:
-        return False
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    return bool((rays @ rays.T).min() <= np.cos(np.radians(OBSERVABLE_DEG)))
-
-
-def _in_frame(
+def in_frame(
     points: Float[np.ndarray, "k 3"], view: View, capture: CaptureConfig, around_px: float = 0.0
 ) -> tuple[Int[np.ndarray, " f"], Float[np.ndarray, "f 2"]]:
     """Indices of the world points that a view has in its frame, or so far around it, and their pixels."""
@@ -147,7 +133,7 @@ def shown(
 ) -> Int[np.ndarray, "k"]:
     """1 for the world points that project within WITHIN_PX of a pixel of this view's mask, else 0."""
     found = np.zeros(len(points), dtype=np.int64)
-    index, pixel = _in_frame(points, view, capture, WITHIN_PX)
+    index, pixel = in_frame(points, view, capture, WITHIN_PX)
     rows, columns = np.nonzero(mask)
     if len(rows) and len(index):
         tree = cKDTree(np.stack([columns, rows], axis=1) + 0.5)

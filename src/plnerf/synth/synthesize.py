@@ -17,6 +17,7 @@ from plnerf.synth.check import check_cameras
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.film import HOLD_OUT_EVERY, Studio, film
 from plnerf.synth.flight_config import CaptureConfig
+from plnerf.synth.near_plants import filmed_plants, near_plants
 from plnerf.synth.parts import site_parts
 from plnerf.synth.render import open_studio, require_mitsuba
 from plnerf.synth.seen import MIN_IMAGES, observable_stretches, seen_stretches
@@ -63,7 +64,8 @@ def write_scene(
     masks = film(studio, site, views, config, folder, progress)
     seen = seen_stretches(site.wires, views, masks, config.capture, site.route.stations_of)
     shows = Shows(seen, observable_stretches(site.wires, views, masks, config.capture))
-    _write_json(folder / "truth.json", truth_of(site, config, views, shows))
+    plants = filmed_plants(near_plants(site), views, studio.depth_m, config.capture)
+    _write_json(folder / "truth.json", truth_of(site, config, views, plants, shows))
     written = written_views(views, config.capture, config.seed)
     _write_json(folder / "transforms.json", transforms_of(config.capture, written))
 

@@ -5,28 +5,21 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from jaxtyping import Float
-from scipy.spatial import cKDTree
 
 from plnerf.line.catenary import lowest
 from plnerf.line.curve import vertical_sag
 from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
-from plnerf.synth.flight_config import CaptureConfig
-from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.hints import hints_of
-from plnerf.synth.seen import OBSERVABLE_RULE, PLANTS_RULE, SEEN_RULE, is_observable
-from plnerf.synth.site import Line, Plant, Site, Tower, radius_m
+from plnerf.synth.near_plants import PLANTS_RULE, NearPlant
+from plnerf.synth.seen import OBSERVABLE_RULE, SEEN_RULE
+from plnerf.synth.site import Line, Plant, Site, Tower
 
 FORMAT_VERSION = 1
 GENERATOR = "plnerf synth 1"
 POLYLINE_STEP_M = 0.25
 MASK_COVERAGE = 0.1  # of a pixel's area, seen
-CLEARANCE_RANGE_M = 40.0  # around mid-span; further off, along the span and so far across:
-CLEARANCE_ACROSS_M = 18.0
-AXIS_STEP_M = 0.02  # of the points that clearances are measured to
-COARSE = 25  # every so many points of an axis say which leaves may be the nearest
 
 Stretches = Sequence[tuple[float, float]]
 
@@ -40,9 +33,13 @@ class Shows:
 
 
 def truth_of(
-    site: Site, config: SceneConfig, views: Sequence[View], shows: Shows | None = None
+    site: Site,
+    config: SceneConfig,
+    views: Sequence[View],
+    plants: Sequence[NearPlant | None],
+    shows: Shows | None = None,
 ) -> dict[str, object]:
-    """The content of truth.json; `views` are the true ones."""
+    """The content of truth.json; `views` are the true ones, `plants` stand in the site's order."""
     noisy = config.capture.pose_noise_m > 0 or config.capture.pose_noise_deg > 0
     true_poses = [
         {"name": view.name, "T_world_camera": view.T_world_camera_opengl().tolist()} for view in views
@@ -78,7 +75,7 @@ def truth_of(
         "houses": [{k: v for k, v in asdict(house).items() if k != "seed"} for house in site.houses],
         "hints": hints_of(site, config.capture),
         "ground": _ground(site),
-        "vegetation": _vegetation(site, views, config.capture),
+        "vegetation": [_plant(*one) for one in zip(site.plants, plants, strict=True)],
     }
 
 
@@ -155,43 +152,17 @@ def _ground(site: Site) -> dict[str, object]:
     return {"rule": "1 m steps along the line, 0 at mid-span; across_m to the left positive", "rows": rows}
 
 
-def _beside(site: Site, plant: Plant) -> bool:
-    foot, route = np.array([plant.foot]), site.route
-    within = route.stations_m[0] < route.stations_of(foot)[0] < route.stations_m[-1]
-    return bool(within and route.away_from(foot)[0] < CLEARANCE_ACROSS_M)
-
-
-def _vegetation(site: Site, views: Sequence[View], capture: CaptureConfig) -> list[dict[str, object]]:
-    """Every plant; near ones with their clearance, the least distance from leaf to conductor surface, and
-    whether images show that leaf."""
-    axes = [wire.polyline(AXIS_STEP_M) for wire in site.wires]
-    radii = np.repeat([radius_m(wire) for wire in site.wires], [len(axis) for axis in axes])
-    owners = np.cumsum([len(axis) for axis in axes])
-    tree = cKDTree(np.concatenate(axes))
-    coarse = cKDTree(np.concatenate([axis[np.r_[0 : len(axis) : COARSE, len(axis) - 1]] for axis in axes]))
-
-    def nearest_to(leaves: Float[np.ndarray, "n 3"]) -> tuple[float, int, Float[np.ndarray, "3"]]:
-        """Least distance from a leaf to an axis, the index of the axis's point, and the leaf."""
-        about = coarse.query(leaves)[0]  # at most half a coarse step too far
-        leaves = leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01]
-        distance, nearest = tree.query(leaves)
-        best = int(np.argmin(distance))
-        return float(distance[best]), int(nearest[best]), leaves[best]
-
-    def entry(plant: Plant) -> dict[str, object]:
-        found: dict[str, object] = {
-            "kind": plant.kind,
-            "foot": plant.foot,
-            "radius_m": plant.radius_m,
-            "height_m": plant.height_m,
-        }
-        if np.hypot(*plant.foot[:2]) < CLEARANCE_RANGE_M or _beside(site, plant):
-            distance, nearest, leaf = nearest_to(plant_meshes(plant)[1].vertices)
-            owner = int(np.searchsorted(owners, nearest, side="right"))
-            found["clearance_m"] = round(distance - float(radii[nearest]), 4)
-            found["nearest_conductor"] = site.wires[owner].name
-            if views:
-                found["observable"] = is_observable(leaf, views, capture)
-        return found
-
-    return [entry(plant) for plant in site.plants]
+def _plant(plant: Plant, near: NearPlant | None) -> dict[str, object]:
+    """A plant; a near one with its clearance, the least distance from leaf to conductor surface."""
+    found: dict[str, object] = {
+        "kind": plant.kind,
+        "foot": plant.foot,
+        "radius_m": plant.radius_m,
+        "height_m": plant.height_m,
+    }
+    if near is not None:
+        found["clearance_m"] = round(near.clearance_m, 4)
+        found["nearest_conductor"] = near.conductor
+        if near.observable is not None:
+            found["observable"] = near.observable
+    return found

@@ -96,6 +96,9 @@ class TrainConfig:
     """Steps over which the proposals' histograms sharpen (Mip-NeRF 360: 1000)."""
     normal_rays: int = 32
     """Rays of a step on which normals are trained; their losses are means, so this only sets the noise."""
+    normals_from: float = 2 / 3
+    """Progress from which normals are trained, where they do not shape the density: before, they would follow
+    a field that still changes, and a step without them takes a tenth less time."""
     detail_share: float = 0.2
     """Share of the rays drawn from the detail pixels (thin lines)."""
     detail_part: float = 0.1
@@ -154,6 +157,10 @@ class TrainConfig:
                 f"0 <= pose_from <= 1, but got hash_lr={self.hash_lr}, mlp_lr={self.mlp_lr}, "
                 f"pose_lr={self.pose_lr}, lr_final_factor={self.lr_final_factor}, "
                 f"pose_from={self.pose_from}."
+            )
+        if not 0 <= self.normals_from <= 1:
+            raise ConfigError(
+                f"Normals are trained from 0 <= normals_from <= 1 on, but normals_from={self.normals_from}."
             )
         if not 0 <= self.lr_fall_from < 1:
             raise ConfigError(

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import torch
@@ -91,6 +92,7 @@ def train(
     shared = None if ranks.of == 1 else SharedGradients(model.parameters(), ranks)
     training = Training(model, optimizer, scene.cameras.to(device), cfg, NonFiniteMonitor(device), shared)
     take_step, first, goes_on = make_step(training, config), step, True
+    normals_from = 0.0 if cfg.loss.normals_shape_density else cfg.normals_from
     check_every = 1 if device == CPU else LOG_EVERY  # asking a GPU waits for it
 
     same = step_generator(config.seed, 0, CPU)  # the same pixels every time
@@ -121,7 +123,9 @@ def train(
             if device != CPU:
                 generator = ranks.generator(device).manual_seed(step_seed(config.seed, step))
             refine_poses = cfg.pose_refinement and now.progress >= cfg.pose_from
-            terms = take_step(batch, anneal(step, cfg.anneal_steps), generator, refine_poses)
+            # The first step of a run compiles the kernels of all that will be trained.
+            normals = step == 0 or now.progress >= normals_from
+            terms = take_step(batch, anneal(step, cfg.anneal_steps), generator, refine_poses, normals)
             if step % check_every == 0:
                 _check_finite(training.monitor, first, step, terms, checkpoints)
             step += 1
@@ -179,7 +183,7 @@ def billable_seconds(searched: float, config: RunConfig) -> float:
 
 def make_step(
     training: Training, config: RunConfig
-) -> Callable[[PixelBatch, float, Generator, bool], dict[str, Tensor]]:
+) -> Callable[[PixelBatch, float, Generator, bool, bool], dict[str, Tensor]]:
     """A function that takes a step: a replayed CUDA graph where it can hold all ops, else `Training.step`."""
     # A graph of a step that sums over several GPUs has not been tried.
     graphs_run = config.device == "cuda" and kernels(config.backend).supports_graphs
@@ -188,14 +192,14 @@ def make_step(
         return training.step
     on_device = Generator(config.device)
     graphs = {
-        refine: GraphedStep(partial(training.step, refine_poses=refine), on_device)
-        for refine in (False, True)
+        what: GraphedStep(partial(training.step, refine_poses=what[0], normals=what[1]), on_device)
+        for what in product((False, True), repeat=2)
     }
 
     def graphed(
-        batch: PixelBatch, anneal: float, generator: Generator, refine_poses: bool
+        batch: PixelBatch, anneal: float, generator: Generator, refine_poses: bool, normals: bool
     ) -> dict[str, Tensor]:
-        return graphs[refine_poses](batch, anneal, generator.initial_seed())
+        return graphs[refine_poses, normals](batch, anneal, generator.initial_seed())
 
     return graphed
 

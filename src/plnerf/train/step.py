@@ -57,6 +57,7 @@ class Training:
         anneal: float | Float[Tensor, ""],
         generator: Generator,
         refine_poses: bool = False,
+        normals: bool = True,
     ) -> dict[str, Tensor]:
         """One step; returns the weighted loss terms.  `anneal` as in `proposals.sample_along_rays`.
 
@@ -72,7 +73,7 @@ class Training:
             appearance=model.appearance[rays.camera],
             anneal=anneal,
             generator=generator,
-            normal_rays=config.normal_rays if model.predicts_normals else 0,
+            normal_rays=config.normal_rays if normals and model.predicts_normals else 0,
             normals_shape_density=config.loss.normals_shape_density,
         )
         terms = loss_terms(out, batch.colour, batch.importance, config.loss, ray_ops(backend))
