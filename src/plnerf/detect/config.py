@@ -187,6 +187,8 @@ class SearchConfig:
     """and whose least distance is less than this part of their largest one: twins run beside each other."""
     starts_together: int = 4
     """Pairs of curves that two lines are fitted to together, at most."""
+    sides_deg: float = 5.0
+    """Views look from two sides if the angle between these is what either of them spans, and so much."""
     meeting: float = 0.35
     """Of two lines whose least distance is less than this part of their largest one, one may be a mixture,"""
     merged_odds: float = 0.9
@@ -210,10 +212,10 @@ class SearchConfig:
         )
         check(
             min(self.mask_px, self.rounds, self.refits, self.doubt) >= 0
-            and min(self.around, self.onward, self.side_by_side) > 0
+            and min(self.around, self.onward, self.side_by_side, self.sides_deg) > 0
             and max(self.parallel, self.meeting, self.merged_odds) <= 1,
-            "detect.search needs mask_px, rounds, refits and doubt of 0 or more, around, onward and "
-            "side_by_side above 0, and parallel, meeting and merged_odds of 1 or less",
+            "detect.search needs mask_px, rounds, refits and doubt of 0 or more, around, onward, "
+            "side_by_side and sides_deg above 0, and parallel, meeting and merged_odds of 1 or less",
             self,
         )
 

@@ -71,7 +71,8 @@ def untangled(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
     pairs = {(i, j): parallel(lines[i], lines[j], search) for i, j in combinations(range(len(lines)), 2)}
     for i, j in sorted((pair for pair in pairs if pairs[pair] < most), key=lambda pair: pairs[pair]):
         if parallel(lines[i], lines[j], search) < most:
-            lines[i], lines[j] = _side_by_side(search, lines[i], lines[j], lines)
+            starts = of_one_shape(lines[i], lines[j], lines, len(search.x))
+            lines[i], lines[j] = likelier_two(search, lines[i], lines[j], starts)
     search.update_odds()
     return lines
 
@@ -91,15 +92,15 @@ def parallel(a: Candidate, b: Candidate, search: Search) -> float:
     return float(apart.min() / apart.max()) if apart.max() <= config.search.side_by_side else 1.0
 
 
-def _side_by_side(
-    search: Search, a: Candidate, b: Candidate, lines: Sequence[Candidate]
+def likelier_two(
+    search: Search, a: Candidate, b: Candidate, starts: Float[np.ndarray, "k 2 6"]
 ) -> tuple[Candidate, Candidate]:
-    """The likeliest two lines in the place of two; these if no others are likelier."""
+    """The likeliest two lines in the place of two, fitted together from pairs of curves; these if no others
+    are likelier."""
     best, least = (a, b), tuple(needed(line, search.config.select) for line in (a, b))
     for line in best:
         search.release(line)
     search.update_odds()
-    starts = of_one_shape(a, b, lines, len(search.x))
     likely = np.argsort(-sum(search.rated(starts[:, k])[0] for k in range(2)), kind="stable")
     for curves in starts[likely[: search.config.search.starts_together]]:
         new = _fitted_together(search, replace(a, theta=curves[0]), replace(b, theta=curves[1]), least)

@@ -37,6 +37,7 @@ from plnerf.detect.search import Search
 from plnerf.detect.surroundings import Surroundings
 from plnerf.detect.to_wire import typical_footprint
 from plnerf.detect.together import followed, refit_all, untangled
+from plnerf.detect.uncrossed import uncrossed
 from plnerf.detect.windows import Window
 
 Judge = Callable[[Candidate], Candidate]
@@ -76,7 +77,7 @@ def find_lines(
         # Fitted again, the lines leave more of their ridges to others.
         if more := _like_the_leaders(search, met, lines, judged):
             lines = refit_all(search, [*lines, *more])
-        lines = merged(search, untangled(search, lines))
+        lines = merged(search, untangled(search, uncrossed(search, lines)))
         # A wire beside the camera is ten pixels wide: its ridges lie farther from it than the first one's.
         with search.blurred():
             lines += refit_all(search, _like_the_leaders(search, met, lines, judged))

@@ -21,13 +21,13 @@ from jaxtyping import Bool, Float
 
 from plnerf.line.curve import curve_at
 from plnerf.line.ends import TWO_SIDED_95
+from plnerf.line.two_directions import second_direction
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import CrossedConfig, RefineConfig
 from plnerf.survey.refine.refine import Refinement, refine_wires
 from plnerf.survey.refine.twins import side_by_side
 
-HALF_TURN = 180.0
 SHARES = np.linspace(0.1, 0.9, 9)
 """Places along wires that are compared."""
 BY_THETA = np.column_stack([1 - SHARES, SHARES, 4 * SHARES * (1 - SHARES)])
@@ -154,7 +154,8 @@ def _other_corners(
     base = wires[0].base
     # From each photo to the middle of both: how they sag turns the lines of sight of all photos alike.
     rays = places.mean((0, 1)) - centres
-    second = _second_direction(np.degrees(np.arctan2(rays[:, 2], rays[:, :2] @ base.n)), config)
+    angles = np.degrees(np.arctan2(rays[:, 2], rays[:, :2] @ base.n))
+    second = second_direction(angles, config.distinct, config.least_deg)
     if second is None:
         return None
     eyes = np.stack([(centres[:, :2] - base.a) @ base.n, centres[:, 2]], -1)
@@ -168,25 +169,6 @@ def _other_corners(
     if np.linalg.norm(at[0] - at[1], axis=1).max() > 2 * config.near_m or moved <= config.same_m:
         return None  # too far to be meant, the same places, or each other's
     return np.array(thetas)
-
-
-def _second_direction(
-    angles_deg: Float[np.ndarray, " t"], config: CrossedConfig
-) -> Bool[np.ndarray, " t"] | None:
-    """Which photos look from the second of two directions, where there are two that are distinct."""
-    order = np.argsort(angles_deg % HALF_TURN)
-    angles = angles_deg[order] % HALF_TURN
-    gaps = np.diff(angles, append=angles[0] + HALF_TURN)
-    widest = int(gaps.argmax())
-    fan = np.concatenate([angles[widest + 1 :], angles[: widest + 1] + HALF_TURN])  # without a jump
-    steps = np.diff(fan)
-    cut = int(steps.argmax())
-    widths = np.ptp(fan[: cut + 1]), np.ptp(fan[cut + 1 :])
-    if steps[cut] < config.distinct * max(*widths, config.least_deg):
-        return None
-    beyond = np.zeros(len(order), bool)
-    beyond[np.roll(order, -widest - 1)[cut + 1 :]] = True
-    return beyond
 
 
 def _crossing(
