@@ -12,17 +12,14 @@ from collections.abc import Iterator, Sequence
 from itertools import permutations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from plnerf.detect.candidate import Candidate, seen_together
 from plnerf.detect.parabola import curve_points
 from plnerf.detect.search import Search
 from plnerf.detect.together import PLACES, likelier_two
 from plnerf.detect.views import seen_places
-from plnerf.line.two_directions import second_direction
-
-SIGHT_RAD = 1e-3
-"""To about which angle lines of sight are known."""
+from plnerf.line.two_directions import second_direction, through_sights
 
 
 def uncrossed(search: Search, lines: Sequence[Candidate]) -> list[Candidate]:
@@ -61,31 +58,9 @@ def _crossings(search: Search, line: Candidate, beside: Candidate) -> Iterator[F
     if second is None:
         return
     places = np.stack([y, z], -1)
-    hang = (line.theta[4:] + beside.theta[4:]) / 2
-    tie = search.config.search.side_by_side
+    (below, aside), tie = (line.theta[4:] + beside.theta[4:]) / 2, search.config.search.side_by_side
     for of_line in (second, ~second):
         targets = np.where(of_line[:, None, None], places[0], places[1])
-        yield _through(centres, sees, targets, s, hang, tie)
-
-
-def _through(
-    centres: Float[np.ndarray, "n 2"],
-    sees: Bool[np.ndarray, "n p"],
-    targets: Float[np.ndarray, "n p 2"],
-    s: Float[np.ndarray, " p"],
-    hang: Float[np.ndarray, "2"],
-    tie: float,
-) -> Float[np.ndarray, "6"]:
-    """The curve nearest to lines of sight from centres to targets, by angle; b and d are tied to `hang`."""
-    to = (targets - centres[:, None])[sees]
-    across = np.column_stack([-to[:, 1], to[:, 0]]) / (to**2).sum(1, keepdims=True) / SIGHT_RAD
-    by_y = np.column_stack([1 - s, s, 0 * s, 0 * s, 0 * s, 4 * s * (1 - s)])
-    by_z = np.column_stack([0 * s, 0 * s, 1 - s, s, -4 * s * (1 - s), 0 * s])
-    along = np.broadcast_to(np.arange(len(s)), sees.shape)[sees]
-    rows = across[:, :1] * by_y[along] + across[:, 1:] * by_z[along]
-    values = (across * targets[sees]).sum(1)
-    tied = np.eye(6)[4:] / tie
-    theta, *_ = np.linalg.lstsq(
-        np.concatenate([rows, tied]), np.concatenate([values, hang / tie]), rcond=None
-    )
-    return theta
+        curve = through_sights(centres, sees, targets, s, np.array([aside, -below]), tie)
+        (y_A, y_B, d), (z_A, z_B, rise) = curve
+        yield np.array([y_A, y_B, z_A, z_B, -rise, d])

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 
 from plnerf.line.curve import curve_at
 from plnerf.line.ends import TWO_SIDED_95
-from plnerf.line.two_directions import second_direction
+from plnerf.line.two_directions import by_ends_and_middle, second_direction, through_sights
 from plnerf.line.wire import Wire
 from plnerf.survey.posed_photos import Photos
 from plnerf.survey.refine.config import CrossedConfig, RefineConfig
@@ -30,10 +30,8 @@ from plnerf.survey.refine.twins import side_by_side
 
 SHARES = np.linspace(0.1, 0.9, 9)
 """Places along wires that are compared."""
-BY_THETA = np.column_stack([1 - SHARES, SHARES, 4 * SHARES * (1 - SHARES)])
-"""There, of y as of z, by their values at both ends and by the middle's offset from the chord."""
-LINE_RAD = 1e-3
-"""To about which angle lines of sight are known to which wires were fitted."""
+BY_THETA = by_ends_and_middle(SHARES)
+"""Of y there as of z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,16 +181,8 @@ def _crossing(
 
     Its sag and its swing, of which each piece tells little, are near to the mean of both wires'.
     """
-    to = (targets - eyes[:, None])[sees]
-    normals = np.column_stack([-to[:, 1], to[:, 0]]) / (to**2).sum(1, keepdims=True) / LINE_RAD
-    by_theta = np.broadcast_to(BY_THETA, (*sees.shape, 3))[sees]
-    rows = (normals[:, :, None] * by_theta[:, None]).reshape(-1, 6)
-    values = (normals * targets[sees]).sum(1)
-    near = np.array([[0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]]) / config.parallel_m
     hang = (_hang(wire) + _hang(beside)) / 2
-    (y_a, y_b, y), (z_a, z_b, z) = np.linalg.lstsq(
-        np.concatenate([rows, near]), np.concatenate([values, hang / config.parallel_m]), rcond=None
-    )[0].reshape(2, 3)
+    (y_a, y_b, y), (z_a, z_b, z) = through_sights(eyes, sees, targets, SHARES, hang, config.parallel_m)
     return np.array([y_a, y_b, z_a, z_b, np.hypot(y, z), np.arctan2(y, -z)])
 
 
