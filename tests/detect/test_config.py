@@ -48,6 +48,7 @@ from plnerf.train.settings import from_json, to_json
         (RefitConfig, {"windows_px": ()}),
         (RefitConfig, {"windows_px": (4, 0)}),
         (RefitConfig, {"prior": 0.0}),
+        (SearchConfig, {"sides_deg": 0.0}),
         (SearchConfig, {"coarse": 0}),
         (SearchConfig, {"fruitless": 0}),
         (SearchConfig, {"reach": 0.0}),

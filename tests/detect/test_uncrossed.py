@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.detect.test_together import DEFAULT, X, a_search, masked
+from tests.detect.test_together import X, a_search, masked
 from tests.support.drawn import at_x, draw, hanging, polyline, scene_of, two_passes
 
 from plnerf.detect import uncrossed as module
@@ -107,4 +107,3 @@ def test_views_of_more_than_two_directions_are_left_alone(tmp_path: Path) -> Non
     search = a_search(scene)
     true = [candidate(theta_of(k), fixed=k == 0) for k in (0, 1)]
     assert list(module._crossings(search, *true)) == []
-    assert DEFAULT.search.sides_deg > 0

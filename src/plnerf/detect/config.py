@@ -188,7 +188,7 @@ class SearchConfig:
     starts_together: int = 4
     """Pairs of curves that two lines are fitted to together, at most."""
     sides_deg: float = 5.0
-    """Views look from two sides if the angle between these is what either of them spans, and so much."""
+    """Views look from two sides if the angle between these is at least what either spans, and this."""
     meeting: float = 0.35
     """Of two lines whose least distance is less than this part of their largest one, one may be a mixture,"""
     merged_odds: float = 0.9

@@ -58,6 +58,7 @@ def _crossings(search: Search, line: Candidate, beside: Candidate) -> Iterator[F
     if second is None:
         return
     places = np.stack([y, z], -1)
+    # Wires of one span hang alike, by far to within what may lie between two that are fitted together.
     (below, aside), tie = (line.theta[4:] + beside.theta[4:]) / 2, search.config.search.side_by_side
     for of_line in (second, ~second):
         targets = np.where(of_line[:, None, None], places[0], places[1])

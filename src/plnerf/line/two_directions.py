@@ -38,7 +38,7 @@ def second_direction(
 
 
 def by_ends_and_middle(s: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-    """Places s in [0, 1] along a parabola, by its values at both ends and its middle's offset from them."""
+    """Places s in [0, 1] along a parabola, by its values at both ends and its middle's from their mean."""
     return np.column_stack([1 - s, s, 4 * s * (1 - s)])
 
 
@@ -52,8 +52,8 @@ def through_sights(
 ) -> Float[np.ndarray, "2 3"]:
     """y and z of the parabola through lines of sight from eyes to targets, as `by_ends_and_middle` has them.
 
-    By least squares of angles; its middle's offset, of which a piece tells little, is tied to `middle` with
-    the standard deviation `tie`.
+    By least squares of angles.  A short piece tells little of its middle's offset, held near `middle`
+    with the standard deviation `tie`.
     """
     to = (targets - eyes[:, None])[sees]
     normals = np.column_stack([-to[:, 1], to[:, 0]]) / (to**2).sum(1, keepdims=True) / SIGHT_RAD

@@ -26,7 +26,7 @@ RULES = {
     "vegetation": "the least distance in space from any wire's axis to a plant; the truth's is that to the "
     "leaves of the plants whose clearance truth.json states and that stand between the ends of a conductor, "
     "with half the wire's diameter added; compared where the survey has the wire that is nearest to one; "
-    "plants that too few images have in their frames, as truth.json states, count only where the survey "
+    "plants that too few images show, as truth.json states, count only where the survey "
     "finds them; not compared where what the survey states as nearest stands beyond a wire's end",
     "off_along": "how far apart along the line the two places are, horizontally",
     "within_95": f"the true distance lies within {TWO_SIDED_95} stated standard deviations, or below what is "
@@ -168,7 +168,7 @@ def _vegetation(
             if not truth.plants
             else "the truth has none between the conductors' ends"
             if not every
-            else "too few images have one of the truth's in their frames"
+            else "too few images show one of the truth's"
             if not plants
             else "the nearest that the survey states stands beyond a wire's end and reaches beside the wire; "
             "how near that part is the truth does not say"
@@ -183,8 +183,8 @@ def _vegetation(
     nearer = sorted(axis_m[plant] for plant in every if axis_m[plant] < axis_m[nearest])
     if nearer:
         notes.append(
-            f"Of the truth's plants {len(nearer)}, the nearest {nearer[0]:.2f} m from a wire, are in the "
-            "frames of too few images: the nearest of the others is compared."
+            f"Of the truth's plants {len(nearer)}, the nearest {nearer[0]:.2f} m from a wire, are "
+            "shown by too few images: the nearest of the others is compared."
         )
     by_wire = {match.wire: match.conductor for match in matches}
     if nearest.wire not in by_wire:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from plnerf.synth.capture import View
@@ -34,7 +34,7 @@ DepthOf = Callable[[View], Float[np.ndarray, "h w"]]
 
 @dataclass(frozen=True)
 class NearPlant:
-    """What a plant has nearest to a conductor."""
+    """The leaf of a plant that is nearest to a conductor."""
 
     clearance_m: float
     """From its leaf to the conductor's surface."""
@@ -85,7 +85,7 @@ def filmed_plants(
 
 def _shown(
     leaves: Float[np.ndarray, "n 3"], view: View, depth_of: DepthOf, capture: CaptureConfig
-) -> np.ndarray:
+) -> Bool[np.ndarray, " n"]:
     """Whether a view shows each leaf: nothing stands more than BEFORE_M before it in some pixel around."""
     shown = np.zeros(len(leaves), np.bool_)
     inside, pixel = in_frame(leaves, view, capture)

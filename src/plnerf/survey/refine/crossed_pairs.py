@@ -31,7 +31,7 @@ from plnerf.survey.refine.twins import side_by_side
 SHARES = np.linspace(0.1, 0.9, 9)
 """Places along wires that are compared."""
 BY_THETA = by_ends_and_middle(SHARES)
-"""Of y there as of z."""
+"""How y, and z, at SHARES depend on their values at both ends and on the middle's offset from the chord."""
 
 
 @dataclass(frozen=True, eq=False)
