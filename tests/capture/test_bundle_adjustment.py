@@ -92,6 +92,18 @@ def test_the_accuracy_of_the_given_poses_is_learnt() -> None:
         assert 0.7 < found.sigma[1] / turn < 1.6
 
 
+def test_what_is_left_of_the_errors_is_as_great_as_the_covariance_says() -> None:
+    """Over forty draws, in all directions together: neighbouring poses are off together, and all of them."""
+    place, turn, R0, c0 = 0.01, 0.005, *true_poses()
+    squares = []
+    for seed in range(40):
+        found = adjust(*off(place, turn, seed), ties(0.5, seed), AdjustmentConfig())
+        turned = Rotation.from_matrix(R0 @ found.R_scene_camera.transpose(0, 2, 1)).as_rotvec()
+        error = np.concatenate([c0 - found.centre, turned], 1).ravel()
+        squares.append(error @ np.linalg.solve(found.covariance, error) / error.size)
+    assert 0.5 < np.mean(squares) < 1.1
+
+
 def test_exact_poses_hardly_move() -> None:
     found = adjusted(true_poses(), ties(0.2))
     place, turn = errors(found.R_scene_camera, found.centre)

@@ -21,6 +21,7 @@ from plnerf.survey.refine.adjust import Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
 from plnerf.survey.refine.judge import systematic
+from plnerf.survey.refine.pose_prior import PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Projection, crossings, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
@@ -237,7 +238,7 @@ def test_what_no_image_shows_comes_to_what_was_known_before() -> None:
     shapes = ((4, MOVES), (3, config.views), (3, 2), 2)
     state = State(known + moved, *(random.normal(size=shape) for shape in shapes), 0.1)
     nothing = ProfileMeasurements.none()
-    prior = Prior(known, np.array([4 * PIXEL] * 3), np.full(MOVES, 0.1))
+    prior = Prior(known, np.array([4 * PIXEL] * 3), PosePrior(np.full(MOVES, 0.1)))
     for _ in range(3):  # a curve does not depend linearly on its swing
         step = adjust(BASE, state, prior, [[nothing] * 3] * 4, config)
         state = step.state

@@ -16,6 +16,7 @@ from plnerf.scene.cameras import Cameras
 from plnerf.survey.posed_photos import photos_of
 from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
+from plnerf.survey.refine.pose_prior import PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
@@ -176,7 +177,7 @@ def _refitted(made: Trial) -> list[tuple[float, float, np.ndarray]]:
     started[:, SWING] = 0.0
     reach = 0.1 + np.abs(made.theta[:, 4] * np.sin(made.theta[:, SWING]))
     state = State(started, np.zeros((N, MOVES)), np.zeros((W, config.views)), np.zeros((W, 2)), np.zeros(2))
-    prior = Prior(started, reach, np.full(MOVES, 0.2))
+    prior = Prior(started, reach, PosePrior(np.full(MOVES, 0.2)))
     for _ in range(4):
         found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
         step = adjust(made.base, state, prior, found, config)
@@ -200,7 +201,9 @@ def test_a_step_ends_where_its_sum_of_squares_is_least() -> None:
         made.theta + 0.02 * random.normal(size=(W, 6)), 0.1 * random.normal(size=(N, MOVES)),
         random.normal(size=(W, config.views)), random.normal(size=(W, 2)), random.normal(size=2), 0.03,
     )  # fmt: skip
-    prior = Prior(made.theta, np.full(W, 0.1), np.full(MOVES, 0.2), (Twins(0, 1, 1.0, 9.0),))
+    root = 0.1 * random.normal(size=(MOVES * N, MOVES * N))
+    poses = PosePrior(np.full(MOVES, 0.2), root @ root.T)
+    prior = Prior(made.theta, np.full(W, 0.1), poses, (Twins(0, 1, 1.0, 9.0),))
     found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
     after = adjust(base, state, prior, found, config).state
     least = _sum_of_squares(base, state, after, prior, found, config)
@@ -221,7 +224,9 @@ def _sum_of_squares(
     W, L = len(before.theta), base.length_m
     moved, turned_by = after.theta - before.theta, after.pose - before.pose
     held = np.linspace(0, L, config.prior_places)
-    total = (after.pose**2 / prior.pose_sd_px**2).sum() + (after.bias**2).sum() / config.uneven_grey**2
+    pose = after.pose.ravel()
+    total = pose @ prior.poses.precision(len(after.pose)) @ pose
+    total += (after.bias**2).sum() / config.uneven_grey**2
     total += (after.common_shading**2).sum() / config.shading_grey**2
     own = (after.shading - after.common_shading) / (config.own_shading * config.shading_grey)
     swings = np.degrees([*after.theta[:, SWING] - after.common_swing, after.common_swing])

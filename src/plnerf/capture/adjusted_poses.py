@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from plnerf.capture.bundle_adjustment import Adjusted, adjust
@@ -31,7 +32,7 @@ from plnerf.scene.scene import Scene
 
 @dataclass(frozen=True)
 class PoseAdjustment:
-    """The result of an adjustment of all poses, in numbers."""
+    """What an adjustment of all poses did, in numbers."""
 
     images: int
     points: int
@@ -42,6 +43,9 @@ class PoseAdjustment:
     """Median distance by which cameras moved, in the unit of the world."""
     turned_deg: float
     """Median angle by which they turned."""
+    covariance: Float[np.ndarray, "p p"]
+    """What is still unknown of all centres and rotations (scene frame, radians about its axes), a pose's six
+    numbers after another's."""
 
     def text(self, unit: str) -> str:
         """The same as a sentence; unit: "m" or "unscaled"."""
@@ -84,6 +88,7 @@ def with_adjusted_poses(
         images, found.points, found.before_px, found.after_px,
         moved=scene.frames.length_to_world(float(np.median(moved_by))),
         turned_deg=float(np.degrees(np.median(Rotation.from_matrix(R).magnitude()))),
+        covariance=found.covariance,
     )  # fmt: skip
     poses = (torch.from_numpy(part).float() for part in (found.R_scene_camera, found.centre))
     return scene.with_poses(*poses), change

@@ -33,6 +33,8 @@ class Adjusted(NamedTuple):
     after_px: float
     points: int
     """Points that took part."""
+    covariance: Float[np.ndarray, "v v"]
+    """Of all centres and rotations (scene axes, radians), a pose's six numbers after another's."""
 
 
 def adjust(
@@ -45,23 +47,23 @@ def adjust(
     ties, points = _triangulated(R_scene_camera, centre, ties)
     R0, c0 = R_scene_camera, centre
     if not len(points):
-        return Adjusted(R0, c0, np.zeros(2), float("nan"), float("nan"), 0)
+        return Adjusted(R0, c0, np.zeros(2), float("nan"), float("nan"), 0, np.zeros((6 * len(c0),) * 2))
     problem = _Problem(ties, len(points), config)
     points = problem.points_alone(R0, c0, points)
     before = problem.median_px(R0, c0, points)
     depth = ((points[ties.point] - c0[ties.image]) * R0[ties.image, :, 2]).sum(1)
     sigma = config.pose_px / np.median(ties.focal_px) * np.array([np.median(depth), 1.0])
     R, c = R0, c0
-    seen = np.unique(ties.image)
+    seen, covariance = np.unique(ties.image), np.zeros(0)
     for _ in range(config.steps):
         moved = np.concatenate([c - c0, Rotation.from_matrix(R @ R0.transpose(0, 2, 1)).as_rotvec()], 1)
         weight = np.repeat(sigma**-2, 3)
-        step, points, variance = problem.step(R, c, points, moved * weight, weight)
+        step, points, covariance = problem.step(R, c, points, moved * weight, weight)
         c, R = c + step[:, :3], Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
         # Expectation maximisation: the mean square of how far poses moved and of what is still unknown.
-        squares = ((moved + step) ** 2 + variance)[seen]
+        squares = ((moved + step) ** 2 + covariance.diagonal().reshape(-1, 6))[seen]
         sigma = np.sqrt(squares.reshape(-1, 2, 3).mean((0, 2)))
-    return Adjusted(R, c, sigma, before, problem.median_px(R, c, points), len(points))
+    return Adjusted(R, c, sigma, before, problem.median_px(R, c, points), len(points), covariance)
 
 
 def _triangulated(
@@ -128,9 +130,9 @@ class _Problem:
         points: Float[np.ndarray, "p 3"],
         prior: Float[np.ndarray, "n 6"],
         prior_weight: Float[np.ndarray, "6"],
-    ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "p 3"], Float[np.ndarray, "n 6"]]:
+    ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "p 3"], Float[np.ndarray, "v v"]]:
         """One Gauss-Newton step: how positions and rotations move (in scene axes), the points afterwards, and
-        the variances of the poses.
+        the covariance of the poses.
 
         prior: gradient of the prior; prior_weight: its inverse variances.
         """
@@ -158,7 +160,7 @@ class _Problem:
         covariance = np.linalg.inv(H)
         moved = covariance @ ((g - prior).ravel() - WV @ h.ravel())
         follow = (inverse @ (h.ravel() - W.T @ moved).reshape(-1, 3, 1))[:, :, 0]
-        return moved.reshape(-1, 6), points + follow, covariance.diagonal().reshape(-1, 6)
+        return moved.reshape(-1, 6), points + follow, covariance
 
     def _residuals(
         self, R: Float[np.ndarray, "n 3 3"], c: Float[np.ndarray, "n 3"], points: Float[np.ndarray, "p 3"]

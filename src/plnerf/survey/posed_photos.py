@@ -30,6 +30,9 @@ class Photos:
     """Indices of the images that a survey may use."""
     box: Float[np.ndarray, "2 3"]
     """Lowest and highest corner of what the capture is about, LineFrame."""
+    pose_covariance: Float[np.ndarray, "p p"] | None = None
+    """Of the centres of all cameras (LineFrame) and their turns (radians, about its axes), a camera's six
+    numbers after another's, where an adjustment to tie points says it."""
 
     def full_size(self) -> "Photos":
         """The same with the photos at their full size."""
@@ -77,10 +80,14 @@ def box_around(box: Float[np.ndarray, "2 3"], wires: Sequence[Wire]) -> Float[np
     return np.stack([every.min(0), every.max(0)])
 
 
-def photos_of(scene: Scene) -> Photos:
-    """Enters the LineFrame."""
+def photos_of(scene: Scene, pose_covariance: Float[np.ndarray, "p p"] | None = None) -> Photos:
+    """Enters the LineFrame.  pose_covariance: as in `Photos`, of centres in the scene frame."""
     frame = LineFrame.of_scene(scene.frames)
+    if pose_covariance is not None:
+        units = np.ones((len(scene.names), 6))
+        units[:, :3] = frame.from_scene(units[:, :3])
+        pose_covariance = units.reshape(-1, 1) * pose_covariance * units.ravel()
     return Photos(
         frame, frame.cameras(scene.cameras), scene.images, scene.photos, scene.photo_sizes_px,
-        scene.names, scene.train, frame.from_scene(scene.box.astype(np.float64)),
+        scene.names, scene.train, frame.from_scene(scene.box.astype(np.float64)), pose_covariance,
     )  # fmt: skip

@@ -123,7 +123,7 @@ def survey_scene(
     made = {"input": _images_in(scene), "preset": "none: from images and poses alone"}
     scene, adjusted = with_adjusted_poses(scene, config.poses, parts[0])
     if adjusted is not None:
-        photos = _with_heights(photos_of(scene), config)
+        photos = _with_heights(photos_of(scene, adjusted.covariance), config)
         made["poses"] = adjusted.text(scene.frames.unit)
     found = (finder or detect_wires)(scene, config.detect, parts[1])
     return _of_images(photos, found, None, config, parts[2:], str(scene.root), made, part)

@@ -1,7 +1,7 @@
 """All wires, all images' pose residuals, the lighting and the wind, in one least-squares step.
 
     minimise  sum rho((B + A (g . dy + m . t_n) - k (n . l_w + c_wv)) / sigma)
-              + sum |y_w - y_w0|^2 / trust_w^2 + sum |t_n|^2 / sd^2 + sum c_wv^2 / uneven^2
+              + sum |y_w - y_w0|^2 / trust_w^2 + that of t (`pose_prior.py`) + sum c_wv^2 / uneven^2
               + sum (phi_w - phi)^2 / own^2 + phi^2 / wind^2 + that of l + that of twins
 
 over the curve theta of every wire w, through its places y across; the pose residual t_n of every image n; the
@@ -32,6 +32,7 @@ from jaxtyping import Float, Int
 from plnerf.line.base import Base
 from plnerf.line.curve import curve_at, curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
+from plnerf.survey.refine.pose_prior import MOVED, TURNED, PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES
 from plnerf.survey.refine.twins import Twins
@@ -40,8 +41,6 @@ FREE = 6
 """Numbers of theta."""
 SWING = 5
 """The swing's place in theta."""
-TURNED, MOVED = slice(0, 2), slice(3, 5)
-"""The numbers of a pose residual by which an image is turned, right and down, and by which it is moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +66,7 @@ class Prior:
     theta: Float[np.ndarray, "w 6"]
     trust_m: Float[np.ndarray, " w"]
     """Standard deviation of a wire's place."""
-    pose_sd_px: Float[np.ndarray, "6"]
-    """Standard deviations of an image's pose residual."""
+    poses: PosePrior
     twins: tuple[Twins, ...] = ()
 
 
@@ -100,17 +98,18 @@ class Step:
         along = root @ axes * np.sqrt(np.maximum(larger, 1.0))
         return along @ along.T
 
-    def pose_sd_px(self) -> Float[np.ndarray, "6"]:
-        """Standard deviations of the images' pose residuals: what they are, and what is not known of them.
+    def of_poses(self) -> Float[np.ndarray, "q q"]:
+        """The covariance of all pose residuals."""
+        first = FREE * len(self.state.theta)
+        both = slice(first, first + self.state.pose.size)
+        return self.covariance[both, both]
 
-        Images are turned by as much to the right as down, and as much about their axis; likewise moved.
-        """
-        W, N = self.state.theta.shape[0], len(self.state.pose)
-        unknown = np.diag(self.covariance)[FREE * W : FREE * W + MOVES * N].reshape(N, MOVES)
-        turned, moved = (
-            float(np.sqrt((self.state.pose[:, two] ** 2 + unknown[:, two]).mean())) for two in (TURNED, MOVED)
-        )
-        return np.repeat([turned, moved], 3)
+    def pose_residual_px(self) -> float:
+        """Standard deviation of what the images' poses are off by, for a wire at the usual distance: what
+        their residuals are, and what is not known of them."""
+        squares = self.state.pose**2 + self.of_poses().diagonal().reshape(-1, MOVES)
+        turned, moved = (float(squares[:, two].mean()) for two in (TURNED, MOVED))
+        return float(np.sqrt(turned + moved))
 
 
 class Layout:
@@ -229,9 +228,9 @@ def _prior(
         J = (by_both - by_both.mean(0)).reshape(-1, 2 * FREE) / held
         P[np.ix_(both, both)] += J.T @ J
         pull[both] -= J.T @ (between - between.mean(0)).ravel() / held
-    pose = np.arange(at.pose, at.shading)
-    P[pose, pose] = np.tile(prior.pose_sd_px**-2, N)
-    pull[pose] = -(state.pose / prior.pose_sd_px**2).ravel()
+    pose = slice(at.pose, at.shading)
+    P[pose, pose] = prior.poses.precision(N)
+    pull[pose] = -P[pose, pose] @ state.pose.ravel()
     tie = 1 / (config.own_shading * config.shading_grey) ** 2
     for k in range(2):
         own_shading = at.shading + 2 * np.arange(W) + k

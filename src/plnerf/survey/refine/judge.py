@@ -71,7 +71,7 @@ def believed(
         held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
         notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
         return replace(wire, covariance=held, evidence=evidence, notes=notes)
-    off_px = float(np.hypot(config.systematic_px, config.undescribed * pose_residual_px(step)))
+    off_px = float(np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()))
     common = off_px / step.pixels_per_m
     by_yz = np.concatenate([row.by_yz for row in rows])
     common_to_all = systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
@@ -134,9 +134,3 @@ def between(
     """Greatest distance between two curves."""
     apart = curve_at(one, base.length_m, s) - curve_at(other, base.length_m, s)
     return float(np.linalg.norm(apart, axis=1).max())
-
-
-def pose_residual_px(step: Step) -> float:
-    """Of a wire at the usual distance."""
-    turned, *_, moved = step.pose_sd_px()
-    return float(np.hypot(turned, moved))

@@ -23,7 +23,8 @@ from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
 from plnerf.survey.refine.beside import stands_out
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
-from plnerf.survey.refine.judge import believed, between, on_stretches, pose_residual_px, stretches_seen
+from plnerf.survey.refine.judge import believed, between, on_stretches, stretches_seen
+from plnerf.survey.refine.pose_prior import prior_of
 from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Places, Projection, places_along, project_wire
 from plnerf.survey.refine.twins import twins_of
@@ -80,8 +81,8 @@ def refine_wires(
     metres = photos.frame.unit == "m"
     at = np.array([wire.at(s) for wire in started])
     twins = twins_of(wires, base, at, config.twin_m) if metres else ()
-    prior = Prior(before, trust, np.full(MOVES, config.pose_sd_px), twins)
     usual_m = _usual_distance(photos, started, s)
+    prior = Prior(before, trust, prior_of(photos, usual_m, config.pose_sd_px), twins)
     diameters, blur_px = widths or (_first_diameters(cameras, base, before, s, config), config.blur_px)
     first_blur_px = blur_px if widths else config.first_blur_px
     found: list[list[ProfileMeasurements]] = []
@@ -105,7 +106,8 @@ def refine_wires(
         if k:
             diameters, blur_px = likelier_widths(diameters, blur_px, found, config)
         last, state = state, _hanging(step.state, config.adjust)
-        prior = replace(prior, pose_sd_px=np.maximum(step.pose_sd_px(), config.least_pose_sd_px))
+        poses = prior.poses.learnt(step.state.pose, step.of_poses(), config.least_pose_sd_px)
+        prior = replace(prior, poses=poses)
         report(k + 1, config.most_rounds)
         moved = max(between(base, *both, s) for both in zip(last.theta, state.theta, strict=True))
         if k + 1 >= config.least_rounds and moved * step.pixels_per_m < config.settled_px:
@@ -132,7 +134,7 @@ def refine_wires(
         shown.append(bool((often or seen[w]) and (distinct[w] or (sharp and long))))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
     widths = diameters, blur_px
-    return Refinement(tuple(judged), pose_residual_px(step), tuple(shown), counts, widths, tuple(distinct))
+    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown), counts, widths, tuple(distinct))
 
 
 def common_base(wires: Sequence[Wire]) -> Base:
