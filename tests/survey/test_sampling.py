@@ -10,7 +10,9 @@ from plnerf.errors import ConfigError
 from plnerf.survey.config_ground import SamplingConfig
 from plnerf.survey.sampling import end_sigma_m, sampling_sigma_m
 
-CONFIG = SamplingConfig(point_m=1e-9, share=1.0, bar_share=1.0, max_spacing_m=5.0, reach_m=6.0)
+CONFIG = SamplingConfig(
+    point_m=1e-9, share=1.0, surface_share=1.0, bar_share=1.0, max_spacing_m=5.0, reach_m=6.0
+)
 
 
 def lattice(dimensions: int, step_m: float) -> np.ndarray:
@@ -48,6 +50,14 @@ def test_a_crown_s_tip_counts_as_spread_in_space() -> None:
     xyz = lattice(1, 0.3)
     bar, tip = sigma(xyz), sigma(xyz, crown=True)
     assert bar == pytest.approx(0.3, rel=0.01) and tip > 2 * bar
+
+
+def test_the_points_of_a_surface_show_its_shape() -> None:
+    xyz, index, usual = lattice(2, 0.5), np.arange(81), SamplingConfig()
+    roof, plant = (sampling_sigma_m(xyz, index, 40, usual, crown=crown) for crown in (False, True))
+    assert usual.point_m < roof < plant / 2
+    few = sampling_sigma_m(xyz, index[:6], 0, usual, crown=False)
+    assert few > usual.share * usual.max_spacing_m
 
 
 def test_few_points_are_the_least_certain() -> None:

@@ -121,8 +121,10 @@ class SamplingConfig:
     neighbours: int = 8
     """Nearest points of the obstacle that show how far apart its points are."""
     share: float = 0.45
-    """Standard deviation of where the obstacle ends, as a share of their spacing.  Chosen on simulated
-    flights over spans of even seeds."""
+    """Standard deviation of where a crown ends, as a share of their spacing, or anything of which there are
+    few points.  Chosen on simulated flights over spans of even seeds."""
+    surface_share: float = 0.2
+    """The same of a surface such as a roof, whose points show its shape.  Chosen on the same."""
     bar_share: float = 0.75
     """The same of a bar, which ends with its last point or goes on to where the next is missing: of gaps
     between points at random, 95 % are less than three spacings, and around its end half of the neighbours
@@ -136,10 +138,11 @@ class SamplingConfig:
     """Distance along each axis within which neighbours are sought."""
 
     def __post_init__(self) -> None:
-        lengths = (self.point_m, self.share, self.bar_share, self.leaves_m, self.max_spacing_m, self.reach_m)
+        shares = (self.share, self.surface_share, self.bar_share)
+        lengths = (self.point_m, *shares, self.leaves_m, self.max_spacing_m, self.reach_m)
         if min(lengths) <= 0 or self.neighbours < 3:
             raise ConfigError(
-                "The sampling of obstacles needs lengths and a share above 0 and 3 neighbours or more, but "
+                "The sampling of obstacles needs lengths and shares above 0 and 3 neighbours or more, but "
                 f"got {self}."
             )
 

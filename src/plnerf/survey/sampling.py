@@ -52,14 +52,15 @@ def sampling_sigma_m(
     around = around[(np.abs(around) <= config.reach_m).all(1)]
     r = np.linalg.norm(around, axis=1)
     order = np.argsort(r, kind="stable")[: config.neighbours + 1]
-    spacing = config.max_spacing_m
+    spacing, share = config.max_spacing_m, config.share if towards is None else config.bar_share
     if len(order) == config.neighbours + 1:
         dimension = 3.0 if crown else _dimension(around[order])
         spacing = min(spacing, _spacing(config.neighbours, float(r[order[-1]]), dimension))
         if towards is not None:
             along = float(((around[order] @ towards) ** 2).sum() / max((r[order] ** 2).sum(), 1e-12))
             spacing *= math.sqrt(min(1.0, dimension * along))
-    share = config.share if towards is None else config.bar_share
+        elif not crown:
+            share = config.surface_share
     return math.hypot(config.point_m, share * spacing)
 
 
