@@ -14,6 +14,7 @@ from tests.support.oracle import one_camera
 from plnerf.errors import ConfigError
 from plnerf.field.config import DensityConfig, RadianceConfig, TubeConfig
 from plnerf.field.guides import Guides
+from plnerf.field.radiance import FIRST_COLOURS
 from plnerf.ops.backends import Backend
 from plnerf.ops.grid import GridShape
 from plnerf.rays.rays import Rays
@@ -59,13 +60,14 @@ BARE = replace(
 
 
 def make_model(config: ModelConfig = BASE, backend: Backend = "numba") -> PLNeRF:
-    """Fog of all densities: tables so large that space is not uniform."""
+    """Fog of all densities and colours: tables and last layers so large that space is not uniform."""
     model = PLNeRF(config, 2, backend, torch.Generator().manual_seed(5)).eval()
     with torch.no_grad():
         for grid in (model.field.grid, *(proposal.grid for proposal in model.proposals)):
             grid.table *= 1e4
         for network in (model.field.density_network, *(field.network for field in model.proposals)):
             network[-1].weight[0] *= 2
+        model.field.colour_network[-1].weight /= FIRST_COLOURS
     return model
 
 

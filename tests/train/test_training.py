@@ -28,6 +28,8 @@ LEARNING = (
     "train.checkpoints=1",
 )
 
+SLOW_RATES = ("train.warmup_steps=1", "train.hash_lr=0.01", "train.mlp_lr=0.005")
+
 
 def blurred(image: np.ndarray) -> np.ndarray:
     """Means over 4x4 pixels: most of the floor's chequers are finer than a pixel and cannot be learnt."""
@@ -65,17 +67,22 @@ def test_backends_train_alike(normals: str, tiny_scene: Path, tmp_path: Path) ->
     """The truth in torch and its Numba twin: same losses over five steps, so same gradients too."""
     terms = {}
     for backend in ("torch", "numba"):
-        settings = (f"backend={backend}", f"model.field.normals={normals}", "train.warmup_steps=1")
+        settings = (f"backend={backend}", f"model.field.normals={normals}", *SLOW_RATES)
         report = Recorder()
         train(tiny_config(tiny_scene, *settings, "train.validations=0", steps=5), tmp_path / backend, report)
         terms[backend] = report.terms
     assert len(terms["torch"]) == 5
     # Single precision knows the interlevel loss, squares of small differences, to some 1e-9 at first.  Then
-    # Adam turns the rounding of gradients that cancel into steps of full size: over five seeds some term
-    # was off by up to 4 % after one to four steps.
+    # Adam turns the rounding of gradients that cancel into steps of full size: over five seeds, with one
+    # hidden layer of colours and with two, the interlevel loss was off by up to 18 % in a single step, losses
+    # on normals by 2 %, distortion by 0.02 % and colours by 0.002 %.
     assert terms["numba"][0] == pytest.approx(terms["torch"][0], rel=1e-4, abs=1e-8)
     for truth, twin in zip(terms["torch"], terms["numba"], strict=True):
-        assert twin == pytest.approx(truth, rel=0.1)
+        for name in truth.keys() - {"interlevel"}:
+            closely = 1e-3 if name in {"colour", "distortion"} else 0.1
+            assert twin[name] == pytest.approx(truth[name], rel=closely), name
+    both = [sum(one["interlevel"] for one in terms[backend]) for backend in ("torch", "numba")]
+    assert both[1] == pytest.approx(both[0], rel=0.1)
     assert abs(terms["torch"][4]["colour"] / terms["torch"][0]["colour"] - 1) > 0.05  # it did move
 
 

@@ -13,12 +13,15 @@ from plnerf.ops.backends import Backend
 from plnerf.ops.dispatch import ray_mlp
 
 
-def mlp(widths: Sequence[int], generator: Generator) -> nn.Sequential:
-    """Fully connected layers of the given widths, ReLU between them, He-uniform weights and zero biases."""
+def mlp(widths: Sequence[int], generator: Generator, last: float = 1.0) -> nn.Sequential:
+    """Fully connected layers of the given widths, ReLU between them, He-uniform weights and zero biases.
+
+    last: factor of the last layer's weights; the less, the nearer to zero a new network's output is.
+    """
     layers: list[nn.Module] = []
-    for inputs, outputs in pairwise(widths):
+    for k, (inputs, outputs) in enumerate(pairwise(widths), 2):
         linear = nn.Linear(inputs, outputs, device="meta")  # draws nothing from torch's own generator
-        bound = math.sqrt(6 / inputs)
+        bound = math.sqrt(6 / inputs) * (last if k == len(widths) else 1.0)
         weights = torch.rand(outputs, inputs, generator=generator) * 2 * bound - bound
         linear.weight, linear.bias = nn.Parameter(weights), nn.Parameter(torch.zeros(outputs))
         layers += [linear, nn.ReLU()]

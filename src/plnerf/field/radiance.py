@@ -21,6 +21,10 @@ from plnerf.field.hashgrid import HashGrid
 from plnerf.field.networks import density_and_feature, mlp, run_on_rays
 from plnerf.ops.backends import Backend
 
+FIRST_COLOURS = 0.1
+"""Factor of the last layer of a new colour network: all is nearly grey.  With 1 a new field is patched with
+strong colours, of which some are still there after some hundred steps."""
+
 
 class RadianceField(nn.Module):
     """Positions, frustums and directions to density, colour and normals."""
@@ -32,7 +36,8 @@ class RadianceField(nn.Module):
         self.density_network = mlp([config.grid.width, config.hidden, 1 + config.feature], generator)
         direction = 6 * config.direction_octaves if config.direction_encoding == "ipe" else 16
         inputs = config.feature + 6 * self.octaves + direction + config.appearance
-        self.colour_network = mlp([inputs, *[config.hidden] * config.colour_layers, 3], generator)
+        layers = [inputs, *[config.hidden] * config.colour_layers, 3]
+        self.colour_network = mlp(layers, generator, last=FIRST_COLOURS)
         self.normal_network = mlp([config.feature, 32, 3], generator) if config.normals else None
 
     def density(

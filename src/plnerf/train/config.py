@@ -83,7 +83,10 @@ class TrainConfig:
     hash_lr: float = 3e-2
     """Learning rate of the hash tables."""
     mlp_lr: float = 1.5e-2
-    """Learning rate of the networks and appearance vectors."""
+    """Learning rate of the networks."""
+    appearance_rate: float = 0.1
+    """Learning rate of the appearance vectors, as a share of that of the networks.  A step has a few rays of
+    an image, and the mean of all vectors stands for images that are not trained on."""
     pose_lr: float = 5e-4
     """Learning rate of the pose corrections (radians, scene units)."""
     lr_fall_from: float = 2 / 3
@@ -150,13 +153,13 @@ class TrainConfig:
                 "A square around a pixel needs an odd smooth_px and smooth_draws >= 0, but got "
                 f"smooth_px={self.smooth_px}, smooth_draws={self.smooth_draws}."
             )
-        rates = (self.hash_lr, self.mlp_lr, self.pose_lr)
+        rates = (self.hash_lr, self.mlp_lr, self.pose_lr, self.appearance_rate)
         if min(rates) < 0 or not 0 < self.lr_final_factor <= 1 or not 0 <= self.pose_from <= 1:
             raise ConfigError(
                 "Training needs learning rates of 0 or more, 0 < lr_final_factor <= 1 and "
                 f"0 <= pose_from <= 1, but got hash_lr={self.hash_lr}, mlp_lr={self.mlp_lr}, "
-                f"pose_lr={self.pose_lr}, lr_final_factor={self.lr_final_factor}, "
-                f"pose_from={self.pose_from}."
+                f"pose_lr={self.pose_lr}, appearance_rate={self.appearance_rate}, "
+                f"lr_final_factor={self.lr_final_factor}, pose_from={self.pose_from}."
             )
         if not 0 <= self.normals_from <= 1:
             raise ConfigError(

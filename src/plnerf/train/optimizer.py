@@ -19,14 +19,20 @@ from plnerf.train.config import TrainConfig
 
 
 def build_optimizer(model: RadianceSystem, cfg: TrainConfig) -> "TableAdam":
-    """A group each for hash tables, networks and, where refined, poses; from here on gradients are there."""
+    """A group each for hash tables, networks, appearance vectors and, where refined, poses.
+
+    From here on gradients are there.
+    """
     tables = [value for name, value in model.named_parameters() if name.endswith("table")]
     poses = list(model.poses.parameters())
-    others = {id(value) for value in (*tables, *poses)}
+    others = {id(value) for value in (*tables, *poses, model.appearance)}
     networks = [value for value in model.parameters() if id(value) not in others]
     for value in model.parameters():
         value.grad = torch.zeros_like(value)
-    groups = [{"params": networks, "rate": cfg.mlp_lr}]
+    groups = [
+        {"params": networks, "rate": cfg.mlp_lr},
+        {"params": [model.appearance], "rate": cfg.appearance_rate * cfg.mlp_lr},
+    ]
     if tables:  # deep networks have none
         groups.insert(0, {"params": tables, "rate": cfg.hash_lr, "by_row": True})
     if cfg.pose_refinement:
