@@ -60,7 +60,8 @@ def test_nearly_a_third_of_gross_outliers_is_survived(seed: int) -> None:
     y[wrong] += 200 * random.normal(size=(12, 3)) + 50
     found = robust_similarity(x, y, sigma)
     assert not found.inlier[wrong].any() and found.inlier[~wrong].mean() > 0.95
-    assert np.abs(found.similarity(x) - truth(x)).max() < 0.12
+    alone = robust_similarity(x[~wrong], y[~wrong], sigma[~wrong])  # how near that is, chance decides
+    np.testing.assert_allclose(found.similarity(x), alone.similarity(x), rtol=0, atol=1e-6)
     assert found.residual == pytest.approx(found.similarity(x) - y)
 
 
