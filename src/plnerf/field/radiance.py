@@ -22,8 +22,8 @@ from plnerf.field.networks import density_and_feature, mlp, run_on_rays
 from plnerf.ops.backends import Backend
 
 FIRST_COLOURS = 0.1
-"""Factor of the last layer of a new colour network: all is nearly grey.  With 1 a new field is patched with
-strong colours, of which some are still there after some hundred steps."""
+"""Factor of the last layer of a new colour network: all is nearly grey.  With 1, 600 steps of the fox end 0.1
+dB lower, in the mean of four seeds (docs/performance.md)."""
 
 
 class RadianceField(nn.Module):
