@@ -191,18 +191,18 @@ def test_a_bow_that_no_curve_follows_is_in_the_stated_deviation() -> None:
     calm, windy = (fit_wire(points + noise, wire.base)[0] for points in (exact, blown))
     s = t[20::40] * wire.base.length_m
     off = np.abs(windy.at(s)[:, 0] - wire.base.local(blown)[20::40, 1]) / windy.sigma_at(s)[:, 0]
-    assert off.max() < 2.2 and 0.7 < np.sqrt((off**2).mean()) < 1.2, "by independent points 100 deviations"
+    assert 0.8 < off.max() < 1.2 and np.sqrt((off**2).mean()) > 0.5, "by independent points 100 deviations"
     assert calm.sigma_at(s).max() < 0.004, "of points that scatter by chance nothing is added"
     assert windy.sigma_at(s)[:, 0].max() < 0.3
 
 
-def test_what_the_curve_leaves_of_gusts_is_greatest_at_the_ends_and_stated_so() -> None:
+def test_what_the_curve_leaves_of_gusts_is_stated_at_every_place() -> None:
     """Bows of two and three half waves, drawn in both directions, of wires 1.4 m deep: shares inside the
-    stated 95 % at the ends, at the quarters and in the middle."""
+    stated 95 % at the ends, at the quarters, and around the middle."""
     wire, random = WIRES["level"], np.random.default_rng(8)
     t = np.linspace(0, 1, 300)
     waves = np.stack([np.sin(2 * np.pi * t), np.sin(3 * np.pi * t)], 1)
-    at, off = np.array([0, 75, 150, 224, 299]), []
+    at, off = np.array([0, 75, 110, 130, 150, 169, 189, 224, 299]), []
     for _ in range(60):
         bows = waves @ random.normal(0, 0.06, (2, 2))
         aside = bows[:, :1] * np.append(wire.base.n, 0.0) + bows[:, 1:] * np.array([0.0, 0.0, 0.2])
@@ -211,4 +211,6 @@ def test_what_the_curve_leaves_of_gusts_is_greatest_at_the_ends_and_stated_so() 
         s = t[at] * wire.base.length_m
         off.append((found.at(s) - wire.base.local(blown)[at, 1:]) / found.sigma_at(s))
     inside = (np.abs(off) < 1.96).mean(0)
+    spread = np.sqrt((np.array(off) ** 2).mean(0))
     assert inside.min() >= 0.88 and 0.93 < inside.mean() < 0.99 and np.abs(off).max() < 4
+    assert 0.6 < spread.min() and spread.max() < 1.15, "1.4 in the middle, were that of P3 at the ends alone"

@@ -20,6 +20,8 @@ from plnerf.survey.config_wires import UNKNOWNS, FitConfig
 NOT_KNOWN = Open("not known yet")
 LEFT_BY_CURVE = (3, 4)
 """Orders of the Legendre polynomials along a wire that no curve of it follows."""
+ASIDE, UPWARD = np.array([1.0, 1, 0, 0, 0, 0]), np.array([0.0, 0, 1, 1, 0, 0])
+"""How theta changes where a whole wire shifts by a metre."""
 
 
 def fit_wire(
@@ -106,7 +108,10 @@ def _of_misfit(
         bow = float(Legendre.basis(order)(0.0)) - (1.0 + first) / 2  # of the middle against the ends
         y = np.array([first, 1, 0, 0, 0, bow / max(float(q[4]), LEAST_BEND_M)])
         z = np.array([0, 0, first, 1, -bow, 0])
-        found += across * np.outer(y, y) + up * np.outer(z, z)
+        # P3 is 0 in the middle, but nearly half its greatest beside it: its mean square counts everywhere.
+        everywhere = 1.0 / (2 * order + 1) if order % 2 else 0.0
+        found += (1 - everywhere) * (across * np.outer(y, y) + up * np.outer(z, z))
+        found += everywhere * (across * np.outer(ASIDE, ASIDE) + up * np.outer(UPWARD, UPWARD))
     return found
 
 
