@@ -83,6 +83,24 @@ def test_what_is_straight_over_metres_is_no_plant(line: made.Line, found: Found)
     assert np.isin(long.cloud.label[boom], PLANTS).mean() > 0.95
 
 
+def test_a_boom_is_one_through_a_crown_and_over_a_roof() -> None:
+    """Its half beyond a crown was a plant, and its end over a roof a building; a crown alone has no booms."""
+    random = np.random.default_rng(6)
+    built = made.line(np.array([[0.0, 0.0], [110.0, 20.0]]))
+    for part in house(random, HOUSE):
+        built.add(part, 6)
+    foot = np.append(HOUSE + np.array([3.0, 0.0]), made.relief(HOUSE[None])[0])
+    boom = made.bars((foot + np.array([[0.0, 0.0, 7.6], [16.0, 0.0, 8.6]]))[None], 7.0, 0.06, random)
+    built.add(boom, 26)
+    crown = foot + np.array([11.5, 0.0, 8.0]) + random.uniform(-1.6, 1.6, (260, 3))
+    built.add(crown, 5)
+    label = find_lines(built.xyz, LidarConfig()).cloud.label
+    assert (label[built.truth == 26] == UNCLASSIFIED).mean() > 0.98
+    assert np.isin(label[len(built.xyz) - len(crown) :], PLANTS).mean() > 0.85, "but for what is on its axis"
+    roof = (built.truth == 6) & (built.xyz[:, 2] > foot[2] + 4.9)
+    assert (label[roof] == BUILDING).mean() > 0.97
+
+
 @pytest.mark.parametrize("setting", [{"min_roof_m2": 120.0}, {"max_rms_m": 0.005}, {"roof_from_m": 9.0}])
 def test_settings_decide_what_is_a_roof(setting: dict[str, float], line: made.Line) -> None:
     label = find_lines(line.xyz, LidarConfig(things=ThingsConfig(**setting))).cloud.label

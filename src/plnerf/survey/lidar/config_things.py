@@ -19,6 +19,11 @@ class ThingsConfig:
     """if they are joined to it by steps of at most this length,"""
     min_straight_share: float = 0.3
     """and if at least this share of what is joined lies on straight pieces."""
+    axis_m: float = 0.25
+    """Points so near to the axis of such a piece are on it, under roofs and beyond its ends too: plants
+    beside a boom hide that it is straight."""
+    axis_lengths: float = 2.0
+    """Beyond its ends at most so many times as far as the piece is long, without a gap above `touching_m`."""
     min_aloft: int = 3
     """Where fewer points lie within `aloft_m` in plan, all of them high above the ground, they are noise:
     birds, and strays of wires that were not followed.  Three may be a thin boom."""
@@ -55,8 +60,9 @@ class ThingsConfig:
 
     def __post_init__(self) -> None:
         lengths = (
-            self.straight_m, self.beside_m, self.around_m, self.touching_m, self.cell_m, self.radius_m,
-            self.max_rms_m, self.min_roof_m2, self.aloft_m, self.images_rms_m, self.max_sigma_m,
+            self.straight_m, self.beside_m, self.around_m, self.touching_m, self.axis_m, self.axis_lengths,
+            self.cell_m, self.radius_m, self.max_rms_m, self.min_roof_m2, self.aloft_m, self.images_rms_m,
+            self.max_sigma_m,
         )  # fmt: skip
         if min(lengths) <= 0 or not 3 <= self.min_neighbours <= self.neighbours:
             raise ConfigError(

@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 from plnerf.line.cloud import BUILDING, UNCLASSIFIED
 from plnerf.survey.lidar.config import LinearConfig
 from plnerf.survey.lidar.config_things import ThingsConfig
-from plnerf.survey.lidar.linear import CHUNK, Linear, pieces, thinned
+from plnerf.survey.lidar.linear import CHUNK, Linear, thinned
+from plnerf.survey.lidar.straight_things import of_straight, on_axes, straight_pieces
 
 SQUARE = np.ones((3, 3), np.bool_)
 AROUND = 18
@@ -35,40 +36,12 @@ def no_plants(
     above_m: heights above the ground; linear: places on lines of the whole cloud.
     """
     label = np.zeros(len(points), np.uint8)
-    label[_straight(points, linear, config, lines)] = UNCLASSIFIED
-    label[under_roofs(points, above_m, config)] = BUILDING
+    long = straight_pieces(linear, config, lines)
+    roofed = under_roofs(points, above_m, config)
+    label[of_straight(points, long, config)] = UNCLASSIFIED
+    label[roofed] = BUILDING
+    label[on_axes(points, long, roofed, config)] = UNCLASSIFIED
     return label
-
-
-def _straight(
-    points: Float[np.ndarray, "k 3"], linear: Linear, config: ThingsConfig, lines: LinearConfig
-) -> Bool[np.ndarray, " k"]:
-    """Which points lie on straight pieces of `straight_m` or more, or next to them in something of which
-    these are a good part."""
-    found = np.zeros(len(points), np.bool_)
-    long = [piece for piece in pieces(linear, lines) if _length(linear.at[piece]) >= config.straight_m]
-    if not long or not len(points):
-        return found
-    at = linear.at[np.concatenate(long)]
-    apart = cKDTree(at).query(points, distance_upper_bound=config.beside_m)[0]
-    on: Bool[np.ndarray, " k"] = np.isfinite(apart)
-    near = np.flatnonzero(cKDTree(at).query(points, distance_upper_bound=config.around_m)[0] < np.inf)
-    group = _groups(points[near], config.touching_m)
-    share = np.bincount(group, on[near]) / np.bincount(group)
-    found[near] = share[group] >= config.min_straight_share
-    return found | on
-
-
-def _length(at: Float[np.ndarray, "m 3"]) -> float:
-    return float(np.linalg.norm(np.ptp(at, axis=0)))
-
-
-def _groups(points: Float[np.ndarray, "k 3"], reach_m: float) -> Int[np.ndarray, " k"]:
-    """Numbers of the groups of points that touch each other."""
-    pairs = cKDTree(points).query_pairs(reach_m, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points), len(points)))
-    number: Int[np.ndarray, " k"] = connected_components(graph, directed=False)[1].astype(np.int64)
-    return number
 
 
 def under_roofs(
