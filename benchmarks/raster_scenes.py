@@ -2,8 +2,8 @@
 `python benchmarks/raster_scenes.py OUT --seeds 2 4 6 --names wind orbit [--width PX] [--views N]`.
 
 OUT/random-N is a scene folder with its truth, as `plnerf synth OUT/random-N --scene random --seed N` makes
-it, and OUT/NAME as `plnerf synth OUT/NAME --scene NAME` does: the same line, land, plants, flight, exposure,
-blur, noise and JPEG, in simpler light.
+it, OUT/span-N likewise of the scene random-span (--span-seeds N), and OUT/NAME as `plnerf synth OUT/NAME
+--scene NAME` does: the same line, land, plants, flight, exposure, blur, noise and JPEG, in simpler light.
 `plnerf bench --suite coverage --scenes OUT/random-*` then measures the intervals of their surveys.
 """
 
@@ -23,7 +23,7 @@ from plnerf.synth.build import build_site
 from plnerf.synth.capture import View, plan_flight
 from plnerf.synth.check import check_cameras
 from plnerf.synth.flight_config import CaptureConfig
-from plnerf.synth.scene_options import RANDOM, SceneOptions, find_scene
+from plnerf.synth.scene_options import RANDOM, RANDOM_SPAN, SceneOptions, find_scene
 from plnerf.synth.synthesize import write_scene
 
 EXPOSURE = 2.9
@@ -74,6 +74,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", type=int, nargs="+", default=[], help="of random scenes")
+    parser.add_argument("--span-seeds", type=int, nargs="+", default=[], help="of random whole spans")
     parser.add_argument("--names", nargs="+", default=[], help="of scenes of plnerf synth")
     parser.add_argument("--width", type=int, help="of the images, in pixels; the same pictures")
     parser.add_argument("--views", type=int, help="images of each pass")
@@ -82,6 +83,7 @@ def main() -> None:
     common = SceneOptions(width=given.width, views=given.views)
     tasks: list[tuple[Path, str, SceneOptions]] = [
         *((given.out / f"random-{seed}", RANDOM, replace(common, seed=seed)) for seed in given.seeds),
+        *((given.out / f"span-{seed}", RANDOM_SPAN, replace(common, seed=seed)) for seed in given.span_seeds),
         *((given.out / name, name, common) for name in given.names),
     ]
     with multiprocessing.get_context("fork").Pool(usable_cores()) as pool:

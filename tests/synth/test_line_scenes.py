@@ -262,6 +262,17 @@ def test_drawn_scenes_can_stand_and_be_flown(seed: int) -> None:
     assert [wire.id for wire in site.wires] == list(range(1, len(names) + 1))
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_whole_spans_are_filmed_to_their_structures(seed: int) -> None:
+    scene = find_scene("random-span", seed)
+    span, half = scene.span, scene.span.span_length_m / 2
+    views = plan_flight(stand(span), scene.capture)
+    assert scene.name == f"random-span-{seed}" and 48 <= len(views) <= 120
+    assert span != drawn(seed).span, "whole spans are draws of their own"
+    for end, beyond in zip(scene.capture.filmed_m, (span.before_m, span.after_m), strict=True):
+        assert abs(end) > half if beyond else 0.95 * half < abs(end) < half
+
+
 @pytest.mark.slow
 def test_draws_differ_from_seed_to_seed_and_return_with_it() -> None:
     assert random_scene(3) == drawn(3)

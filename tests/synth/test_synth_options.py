@@ -61,5 +61,7 @@ def test_an_unknown_scene_is_answered_with_those_there_are() -> None:
 
 def test_the_help_names_every_scene() -> None:
     text = " ".join((synth.__doc__ or "").split())
-    listed = text.split("is left out: ")[1].split(". seed:")[0].split(", ")
-    assert sorted(listed) == sorted([*SCENES, "random (whose seed draws everything)"])
+    listed = text.split("is left out: ")[1].split(". seed:")[0]
+    listed, drawn = listed.split(", random (whose seed draws everything), ")
+    assert sorted(listed.split(", ")) == sorted(SCENES)
+    assert drawn == "random-span (likewise, filmed from structure to structure)"

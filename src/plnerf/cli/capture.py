@@ -145,7 +145,8 @@ def synth(  # noqa: PLR0913 (an argument is an option)
         out: Scene folder to write; must not exist.
         scene: Which scene, whose own values stand for what is left out: span, double-circuit, bundle,
             distribution, hills, forest, far, parallel, parallel-two-passes, same-way, both-ends, exposure,
-            noisy-poses, three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything).
+            noisy-poses, three-spans, crossing, orbit, grid, wind, long, random (whose seed draws everything),
+            random-span (likewise, filmed from structure to structure).
         seed: Decides terrain, vegetation, the flight and all noise (span: 7).
         samples: Samples per pixel of the path tracer (span: 64).
         width: Image width in pixels, with the same field of view (span: 480).

@@ -14,14 +14,20 @@ from plnerf.synth.flight_config import CaptureConfig, Grid, Leg, Orbit, Pass
 IMAGES = 48
 PATTERNS = ("sides", "two sides", "zigzag", "oblique", "orbit", "grid", "climb")
 STRETCH_PER_DIAMETER = 800.0  # filmed length over the phases' diameter: one image shows 480 px / width
+MOST_IMAGES = 120
+BEYOND_SPAN = 1.08
+"""How much further than to its structures a whole span is filmed where the line goes on."""
 FOCAL_PX = (360.0, 1000.0)
 
 
-def draw_capture(rng: np.random.Generator, span: SpanConfig) -> CaptureConfig:
-    """A flight, its lens, and the errors of its poses."""
+def draw_capture(rng: np.random.Generator, span: SpanConfig, *, whole_span: bool = False) -> CaptureConfig:
+    """A flight, its lens, and the errors of its poses.
+
+    whole_span: from structure to structure, with more images; else what 48 images show of it.
+    """
     thick = max(wire.diameter_m for wire in span.wires if wire.kind == "phase")
-    filmed = _filmed(rng, span, thick)
-    pattern = str(rng.choice(PATTERNS))
+    filmed = _whole(span) if whole_span else _filmed(rng, span, thick)
+    pattern = str(rng.choice([one for one in PATTERNS if not (whole_span and one == "orbit")]))
     legs, away_m = _Flights(rng, span).draw(pattern, filmed)
     wide_px = rng.uniform(1.6, 2.0) if pattern == "grid" else rng.uniform(2.2, 3.4)
     focal = float(np.clip(wide_px * away_m / thick, *FOCAL_PX))
@@ -29,12 +35,25 @@ def draw_capture(rng: np.random.Generator, span: SpanConfig) -> CaptureConfig:
     return CaptureConfig(
         focal_px=focal,
         passes=legs,
-        views_per_pass=IMAGES // len(legs),
+        views_per_pass=_images(filmed, thick) // len(legs),
         filmed_m=filmed,
         pose_noise_m=float(rng.uniform(0.0, 0.02)) if poses_off else 0.0,
         pose_noise_deg=float(rng.uniform(0.0, 0.06)) if poses_off else 0.0,
         seen_px=1.0,
     )
+
+
+def _whole(span: SpanConfig) -> tuple[float, float]:
+    """The main span, and a little of the next ones if the line goes on there."""
+    half = span.span_length_m / 2
+    before, after = (BEYOND_SPAN if beyond else 0.98 for beyond in (span.before_m, span.after_m))
+    return -before * half, after * half
+
+
+def _images(filmed_m: tuple[float, float], thick_m: float) -> int:
+    """So many that a metre of a longer stretch is seen as often."""
+    stretches = (filmed_m[1] - filmed_m[0]) / (STRETCH_PER_DIAMETER * thick_m)
+    return min(round(IMAGES * max(stretches, 1.0)), MOST_IMAGES)
 
 
 def _filmed(rng: np.random.Generator, span: SpanConfig, thick_m: float) -> tuple[float, float]:

@@ -18,11 +18,15 @@ from plnerf.synth.random_line import draw_line, draw_other, draw_spans, draw_win
 TRIES = 200  # of draws that cannot stand or be flown another one is made
 
 
-def random_scene(seed: int) -> SceneConfig:
-    """The first of this seed's draws that can stand and be flown."""
+def random_scene(seed: int, *, whole_span: bool = False) -> SceneConfig:
+    """The first of this seed's draws that can stand and be flown.
+
+    whole_span: a span is filmed from structure to structure, with up to 120 images in place of 48.
+    """
+    kind = 12 if whole_span else 11
     for attempt in range(TRIES):
         try:
-            scene = _draw(seed, np.random.default_rng([seed, 11, attempt]))
+            scene = _draw(seed, np.random.default_rng([seed, kind, attempt]), whole_span=whole_span)
             bare = stand(scene.span)
             views = plan_flight(bare, scene.capture)
             check_cameras(bare, views)  # soon refused, without plants
@@ -35,7 +39,7 @@ def random_scene(seed: int) -> SceneConfig:
     )
 
 
-def _draw(seed: int, rng: np.random.Generator) -> SceneConfig:
+def _draw(seed: int, rng: np.random.Generator, *, whole_span: bool) -> SceneConfig:
     drawn = draw_line(rng)
     before, after, structures, slack = draw_spans(rng, drawn)
     bends = any(abs(one.turn_deg) > 5 for one in structures)
@@ -55,7 +59,8 @@ def _draw(seed: int, rng: np.random.Generator) -> SceneConfig:
         span = replace(span, others=(draw_other(rng, span.line),))
     terrain, houses = _terrain(rng, roads=not bends and not span.others)
     span = replace(span, terrain=terrain, houses=houses, plants=_plants(rng, open_land=bool(span.others)))
-    return SceneConfig(f"random-{seed}", span, draw_capture(rng, span), _image(rng))
+    name = f"random-span-{seed}" if whole_span else f"random-{seed}"
+    return SceneConfig(name, span, draw_capture(rng, span, whole_span=whole_span), _image(rng))
 
 
 def _terrain(rng: np.random.Generator, *, roads: bool) -> tuple[TerrainConfig, int]:

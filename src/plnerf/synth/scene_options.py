@@ -12,6 +12,8 @@ from plnerf.synth.scenes import SCENES
 T = TypeVar("T")
 RANDOM = "random"
 """Names the scene that its seed draws."""
+RANDOM_SPAN = "random-span"
+"""Likewise, filmed from structure to structure."""
 
 
 @dataclass(frozen=True)
@@ -69,16 +71,17 @@ class SceneOptions:
 
 
 def find_scene(name: str, seed: int | None = None) -> SceneConfig:
-    """The scene of a name; of "random" the one that is drawn of `seed` (0 where it is left out).
+    """The scene of a name; of "random" and "random-span" the one that is drawn of `seed` (0 where it
+    is left out).
 
     Raises ConfigError naming the ones there are.
     """
-    if name == RANDOM:
+    if name in (RANDOM, RANDOM_SPAN):
         if seed is not None and seed < 0:
             raise ConfigError(f"synth: the seed must be 0 or more, got {seed}.")
-        return random_scene(seed or 0)
+        return random_scene(seed or 0, whole_span=name == RANDOM_SPAN)
     if name not in SCENES:
-        raise ConfigError(f"There is no scene {name!r}. Scenes: {', '.join((*SCENES, RANDOM))}.")
+        raise ConfigError(f"There is no scene {name!r}. Scenes: {', '.join((*SCENES, RANDOM, RANDOM_SPAN))}.")
     return SCENES[name]
 
 
