@@ -32,7 +32,7 @@ class GroundConfig:
     pit_rank: int = 3
     """A pit's depth counts from the cell around it that has so many lower ones: a few pits may be close
     together."""
-    min_surface_share: float = 0.2
+    min_surface_share: float = 0.18
     """Least share of the occupied cells that have points on nearly all sides (8 of 9 cells).  Ground is a
     surface, while wires and towers alone are lines."""
     near_m: float = 0.3
@@ -123,12 +123,12 @@ class SamplingConfig:
     share: float = 0.45
     """Standard deviation of where a crown ends, as a share of their spacing, or anything of which there are
     few points.  Chosen on simulated flights over spans of even seeds."""
-    surface_share: float = 0.2
+    surface_share: float = 0.18
     """The same of a surface such as a roof, whose points show its shape.  Chosen on the same."""
-    bar_share: float = 0.75
-    """The same of a bar, which ends with its last point or goes on to where the next is missing: of gaps
-    between points at random, 95 % are less than three spacings, and around its end half of the neighbours
-    are missing, which doubles the spacing found."""
+    bar_share: float = 0.4
+    """The same of a bar, which ends with its last point or goes on to where the next is missing.  Around its
+    end half of the neighbours are missing, which doubles the spacing found: of gaps between points at random,
+    95 % would be within 0.75.  A scanner's are more even; chosen on the same."""
     leaves_m: float = 0.18
     """Standard deviation of where the outer leaves of high vegetation end beyond what images match of it.
     Chosen on trees of random scenes of even seeds."""
