@@ -80,6 +80,16 @@ def test_a_piece_across_a_structure_joins_no_two_spans() -> None:
     assert [sorted(len(span.wires) for span in chain) for chain in found] == [[4, 5]]
 
 
+@pytest.mark.parametrize(("strings_m", "chains"), [(0.9, 1), (4.0, 2)])
+def test_first_metres_of_a_next_span_go_on_beyond_tension_strings(strings_m: float, chains: int) -> None:
+    """Of 2.6 m beyond a structure, 0.3 of their length would end between strings of a metre."""
+    feet = np.array([[0.0, 0.0], [45.0, 0.0], [88.0, 12.0]])
+    before, after = true_spans(attachments(feet, [(-1.5, 10.0), (1.5, 10.0), (0.5, 12.0)]))
+    whole = [detected(wire.between(0.0, wire.base.length_m - strings_m), None) for wire in before]
+    first = [detected(wire.between(strings_m, strings_m + 2.6), None) for wire in after]
+    assert len(find_chains([*whole, *first], CONFIG)) == chains
+
+
 def test_a_ring_of_spans_has_an_end() -> None:
     angle = np.radians(np.arange(0, 361, 45))
     feet = 60 * np.stack([np.cos(angle), np.sin(angle)], 1)

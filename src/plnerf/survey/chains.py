@@ -51,8 +51,7 @@ def meeting(before: SpanWires, after: SpanWires, config: ChainConfig) -> Junctio
     u = before.base.u + after.base.u
     ends = before.base.b, after.base.a
     axis = _axis((ends[0] + ends[1]) / 2, u / np.linalg.norm(u))
-    shorter = min(before.base.length_m, after.base.length_m)
-    reach = min(config.reach_m, config.reach_share * shorter) + abs((ends[1] - ends[0]) @ axis.u) / 2
+    reach = _reach_m(before, after, config) + abs((ends[1] - ends[0]) @ axis.u) / 2
     t = np.arange(-reach, reach + config.step_m, config.step_m)
     off = _at(before, axis, t)[:, None] - _at(after, axis, t)
     apart = np.minimum(np.linalg.norm(off, axis=-1), config.gap_m)
@@ -162,8 +161,13 @@ def _in_line(span: SpanWires, forwards: bool) -> SpanWires:
 
 def _may_meet(before: SpanWires, after: SpanWires, apart_m: float, config: ChainConfig) -> bool:
     bend = np.cos(np.radians(config.max_bend_deg))
-    reach = min(config.reach_m, config.reach_share * min(before.base.length_m, after.base.length_m))
-    return bool(before.base.u @ after.base.u >= bend and apart_m <= 2 * reach)
+    return bool(before.base.u @ after.base.u >= bend and apart_m <= 2 * _reach_m(before, after, config))
+
+
+def _reach_m(before: SpanWires, after: SpanWires, config: ChainConfig) -> float:
+    """How far beyond what images show of two spans their curves may meet."""
+    share = config.reach_share * min(before.base.length_m, after.base.length_m)
+    return min(config.reach_m, max(share, config.least_reach_m))
 
 
 def _closes(one: End, other: End, nexts: dict[End, End]) -> bool:

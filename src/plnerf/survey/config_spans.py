@@ -27,7 +27,10 @@ class ChainConfig:
     reach_m: float = 12.0
     """The curves of adjacent spans meet at most so far before or beyond the ends of what the images show."""
     reach_share: float = 0.3
-    """The same as a share of the shorter span; the smaller of the two counts."""
+    """The same as a share of the shorter span; the smaller of the two counts,"""
+    least_reach_m: float = 1.5
+    """but at least this: of a span that the images show hardly more than its tension strings of, as short a
+    reach as the share's would end between these."""
     gap_m: float = 0.5
     """Curves of one conductor in adjacent spans come at least so near to each other.  Both are known to
     decimetres there: they end a few metres from it, or go on beyond."""
@@ -35,10 +38,10 @@ class ChainConfig:
     """Between the places at which spans are compared."""
 
     def __post_init__(self) -> None:
-        if min(self.close_m, self.reach_m, self.gap_m, self.step_m) <= 0:
+        if min(self.close_m, self.reach_m, self.least_reach_m, self.gap_m, self.step_m) <= 0:
             raise ConfigError(
-                "Spans need close_m, reach_m, gap_m and step_m above 0, but got "
-                f"{self.close_m}, {self.reach_m}, {self.gap_m} and {self.step_m}."
+                "Spans need close_m, reach_m, least_reach_m, gap_m and step_m above 0, but got "
+                f"{self.close_m}, {self.reach_m}, {self.least_reach_m}, {self.gap_m} and {self.step_m}."
             )
         if not 0.5 < self.min_overlap <= 1 or not 0 <= self.max_bend_deg < 90:
             raise ConfigError(
