@@ -168,6 +168,18 @@ def test_a_structure_that_stereo_misses_is_seen_in_single_photos() -> None:
     assert last.structure is None
 
 
+def test_a_wire_alone_is_not_held_by_what_single_photos_show() -> None:
+    """Of an upper line's one wire that was found they agreed on a place 28 m from any structure."""
+    lines, config = wires(count=1), SupportConfig()
+    ground = Surface(np.zeros((1, 3)), np.zeros((1, 3), np.uint8), np.full(1, 0.05), np.array([[0.0, 0, 1]]))
+    photos, chains = filmed(arm(0.4), lines), find_chains(lines, ChainConfig())
+    assert found(photos, lines)[1] == 1
+    ((_, last),) = find_supports(
+        scenery_of(ground, None, chains, config, photos), chains, config, ChainConfig()
+    ).chains
+    assert last.structure is None
+
+
 def test_wires_stand_on_pins_before_the_pole() -> None:
     """The middle one, before the pole itself, where those beside it on the arm do."""
     lines, config = wires(), SupportConfig()

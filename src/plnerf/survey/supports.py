@@ -189,14 +189,15 @@ def _shown(
     middle = middle if held is not None or body is None else body
     sources = [(around.stereo, config.by_stereo_m, "stereo")]
     sources += [] if around.field is None else [(around.field, config.by_field_m, "the field")]
-    least = 1 if body is not None else min(config.least_wires, len(around.lines))
+    agree = 1 if body is not None else config.least_wires
+    least = min(agree, len(around.lines))
     for points, sigma, source in sources:
         one = held_at(points, around.lines, middle - reach, middle + reach, config.attachment)
         if one is not None and one.wires >= least:
             return _Shown(one.x_m, sigma, f"what holds the wires, seen by {source}", True, one.held)
     if around.photos is not None and (held is None or held.agreeing < config.least_wires):
         place = held_across(around.junction, around.photos, middle - reach, middle + reach, config.sweep)
-        if place is not None and place[1] >= least:
+        if place is not None and place[1] >= agree:  # photos of one wire agree on something somewhere
             t, _ = place
             sigma = float(np.hypot(config.by_sweep_m, _string_m(around, t, config) / TWO_SIDED_95))
             return _Shown(t, sigma, "what holds the wires, seen in single photos", True, afar=True)
