@@ -20,6 +20,8 @@ from plnerf.survey.config_wires import UNKNOWNS, FitConfig
 NOT_KNOWN = Open("not known yet")
 LEFT_BY_CURVE = (3, 4)
 """Orders of the Legendre polynomials along a wire that no curve of it follows."""
+CERTAIN_SIGMAS = 2.0
+"""What points show of these counts from so many standard deviations of chance on."""
 ASIDE, UPWARD = np.array([1.0, 1, 0, 0, 0, 0]), np.array([0.0, 0, 1, 1, 0, 0])
 """How theta changes where a whole wire shifts by a metre."""
 
@@ -92,8 +94,8 @@ def _of_misfit(
 
     t: share of the length.  The curve follows its points up to a parabola, so that what it leaves begins with
     the Legendre polynomials P3 and P4: least in the middle, greatest at the ends.  What the points show of
-    each, in excess of twice what chance leaves (Akaike's criterion), counts as deviations of the ends against
-    or with each other; of P4 also of the middle against them.
+    each beyond chance, where that is certain, counts as deviations of the ends against or with each other; of
+    P4 also of the middle against them.
     """
     found = np.zeros((UNKNOWNS, UNKNOWNS))
     if len(t) <= LEFT_BY_CURVE[-1] + 1:
@@ -102,7 +104,8 @@ def _of_misfit(
     shown = np.linalg.lstsq(P, apart, rcond=None)[0]
     scatter = np.maximum(((apart - P @ shown) ** 2).sum(0) / (len(t) - P.shape[1]), config.sigma_m**2)
     by_chance = np.diag(np.linalg.pinv(P.T @ P, hermitian=True))[:, None] * scatter
-    variance = np.maximum(shown**2 - 2 * by_chance, 0.0)[list(LEFT_BY_CURVE)]
+    certain = shown**2 > CERTAIN_SIGMAS**2 * by_chance
+    variance = np.where(certain, shown**2 - by_chance, 0.0)[list(LEFT_BY_CURVE)]
     for order, (across, up) in zip(LEFT_BY_CURVE, variance, strict=True):
         first = (-1.0) ** order
         bow = float(Legendre.basis(order)(0.0)) - (1.0 + first) / 2  # of the middle against the ends
