@@ -165,7 +165,7 @@ def _may_meet(before: SpanWires, after: SpanWires, apart_m: float, config: Chain
 
 
 def _reach_m(before: SpanWires, after: SpanWires, config: ChainConfig) -> float:
-    """How far beyond what images show of two spans their curves may meet."""
+    """How far beyond their filmed ends the curves of two spans may meet."""
     share = config.reach_share * min(before.base.length_m, after.base.length_m)
     return min(config.reach_m, max(share, config.least_reach_m))
 

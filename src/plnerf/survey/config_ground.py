@@ -32,7 +32,7 @@ class GroundConfig:
     pit_rank: int = 3
     """A pit's depth counts from the cell around it that has so many lower ones: a few pits may be close
     together."""
-    min_surface_share: float = 0.18
+    min_surface_share: float = 0.2
     """Least share of the occupied cells that have points on nearly all sides (8 of 9 cells).  Ground is a
     surface, while wires and towers alone are lines."""
     near_m: float = 0.3

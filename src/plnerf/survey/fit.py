@@ -21,7 +21,7 @@ NOT_KNOWN = Open("not known yet")
 LEFT_BY_CURVE = (3, 4)
 """Orders of the Legendre polynomials along a wire that no curve of it follows."""
 CERTAIN_SIGMAS = 2.0
-"""What points show of these counts from so many standard deviations of chance on."""
+"""Least of these that counts, in standard deviations of what chance leaves."""
 ASIDE, UPWARD = np.array([1.0, 1, 0, 0, 0, 0]), np.array([0.0, 0, 1, 1, 0, 0])
 """How theta changes where a whole wire shifts by a metre."""
 

@@ -16,7 +16,7 @@ PATTERNS = ("sides", "two sides", "zigzag", "oblique", "orbit", "grid", "climb")
 STRETCH_PER_DIAMETER = 800.0  # filmed length over the phases' diameter: one image shows 480 px / width
 MOST_IMAGES = 120
 BEYOND_SPAN = 1.08
-"""How much further than to its structures a whole span is filmed where the line goes on."""
+"""So many times as far as to its structures is a whole span filmed where the line goes on."""
 FOCAL_PX = (360.0, 1000.0)
 
 
