@@ -11,6 +11,7 @@ from plnerf.detect.directions import (
     Direction,
     Votes,
     bins,
+    flown,
     given,
     pairs_of_views,
     stands_out,
@@ -29,6 +30,10 @@ def around(seed: int, count: int = 12) -> Views:
     """Cameras about the origin, 10 away, looking at it."""
     centres = 10 * unit(np.random.default_rng(seed).normal(size=(count, 3)))
     return views_of(pinhole_cameras(centres, np.zeros((count, 3))))
+
+
+def looking(centres: np.ndarray) -> Views:
+    return views_of(pinhole_cameras(centres, centres + np.array([1.0, 0.0, 0.0])))
 
 
 def vector(azimuth_deg: float, slope_deg: float) -> np.ndarray:
@@ -84,6 +89,17 @@ def test_the_footprint_of_images_follows_from_what_pairs_show(count: int) -> Non
     for found in (strongest(votes, [], CONFIG), given(np.radians(37.0), votes, CONFIG)):
         assert found.footprint == pytest.approx(4.0 / 40 * np.sqrt(w * h), rel=0.1)
     assert given(0.0, vote(segments(views, clutter(0)), views, CONFIG), CONFIG).footprint == 0
+
+
+def test_cameras_fly_along_a_direction_where_they_move_far_along_it() -> None:
+    """To and fro, on two sides of a line; about one; not at all."""
+    rng, u, aside = np.random.default_rng(4), vector(125.0, 0.0), vector(35.0, 0.0)
+    there = np.linspace(-9, 9, 19)[:, None] * u + 0.2 * rng.normal(size=(19, 3))
+    azimuth = flown(looking(np.concatenate([there - 8 * aside, there[::-1] + 8 * aside])), CONFIG)
+    assert azimuth is not None and turn_between(azimuth, np.radians(125.0)) < np.radians(3.0)
+    turns = np.linspace(0, 2 * np.pi, 24)[:, None]
+    assert flown(looking(9 * (np.cos(turns) * u + np.sin(turns) * aside)), CONFIG) is None
+    assert flown(looking(np.zeros((5, 3))), CONFIG) is None
 
 
 def test_a_direction_that_was_searched_is_not_found_again() -> None:

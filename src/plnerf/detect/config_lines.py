@@ -281,6 +281,9 @@ class DirectionConfig:
     direction.  Windows of `long` with wires have all of them, those with none at most 0.34."""
     few_px: float = 100.0
     """Votes that a few pairs of different lines collect by chance."""
+    elongated: float = 1.5
+    """Cameras flew along a direction if their ways from image to image have so many times as much along it
+    as across, in the root of the mean square."""
 
     def __post_init__(self) -> None:
         angles = (
@@ -309,9 +312,10 @@ class DirectionConfig:
         check(
             min(self.most, self.partners) >= 1
             and min(self.min_excess, self.few_px, self.min_share) > 0
-            and min(self.min_faint, self.least_excess, self.clear, self.least_in_air) > 0,
-            "detect.directions needs most and partners of 1 or more, and min_excess, few_px, min_share, "
-            "min_faint, least_excess, clear and least_in_air above 0",
+            and min(self.min_faint, self.least_excess, self.clear, self.least_in_air) > 0
+            and self.elongated >= 1,
+            "detect.directions needs most, partners and elongated of 1 or more, and min_excess, few_px, "
+            "min_share, min_faint, least_excess, clear and least_in_air above 0",
             self,
         )
 

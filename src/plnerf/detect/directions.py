@@ -219,6 +219,20 @@ def given(azimuth_rad: float, votes: Votes, config: DirectionConfig) -> Directio
     return Direction(azimuth_rad, float(slopes[e]), np.inf, _footprint(votes, k, e, config))
 
 
+def flown(views: Views, config: DirectionConfig) -> float | None:
+    """The azimuth along which the cameras flew from image to image; None where they flew as much across it.
+
+    Each step counts alike: from one pass to the next it is long, and across.
+    """
+    steps = np.diff(views.centre[:, :2], axis=0)
+    length = np.linalg.norm(steps, axis=1)
+    ways = steps[length > 0] / length[length > 0, None]
+    (across, along), axes = np.linalg.eigh(ways.T @ ways)
+    if not along > config.elongated**2 * max(float(across), 0.0):
+        return None
+    return float(np.arctan2(axes[1, 1], axes[0, 1])) % np.pi
+
+
 def _footprint(votes: Votes, k: int, e: int, config: DirectionConfig) -> float:
     """The geometric mean of the footprints of the pairs that vote for a direction; 0 where none does."""
     pixels, footprints = (_around(part, config)[k, e] for part in (votes.all_pixels, votes.footprints))

@@ -1,13 +1,14 @@
 """In which direction is searched next: those that many lines vote for, or whose thin lines are in the air.
 
 Where none has such lines, nor any wire been found, those with most votes are searched all the same: wires of
-a pixel show as ridges along a direction where they do not show as thin lines.
+a pixel show as ridges along a direction where they do not show as thin lines.  The last is the one in which
+the cameras flew: lines are flown along, and a lattice tower beside them has more votes than a few wires.
 """
 
 import numpy as np
 
 from plnerf.detect.config import DetectConfig
-from plnerf.detect.directions import Direction, given, no_votes, stands_out, strongest, vote
+from plnerf.detect.directions import Direction, flown, given, no_votes, stands_out, strongest, vote
 from plnerf.detect.glance import direction_in_air
 from plnerf.detect.in_window import Known
 from plnerf.detect.line_maps import LineMaps
@@ -32,6 +33,8 @@ class Directions:
         """Azimuths with votes that had a look or a search."""
         self._silent: list[Direction] = []
         """Those whose thin lines show nothing in the air, and that were not searched."""
+        self._flown = False
+        """Whether the one in which the cameras flew was asked for."""
         self._first: Direction | None = None
         self._votes = no_votes(views, config.directions)
         """Those of the segments that were left when the last direction was asked for."""
@@ -67,14 +70,18 @@ class Directions:
                 return in_air
             if not faint:
                 self._silent.append(direction)
-        if found or not self._silent:
+        if found:
             return None
-        return self._silent.pop(0)
+        if self._silent:
+            return self._silent.pop(0)
+        azimuth = None if self._flown else flown(self._views, config)
+        self._flown = True
+        return None if azimuth is None else given(azimuth, votes, config)
 
     def windows(self, direction: Direction) -> list[Window]:
         """Those along a direction that are searched.  Along the first one that is all of them, for wires of a
-        pixel show as ridges where they do not show as thin lines."""
-        if self._count == 1:
+        pixel show as ridges where they do not show as thin lines; and along one that nobody voted for."""
+        if self._count == 1 or self._flown:
             return list(windows_along(direction, self._views, self._config.windows))
         return voted_windows(direction, self._views, self._votes, self._config)
 
