@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from tests.support.drawn import HALF, hanging, resized, uncertain
 
-from plnerf.detect.config import MeetConfig
-from plnerf.detect.structures import ended_where_they_meet
+from plnerf.detect.config import JoinConfig, MeetConfig
+from plnerf.detect.structures import ended_where_they_meet, in_one_piece
 from plnerf.line.base import Base
 from plnerf.line.wire import Wire
 
 CONFIG = MeetConfig()
+JOIN = JoinConfig()
 
 
 def next_span(wire: Wire, turn_rad: float, beside: float = 0.0) -> Wire:
@@ -80,3 +81,24 @@ def test_of_twins_each_goes_on_in_its_own() -> None:
     for one, other in ((0, 3), (1, 2)):
         last = ended[one].points(np.array([ended[one].base.length_m]))
         np.testing.assert_allclose(last, ended[other].points(np.zeros(1)), atol=0.004)
+
+
+def test_two_pieces_that_run_on_as_one_curve_are_one_wire_and_no_structure() -> None:
+    """Whichever of them begins the wire; where their curves disagree they stay two, and meet at nothing."""
+    wire = replace(hanging(0.0, 0.05, sag=0.1), covariance=0.001**2 * np.eye(6))
+    pieces = [wire.between(0.1, 0.7), wire.between(0.72, 1.8)]
+    for both in (pieces, pieces[::-1]):
+        (one,) = in_one_piece(both, CONFIG, JOIN)
+        ends, true = one.points(np.array([0.0, 1.7])), wire.points(np.array([0.1, 1.8]))
+        np.testing.assert_allclose(ends, true, atol=1e-9)
+    off = replace(pieces[1], theta=pieces[1].theta + np.array([0, 0.008, 0, 0, 0, 0]))
+    assert len(in_one_piece([pieces[0], off], CONFIG, JOIN)) == 2
+    for second in (pieces[1], off):
+        ended = ended_where_they_meet([pieces[0], second], CONFIG)
+        assert ended[0] is pieces[0] and ended[1] is second
+
+
+def test_wires_of_two_spans_stay_two() -> None:
+    first = replace(hanging(0.0, 0.05, sag=0.01), covariance=0.001**2 * np.eye(6))
+    spans = [first, next_span(first, 0.0)]
+    assert in_one_piece(spans, CONFIG, JOIN) == spans

@@ -299,14 +299,17 @@ class MeetConfig:
     """Where the standard deviation of a wire, in units of its length, is larger, no meeting is looked for."""
     most_turn_rad: float = math.radians(65.0)
     """A line turns by this angle at most."""
+    least_turn_rad: float = 0.02
+    """Wires turn by this angle at least where a structure holds them, up or aside: with a sag of 0.3 % of the
+    span to both sides they do."""
     step: float = 0.001
     """Spacing of the places that are compared, in the same unit."""
 
     def __post_init__(self) -> None:
         check(
-            min(self.about, self.sigmas, self.most_sigma, self.most_turn_rad, self.step) > 0
-            and self.about < 0.5,
-            "detect.meet needs positive numbers, and about below 0.5",
+            min(self.about, self.sigmas, self.most_sigma, self.least_turn_rad, self.step) > 0
+            and self.about < 0.5 and self.least_turn_rad < self.most_turn_rad,
+            "detect.meet needs positive numbers, about below 0.5, and least_turn_rad below most_turn_rad",
             self,
         )
 

@@ -29,7 +29,7 @@ from plnerf.detect.onward import wires_onward
 from plnerf.detect.refit_sums import design_matrix, left_by_views, rests, sums_of_views
 from plnerf.detect.search import Search
 from plnerf.detect.segments import Segments, linked, segments_of
-from plnerf.detect.structures import ended_where_they_meet
+from plnerf.detect.structures import ended_where_they_meet, in_one_piece
 from plnerf.detect.surroundings import Surroundings, projected
 from plnerf.detect.views import Views, views_of
 from plnerf.detect.window_search import find_lines
@@ -95,7 +95,7 @@ def detect_wires(
     if config.directions.azimuth_deg is None:
         known.wires = wires_onward(scene, views, maps, surroundings, known, config)
     report(1.0)
-    wires = ended_where_they_meet(known.wires, config.meet)
+    wires = ended_where_they_meet(in_one_piece(known.wires, config.meet, config.join), config.meet)
     return tuple(replace(wire, id=number) for number, wire in enumerate(wires, 1))
 
 

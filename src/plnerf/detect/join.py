@@ -63,18 +63,19 @@ def one_curve(a: Wire, b: Wire, config: JoinConfig) -> bool:
     a pixel, as twins are not; and their parameters agree, as those of two spans do not.
     """
     low, high = overlap(a, b)
-    if high <= low or a.base.u @ b.base.u < math.cos(MOST_TURN_RAD):
-        return False
     near = config.same_reach * min(wire.evidence.reach_m or 0.0 for wire in (a, b))
-    return _mean_apart(a, b, low, high) <= near and _misfit(a, b) <= config.max_misfit
+    return high > low and agree(a, b, config) and _mean_apart(a, b, low, high) <= near
 
 
-def _misfit(a: Wire, b: Wire) -> float:
-    """The chi-square of two pieces' difference, by a parameter."""
+def agree(a: Wire, b: Wire, config: JoinConfig) -> bool:
+    """Whether the parameters of two pieces differ by no more than they are uncertain by."""
+    if a.base.u @ b.base.u < math.cos(MOST_TURN_RAD):
+        return False
     base = _base_of_both(a, b)
     one, other = a.on(base), b.on(base)
     off = one.theta - other.theta
-    return float(off @ np.linalg.solve(one.covariance + other.covariance, off)) / len(off)
+    chi_square = float(off @ np.linalg.solve(one.covariance + other.covariance, off))
+    return chi_square <= config.max_misfit * len(off)
 
 
 def with_onward(wires: Sequence[Wire], pieces: Sequence[Wire]) -> list[Wire]:
