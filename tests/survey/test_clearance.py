@@ -356,6 +356,33 @@ def test_vegetation_of_images_at_a_support_may_be_the_support() -> None:
     assert not any("images do not separate" in one.what for one in said(laser))
 
 
+@pytest.mark.parametrize(
+    ("colour", "seen", "depth_m", "counts"),
+    [
+        ((70, 110, 60), 9, 0.3, True),
+        ((120, 124, 118), 9, 3.0, False),
+        ((70, 110, 60), 1, 0.3, False),
+        ((70, 110, 60), 1, 3.0, True),
+    ],
+    ids=["green", "grey", "green that one image sees", "and of which more is seen below"],
+)
+def test_what_is_green_at_a_support_is_a_plant(
+    colour: tuple[int, int, int], seen: int, depth_m: float, counts: bool
+) -> None:
+    """A bush below a lower arm, or a part of the lattice."""
+    plan, heights = np.random.default_rng(2).normal(0, 0.2, (300, 2)), np.linspace(7 - depth_m, 7, 300)
+    places = np.column_stack([plan + np.array([2.0, 0.0]), heights])
+    n = len(places)
+    cloud = Cloud(
+        places, np.full(n, 5, np.uint8), np.zeros(n, np.int64), np.tile(np.array(colour, np.uint8), (n, 1)),
+        np.full(n, 0.1), seen=np.full(n, seen), past=np.zeros(n, np.int64),
+    )  # fmt: skip
+    survey = replace(survey_of({5: places}), cloud=cloud)
+    assert (first(survey).least("vegetation") is not None) == counts
+    left = any(f"{n} points of vegetation within 4 m of structures" in one.what for one in said(survey))
+    assert left != counts
+
+
 def test_a_wire_with_open_ends_has_clearances_between_them() -> None:
     """The same as those of the whole wire where it is known, and no sag."""
     random = np.random.default_rng(6)

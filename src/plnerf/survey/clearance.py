@@ -282,8 +282,8 @@ def _left_out(
             harms(
                 KIND,
                 f"{near:,} points of vegetation within {config.plant_support_m:g} m of structures and of the "
-                "wires' ends on them are no obstacles to the clearances, since images do not separate them "
-                "from the structure.",
+                "wires' ends on them are no obstacles to the clearances: they are not green, or few images "
+                "see them, and images do not separate them from the structure.",
                 "Look there yourself.",
             )
         )

@@ -74,8 +74,8 @@ class ObstacleConfig:
     """Buildings and other points within this horizontal distance of a structure's foot or a wire's end belong
     to the structure."""
     plant_support_m: float = 4.0
-    """The same for vegetation in clouds that state standard deviations, those from images: in them a lattice
-    is as scattered as a crown."""
+    """The same for vegetation in clouds that state standard deviations, those from images, unless it is
+    green: in them a lattice is as scattered as a crown."""
     passes_m: float = 1.5
     """A wire that is seen so far beyond a place is held by no structure there: half of a body's width."""
     arm_m: float = 10.0

@@ -11,40 +11,74 @@ is the excess of green (Woebbecke et al. 1995, "Color indices for weed identific
 Letters: n points of the cloud, m those that are asked about, c cells.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial import cKDTree
 
 from plnerf.line.cloud import HIGH_VEGETATION, LOW_VEGETATION, NO_WIRE, VEGETATION, Cloud
 from plnerf.survey.config_obstacles import GreenConfig
 
 
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """What is classified as vegetation, and the points that are asked about, in cells."""
+
+    at: Int[np.ndarray, "c 3"]
+    """Each cell, counted in cells."""
+    middles: Float[np.ndarray, "c 3"]
+    excess: Float[np.ndarray, "c 2"]
+    """Sums of 2 G - R - B and of R + G + B."""
+    asked: Int[np.ndarray, " m"]
+    """The cell of each point that is asked about."""
+
+
 def green_plants(cloud: Cloud, index: Int[np.ndarray, " m"], config: GreenConfig) -> Bool[np.ndarray, " m"]:
     """Which of the indexed points are in what is green and is seen well below them; none without colours, nor
     any that more images see past than see it."""
-    if cloud.rgb is None or not len(index):
-        return np.zeros(len(index), np.bool_)
-    plants = np.isin(cloud.label, (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION)) & (cloud.wire == NO_WIRE)
-    plants[index] = True
-    points, side = cloud.xyz[plants], config.cell_m
-    cells, of = np.unique(np.floor(points / side).astype(np.int64), axis=0, return_inverse=True)
-    of, middles = of.reshape(-1), (cells + 0.5) * side
-    R, G, B = cloud.rgb[plants].astype(np.float64).T
-    sums = np.bincount(of, 2 * G - R - B), np.bincount(of, R + G + B)
-    asked = np.full(len(plants), -1)
-    asked[plants] = of
-    asked = asked[index]
-    green = np.zeros(len(cells), np.bool_)
-    tree, plan = cKDTree(middles), cKDTree(middles[:, :2])
-    for cell in np.unique(asked):
-        near = tree.query_ball_point(middles[cell], config.within_m)
-        if sums[0][near].sum() < config.least * sums[1][near].sum():
-            continue
-        column = plan.query_ball_point(middles[cell, :2], config.aside_m)
-        below = cells[cell, 2] - np.unique(cells[column, 2])
-        deep = (below > 0) & (below * side <= config.below_m)
-        green[cell] = deep.sum() * side >= config.least_below_m
-    found: Bool[np.ndarray, " m"] = green[asked]
+    found = is_green(cloud, index, config)
+    if not found.any() or cloud.rgb is None:
+        return found
+    cells = _cells(cloud, index, cloud.rgb, config)
+    deep = np.zeros(len(cells.at), np.bool_)
+    plan, side = cKDTree(cells.middles[:, :2]), config.cell_m
+    for cell in np.unique(cells.asked[found]):
+        column = plan.query_ball_point(cells.middles[cell, :2], config.aside_m)
+        below = cells.at[cell, 2] - np.unique(cells.at[column, 2])
+        counted = (below > 0) & (below * side <= config.below_m)
+        deep[cell] = counted.sum() * side >= config.least_below_m
+    found &= deep[cells.asked]
     if cloud.seen is not None and cloud.past is not None:
         found &= cloud.seen[index] >= cloud.past[index]
     return found
+
+
+def is_green(cloud: Cloud, index: Int[np.ndarray, " m"], config: GreenConfig) -> Bool[np.ndarray, " m"]:
+    """Which of the indexed points are in what is green; none without colours."""
+    if cloud.rgb is None or not len(index):
+        return np.zeros(len(index), np.bool_)
+    cells = _cells(cloud, index, cloud.rgb, config)
+    green = np.zeros(len(cells.at), np.bool_)
+    tree = cKDTree(cells.middles)
+    for cell in np.unique(cells.asked):
+        excess, total = cells.excess[tree.query_ball_point(cells.middles[cell], config.within_m)].sum(0)
+        green[cell] = excess >= config.least * total
+    found: Bool[np.ndarray, " m"] = green[cells.asked]
+    return found
+
+
+def _cells(
+    cloud: Cloud, index: Int[np.ndarray, " m"], rgb: UInt8[np.ndarray, "n 3"], config: GreenConfig
+) -> _Cells:
+    plants = np.isin(cloud.label, (LOW_VEGETATION, VEGETATION, HIGH_VEGETATION)) & (cloud.wire == NO_WIRE)
+    plants[index] = True
+    cells, of = np.unique(
+        np.floor(cloud.xyz[plants] / config.cell_m).astype(np.int64), axis=0, return_inverse=True
+    )
+    of = of.reshape(-1)
+    R, G, B = rgb[plants].astype(np.float64).T
+    excess = np.stack([np.bincount(of, 2 * G - R - B), np.bincount(of, R + G + B)], 1)
+    number = np.full(len(plants), -1)
+    number[plants] = of
+    return _Cells(cells, (cells + 0.5) * config.cell_m, excess, number[index])

@@ -34,7 +34,7 @@ from plnerf.line.wire import Wire
 from plnerf.survey.config_obstacles import ObstacleConfig
 from plnerf.survey.crossarm_zone import in_crossarm_zone
 from plnerf.survey.floating import floats
-from plnerf.survey.green import green_plants
+from plnerf.survey.green import green_plants, is_green
 from plnerf.survey.open_ends import at_open_end, open_ends
 
 WATER, RAIL, ROAD = 9, 10, 11
@@ -68,7 +68,9 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         f"within {config.own_m:g} m of any wire",
         "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
         f"standard deviations also points of more than {config.max_sigma_m:g} m, vegetation within "
-        f"{config.plant_support_m:g} m of a structure's foot or a wire's end on it, and what lies beyond the "
+        f"{config.plant_support_m:g} m of a structure's foot or a wire's end on it, unless it is green "
+        f"(excess of {config.green.least:g} or more) and either so many images see it as below, or "
+        f"{config.green.least_below_m:g} m of it are seen further down, and what lies beyond the "
         "ends of a wire rather than beside it, which may be a structure that is not seen, but not where the "
         "line goes on in another span; in clouds from images also what fewer than "
         f"{config.min_seen} images see, or no more than see past it, vegetation within "
@@ -126,6 +128,9 @@ def obstacles(
         sure = is_shown(cloud, config)[index]
         if group == "vegetation" and cloud.sigma_m is not None:
             of_structure = _within(_tree(held), cloud.xyz[:, :2], index, config.plant_support_m)
+            near = index[of_structure]
+            plants = is_green(cloud, near, config.green) & sure[of_structure]
+            of_structure[of_structure] = ~(plants | green_plants(cloud, near, config.green))
             index, sure = index[~of_structure], sure[~of_structure]
             sure &= ~at_open_end(survey, index, config) & ~in_crossarm_zone(survey, index, config)
             sure[sure] = ~floats(cloud, index[sure], config.floating)
