@@ -20,7 +20,7 @@ from plnerf.survey.posed_photos import Photos, photos_of
 from plnerf.survey.refine.adjust import Prior, State, adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
-from plnerf.survey.refine.judge import middle_and_length, systematic
+from plnerf.survey.refine.judge import systematic
 from plnerf.survey.refine.pose_prior import PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Projection, crossings, places_along, project_wire
@@ -409,28 +409,7 @@ def test_a_bow_is_most_in_the_direction_that_views_show_least(swing: float) -> N
     """Views from one side and below: along them a pixel is many metres, and the middle is off most there."""
     theta, L = np.array([0, 0, 0, 0, 1.0, swing]), 100.0
     across = np.array([[0.6, 0.8], [0.8, 0.6], [0.7, 0.72]])  # pixels by metres of y and of z
-    off = systematic(theta, 0.0, 0.01, across, (0.5, 1.0), CONFIG.adjust)
+    off = systematic(theta, 0.0, 0.01, across, CONFIG.adjust)
     J = curve_by_theta(theta, L, np.array([L / 2]))[0]
     expected = 0.01**2 / 2 * np.linalg.inv(across.T @ across / len(across))
     np.testing.assert_allclose(J @ off @ J.T, expected, rtol=0.02)
-
-
-@pytest.mark.parametrize("swing", [0.0, 0.2])
-def test_a_bow_of_what_is_shown_of_a_wire_grows_beyond_it(swing: float) -> None:
-    """As a parabola does that is off in the middle of what is shown, and not at its ends."""
-    theta, L = np.array([0, 0, 0, 0, 1.0, swing]), 100.0
-    across = 10 * np.array([[0.6, 0.8], [0.8, 0.6], [0.7, 0.72]])
-    middle, length = middle_and_length(((10.0, 20.0), (20.0, 50.0)), L)
-    assert (middle, length) == pytest.approx((0.3, 0.4))
-    off = systematic(theta, 0.0, 0.01, across, (middle, length), CONFIG.adjust)
-    here = 0.01**2 / 2 * np.linalg.inv(across.T @ across / len(across))
-    for s, times in ((10.0, 0.0), (30.0, 1.0), (50.0, 0.0), (70.0, 3.0), (90.0, 8.0)):
-        J = curve_by_theta(theta, L, np.array([s]))[0]
-        np.testing.assert_allclose(J @ off @ J.T, times**2 * here, rtol=0.03, atol=1e-3 * here.max())
-
-
-def test_stretches_apart_count_as_one_as_long_as_they_are_spread() -> None:
-    assert middle_and_length((), 50.0) == pytest.approx((0.5, 1.0))
-    assert middle_and_length(((0.0, 10.0), (90.0, 100.0)), 100.0) == pytest.approx((0.5, 1.0))
-    middle, length = middle_and_length(((0.0, 2.0), (30.0, 32.0)), 100.0)
-    assert middle == pytest.approx(0.16) and 0.3 < length < 0.6

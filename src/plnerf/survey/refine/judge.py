@@ -74,48 +74,29 @@ def believed(
     off_px = float(np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()))
     common = off_px / step.pixels_per_m
     by_yz = np.concatenate([row.by_yz for row in rows])
-    shown = middle_and_length(seen, base.length_m)
-    common_to_all = systematic(theta, common, config.systematic_bow * off_px, by_yz, shown, config.adjust)
+    common_to_all = systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
     covariance = sure.of_wire(w) + common_to_all
     return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
 
 
-def middle_and_length(seen: Stretches, length_m: float) -> tuple[float, float]:
-    """Of the stretch that is as long as those which are seen are spread, as shares of the wire's length and
-    at most all of it; all of it where none is seen."""
-    low, high = np.array(seen or ((0.0, length_m),)).T / length_m
-    shares = (high - low) / (high - low).sum()
-    middle = float(shares @ (low + high)) / 2
-    squares = float(shares @ (low**2 + low * high + high**2)) / 3
-    return middle, min(1.0, float(np.sqrt(12 * (squares - middle**2))))
-
-
 def systematic(
     theta: Float[np.ndarray, "6"], common_m: float, bow_px: float, by_yz: Float[np.ndarray, "k 2"],
-    shown: tuple[float, float], config: AdjustConfig,
+    config: AdjustConfig,
 ) -> Float[np.ndarray, "6 6"]:  # fmt: skip
-    """Covariance of what displaces all of a wire alike, and of what displaces the middle of what is shown of
-    it against the ends of that.
+    """Covariance of what displaces all of a wire alike, and of what displaces its middle against its ends.
 
     The latter is so many pixels in every view: in metres it is most in the direction that views show least.
-    Where half of a wire is shown, its own middle is off by four times as much, and the end that is not shown
-    by eight times.  shown: the middle and the length of what is, as `middle_and_length` gives them.
     """
     alike = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
     views = by_yz.T @ by_yz / len(by_yz)
     of_bow = bow_px**2 / 2 * np.linalg.pinv(views, hermitian=True)
-    middle, length = shown
-    at_ends = 1 - (2 * (np.array([0.0, 1.0]) - middle) / length) ** 2
     bend, swing = float(theta[4]), float(theta[SWING])
     # A wire too taut to show its swing swings no further for it than wind does.
-    arm = max(bend, float(np.sqrt(of_bow[0, 0])) / length**2 / np.radians(config.swing_deg))
-    hanging, aside = np.array([np.sin(swing), -np.cos(swing)]), np.array([np.cos(swing), np.sin(swing)])
-    follows = np.outer(hanging, hanging) + bend / arm * np.outer(aside, aside)
-    by_bow = np.concatenate([  # y_A, y_B, z_A, z_B, b and swing, by y and z of the middle of what is shown
-        np.kron(follows, at_ends[:, None]), [hanging / length**2, aside / arm / length**2],
-    ])  # fmt: skip
-    covariance: Float[np.ndarray, "6 6"] = by_bow @ of_bow @ by_bow.T
-    covariance[:4, :4] += alike * common_m**2
+    arm = max(bend, float(np.sqrt(of_bow[0, 0])) / np.radians(config.swing_deg))
+    s, c = np.sin(swing), np.cos(swing)
+    by_bow = np.array([[s, -c], [c / arm, s / arm]])  # b and swing, by y and z of the middle
+    covariance = np.zeros((6, 6))
+    covariance[:4, :4], covariance[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
     return covariance
 
 
