@@ -81,7 +81,7 @@ class Directions:
     def windows(self, direction: Direction) -> list[Window]:
         """Those along a direction that are searched.  Along the first one that is all of them, for wires of a
         pixel show as ridges where they do not show as thin lines; and along one that nobody voted for."""
-        if self._count == 1 or self._flown:
+        if self._count == 1 or np.isinf(direction.excess):
             return list(windows_along(direction, self._views, self._config.windows))
         return voted_windows(direction, self._views, self._votes, self._config)
 
