@@ -23,7 +23,7 @@ from plnerf.survey.config_obstacles import GreenConfig
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """What is classified as vegetation, and the points that are asked about, in cells."""
+    """Points of vegetation and those that are asked about, by cell."""
 
     at: Int[np.ndarray, "c 3"]
     """Each cell, counted in cells."""
@@ -31,16 +31,16 @@ class _Cells:
     excess: Float[np.ndarray, "c 2"]
     """Sums of 2 G - R - B and of R + G + B."""
     asked: Int[np.ndarray, " m"]
-    """The cell of each point that is asked about."""
+    """Of each point that is asked about, the number of its cell."""
 
 
 def green_plants(cloud: Cloud, index: Int[np.ndarray, " m"], config: GreenConfig) -> Bool[np.ndarray, " m"]:
     """Which of the indexed points are in what is green and is seen well below them; none without colours, nor
     any that more images see past than see it."""
-    found = is_green(cloud, index, config)
-    if not found.any() or cloud.rgb is None:
-        return found
+    if cloud.rgb is None or not len(index):
+        return np.zeros(len(index), np.bool_)
     cells = _cells(cloud, index, cloud.rgb, config)
+    found = _green(cells, config)
     deep = np.zeros(len(cells.at), np.bool_)
     plan, side = cKDTree(cells.middles[:, :2]), config.cell_m
     for cell in np.unique(cells.asked[found]):
@@ -58,7 +58,10 @@ def is_green(cloud: Cloud, index: Int[np.ndarray, " m"], config: GreenConfig) ->
     """Which of the indexed points are in what is green; none without colours."""
     if cloud.rgb is None or not len(index):
         return np.zeros(len(index), np.bool_)
-    cells = _cells(cloud, index, cloud.rgb, config)
+    return _green(_cells(cloud, index, cloud.rgb, config), config)
+
+
+def _green(cells: _Cells, config: GreenConfig) -> Bool[np.ndarray, " m"]:
     green = np.zeros(len(cells.at), np.bool_)
     tree = cKDTree(cells.middles)
     for cell in np.unique(cells.asked):
