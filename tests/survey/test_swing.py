@@ -14,13 +14,14 @@ from plnerf.line.ends import Evidence, Open
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.survey.posed_photos import photos_of
-from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
+from plnerf.survey.refine.adjust import Step, adjust
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.pose_prior import PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
 from plnerf.survey.refine.twins import Twins
+from plnerf.survey.refine.unknowns import SWING, Prior, State
 
 PIXEL = 0.45 / FOCAL
 CONFIG = RefineConfig(diameter_m=2 * PIXEL)
@@ -214,6 +215,31 @@ def test_a_step_ends_where_its_sum_of_squares_is_least() -> None:
             sides = [replace(after, **{part.name: moved}) for moved in (value + change, value - change)]
             more, less = (_sum_of_squares(base, state, one, prior, found, config) - least for one in sides)
             assert more > 0 and more == pytest.approx(less, rel=1e-3), part.name
+
+
+def test_a_step_states_what_displaced_views_make_of_wires() -> None:
+    """Each view of each stretch displaced by itself, one after the other."""
+    config, by_px = AdjustConfig(), 1e-4
+    made = _trial(np.random.default_rng(15), 5.0, (2.0, 1.0))
+    # Nothing else is wrong, so that no weight changes.
+    made = replace(made, pose=0 * made.pose, bias=0 * made.bias, noise=0 * made.noise)
+    (N, W), V = made.noise.shape[:2], (config.directions, config.stretches)
+    nothing = np.zeros((N, MOVES)), np.zeros((W, config.views)), np.zeros((W, 2)), np.zeros(2)
+    state = State(made.theta, *nothing)
+    prior = Prior(made.theta, np.full(W, 0.1), PosePrior(np.full(MOVES, 0.2)))
+
+    def stepped(trial: Trial) -> Step:
+        found = [[trial.profile(state, k, w) for w in range(W)] for k in range(N)]
+        return adjust(made.base, state, prior, found, config)
+
+    before, summed = stepped(made), np.zeros((W, 6, 6))
+    for view in np.ndindex(W, *V):
+        bias = made.bias.copy()
+        bias[view] += by_px
+        moved = (stepped(replace(made, bias=bias)).state.theta - before.state.theta) / by_px
+        summed += moved[:, :, None] * moved[:, None]
+    assert (np.abs(summed) > 0).all()
+    np.testing.assert_allclose(before.displaced, summed, rtol=0.01)
 
 
 def _sum_of_squares(

@@ -30,44 +30,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from plnerf.line.base import Base
-from plnerf.line.curve import curve_at, curve_by_theta
+from plnerf.line.curve import curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
-from plnerf.survey.refine.pose_prior import MOVED, TURNED, PosePrior
+from plnerf.survey.refine.pose_prior import MOVED, TURNED
+from plnerf.survey.refine.prior_matrix import prior_matrix
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES
-from plnerf.survey.refine.twins import Twins
-
-FREE = 6
-"""Numbers of theta."""
-SWING = 5
-"""The swing's place in theta."""
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """What is sought."""
-
-    theta: Float[np.ndarray, "w 6"]
-    pose: Float[np.ndarray, "n 6"]
-    """Pose residuals, see `Projection.by_pose`."""
-    bias: Float[np.ndarray, "w v"]
-    """Brightness of a wire's edge beyond what the light explains, from each direction over each stretch; grey
-    levels."""
-    shading: Float[np.ndarray, "w 2"]
-    """Brightness of a wire's edge towards y, and towards z, above that of its middle; grey levels."""
-    common_shading: Float[np.ndarray, "2"]
-    common_swing: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """What is known before."""
-
-    theta: Float[np.ndarray, "w 6"]
-    trust_m: Float[np.ndarray, " w"]
-    """Standard deviation of a wire's place."""
-    poses: PosePrior
-    twins: tuple[Twins, ...] = ()
+from plnerf.survey.refine.unknowns import FREE, Layout, Prior, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +48,9 @@ class Step:
     """Of the unknowns theta, t, l_w, l and phi, from the normal equations."""
     spread: Float[np.ndarray, "p p"]
     """The same by how much the images differ from one another: measurements of one image share errors."""
+    displaced: Float[np.ndarray, "w 6 6"]
+    """Covariance of each wire's theta where every view of every stretch, that is all images of one direction,
+    shows its wire displaced by one pixel, standard deviation, and each by its own."""
     off_px: tuple[Float[np.ndarray, " _"], ...]
     """Of each wire, the distances of its visible measurements, as the state before this step has them."""
     s: tuple[Float[np.ndarray, " _"], ...]
@@ -112,25 +84,6 @@ class Step:
         return float(np.sqrt(turned + moved))
 
 
-class Layout:
-    """Where the unknowns of W wires and N images begin in their vector."""
-
-    def __init__(self, W: int, N: int) -> None:
-        self.pose = FREE * W
-        self.shading = self.pose + MOVES * N
-        self.common = self.shading + 2 * W
-        self.common_swing = self.common + 2
-        self.size = self.common_swing + 1
-
-    def columns(self, w: int, n: int) -> np.ndarray:
-        """Those that a measurement of wire w in image n depends on."""
-        return np.concatenate([
-            FREE * w + np.arange(FREE),
-            self.pose + MOVES * n + np.arange(MOVES),
-            self.shading + 2 * w + np.arange(2),
-        ])
-
-
 def adjust(
     base: Base,
     state: State,
@@ -144,11 +97,13 @@ def adjust(
     H, scores = np.zeros((at.size, at.size)), np.zeros((N, at.size))
     known = 1 / config.uneven_grey**2
     coupling, of_bias = np.zeros((at.size, W, config.views)), np.full((W, config.views), known)
+    shifted, shifted_bias = np.zeros((at.size, W, config.views)), np.zeros((W, config.views))
     bias_scores = np.zeros((N, W, config.views))
     size, visible_of = [], []
     for w in range(W):
         one, image = _visible([row[w] for row in found], config.visible)
-        by_bias = -one.by_slope[:, None] * _by_view(base, one, config)
+        view = _by_view(base, one, config)
+        by_bias, by_shift = -one.by_slope[:, None] * view, one.A[:, None] * view
         towards = one.by_yz / np.linalg.norm(one.by_yz, axis=1, keepdims=True)
         by_shading = -one.by_slope[:, None] * towards
         off = -by_bias @ state.bias[w] - by_shading @ state.shading[w] - one.B
@@ -163,14 +118,16 @@ def adjust(
         scale = max(1.4826 * float(np.median(np.abs(apart))), 0.3)
         weight = 1 / (1 + (apart / (config.robust * scale)) ** 2) / (one.variance_B * scale**2)
         of_bias[w] += weight @ by_bias**2
+        shifted_bias[w] = weight @ (by_bias * by_shift)
         for n in np.unique(image).tolist():
             mine, own = image == n, at.columns(w, n)
             weighted = columns[mine] * weight[mine, None]
             H[np.ix_(own, own)] += weighted.T @ columns[mine]
             coupling[own, w] += weighted.T @ by_bias[mine]
+            shifted[own, w] += weighted.T @ by_shift[mine]
             scores[n, own] += weighted.T @ off[mine]
             bias_scores[n, w] += (weight[mine] * off[mine]) @ by_bias[mine]
-    P, pull = _prior(base, state, prior, config)
+    P, pull = prior_matrix(base, state, prior, config)
     coupled = coupling.reshape(at.size, -1)
     eliminated = coupled / of_bias.ravel()
     covariance = np.linalg.inv(H + P - eliminated @ coupled.T)
@@ -179,6 +136,8 @@ def adjust(
     # Images as independent draws, in place of measurements as such ("sandwich" by clusters).
     draws = scores - bias_scores.reshape(N, -1) @ eliminated.T
     drawn = draws.T @ draws * N / max(N - 5, 1) + P + known * eliminated @ eliminated.T
+    by_shifts = covariance @ (shifted.reshape(at.size, -1) - eliminated * shifted_bias.ravel())
+    of_wires = by_shifts[: at.pose].reshape(W, FREE, -1)
     after = State(
         state.theta + change[: at.pose].reshape(W, FREE),
         state.pose + change[at.pose : at.shading].reshape(N, MOVES),
@@ -189,7 +148,9 @@ def adjust(
     )
     off_px, s, images = zip(*visible_of, strict=True)
     spread = covariance @ drawn @ covariance
-    return Step(after, covariance, spread, off_px, s, images, float(np.median(size)) if size else 1.0)
+    displaced = of_wires @ of_wires.transpose(0, 2, 1)
+    pixels_per_m = float(np.median(size)) if size else 1.0
+    return Step(after, covariance, spread, displaced, off_px, s, images, pixels_per_m)
 
 
 def _visible(
@@ -201,53 +162,6 @@ def _visible(
     image = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
     visible = np.abs(one.A) > least * np.sqrt(one.variance_A)
     return one.only(visible), image[visible]
-
-
-def _prior(
-    base: Base, state: State, prior: Prior, config: AdjustConfig
-) -> tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]:
-    """Its normal matrix, and where it pulls; that of the c is diagonal."""
-    W, N = len(state.theta), len(state.pose)
-    at = Layout(W, N)
-    P, pull = np.zeros((at.size, at.size)), np.zeros(at.size)
-    L, places = base.length_m, config.prior_places
-    s = np.linspace(0, L, places)
-    for w in range(W):
-        own = slice(FREE * w, FREE * (w + 1))
-        held = prior.trust_m[w] * np.sqrt(places)
-        J = curve_by_theta(state.theta[w], L, s).reshape(-1, FREE) / held
-        P[own, own] = J.T @ J
-        pull[own] = J.T @ (curve_at(prior.theta[w], L, s) - curve_at(state.theta[w], L, s)).ravel() / held
-    for pair in prior.twins:
-        (w, x), beside = (pair.one, pair.other), np.linspace(pair.from_m, pair.to_m, places)
-        both = np.concatenate([FREE * w + np.arange(FREE), FREE * x + np.arange(FREE)])
-        between = curve_at(state.theta[w], L, beside) - curve_at(state.theta[x], L, beside)
-        by_one, by_other = (curve_by_theta(state.theta[k], L, beside) for k in (w, x))
-        by_both = np.concatenate([by_one, -by_other], axis=2)
-        held = config.twins_m * np.sqrt(places)
-        J = (by_both - by_both.mean(0)).reshape(-1, 2 * FREE) / held
-        P[np.ix_(both, both)] += J.T @ J
-        pull[both] -= J.T @ (between - between.mean(0)).ravel() / held
-    pose = slice(at.pose, at.shading)
-    P[pose, pose] = prior.poses.precision(N)
-    pull[pose] = -P[pose, pose] @ state.pose.ravel()
-    tie = 1 / (config.own_shading * config.shading_grey) ** 2
-    for k in range(2):
-        own_shading = at.shading + 2 * np.arange(W) + k
-        P[own_shading, own_shading] = tie
-        P[own_shading, at.common + k] = P[at.common + k, own_shading] = -tie
-        P[at.common + k, at.common + k] = 1 / config.shading_grey**2 + W * tie
-    lighting = np.append(state.shading, state.common_shading)
-    lit = slice(at.shading, at.common_swing)
-    pull[lit] = -P[lit, lit] @ lighting
-    swings = np.append(FREE * np.arange(W) + SWING, at.common_swing)
-    own, wind = np.radians(config.own_swing_deg) ** -2, np.radians(config.swing_deg) ** -2
-    wanted = own * np.eye(W + 1)
-    wanted[-1, :-1] = wanted[:-1, -1] = -own
-    wanted[-1, -1] = wind + W * own
-    P[np.ix_(swings, swings)] += wanted
-    pull[swings] -= wanted @ np.append(state.theta[:, SWING], state.common_swing)
-    return P, pull
 
 
 def _by_view(base: Base, one: ProfileMeasurements, config: AdjustConfig) -> Float[np.ndarray, "k v"]:

@@ -179,12 +179,10 @@ class RefineConfig:
     least_pose_sd_px: float = 0.05
     """The least that is learnt."""
     systematic_px: float = 0.2
-    """Displacement all along a wire that first order in the light leaves.  Measured on rendered wires under a
-    sun: 0.1 to 0.3 px."""
-    systematic_bow: float = 0.5
-    """The part of the same that differs between a wire's middle and its ends, as a share.  Of eight rendered
-    wires that hang upright, 11 of 16 swings and sags lay in their 95 % intervals without this, and all with
-    it."""
+    """What first order in the light leaves of a wire's displacement in each view of each stretch, standard
+    deviation.  Measured on rendered wires under a sun: 0.1 to 0.3 px."""
+    common_px: float = 0.1
+    """The part of it that all views of a wire have in common."""
     undescribed: float = 0.3
     """Share of an image's pose residual that a turn and a move of it do not describe."""
     least_visible: float = 0.03

@@ -13,12 +13,15 @@ from jaxtyping import Bool, Float
 from plnerf.line.base import Base
 from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
 from plnerf.line.wire import Wire
-from plnerf.survey.refine.adjust import SWING, Prior, Step
-from plnerf.survey.refine.config import AdjustConfig, RefineConfig
+from plnerf.survey.refine.adjust import Step
+from plnerf.survey.refine.config import RefineConfig
 from plnerf.survey.refine.profiles import ProfileMeasurements
+from plnerf.survey.refine.unknowns import SWING, Prior
 
 Stretches = tuple[tuple[float, float], ...]
 """From where to where along a wire, metres."""
+ALIKE = np.kron(np.eye(2), np.ones((2, 2)))
+"""Of what displaces all of a wire alike: y_A goes with y_B, and z_A with z_B."""
 
 
 def believed(
@@ -71,33 +74,11 @@ def believed(
         held = np.diag([sigma**2] * 5 + [max(swing**2, float(wire.covariance[SWING, SWING]))])
         notes = (*wire.notes, f"It is not refitted to the images: {refused}.")
         return replace(wire, covariance=held, evidence=evidence, notes=notes)
-    off_px = float(np.hypot(config.systematic_px, config.undescribed * step.pose_residual_px()))
-    common = off_px / step.pixels_per_m
-    by_yz = np.concatenate([row.by_yz for row in rows])
-    common_to_all = systematic(theta, common, config.systematic_bow * off_px, by_yz, config.adjust)
-    covariance = sure.of_wire(w) + common_to_all
+    undescribed_px = config.undescribed * step.pose_residual_px()
+    by_view, common = (float(np.hypot(px, undescribed_px)) for px in (config.systematic_px, config.common_px))
+    covariance = sure.of_wire(w) + by_view**2 * sure.displaced[w]
+    covariance[:4, :4] += ALIKE * (common / step.pixels_per_m) ** 2
     return replace(wire, theta=theta, covariance=covariance, evidence=evidence)
-
-
-def systematic(
-    theta: Float[np.ndarray, "6"], common_m: float, bow_px: float, by_yz: Float[np.ndarray, "k 2"],
-    config: AdjustConfig,
-) -> Float[np.ndarray, "6 6"]:  # fmt: skip
-    """Covariance of what displaces all of a wire alike, and of what displaces its middle against its ends.
-
-    The latter is so many pixels in every view: in metres it is most in the direction that views show least.
-    """
-    alike = np.kron(np.eye(2), np.ones((2, 2)))  # y_A with y_B, z_A with z_B
-    views = by_yz.T @ by_yz / len(by_yz)
-    of_bow = bow_px**2 / 2 * np.linalg.pinv(views, hermitian=True)
-    bend, swing = float(theta[4]), float(theta[SWING])
-    # A wire too taut to show its swing swings no further for it than wind does.
-    arm = max(bend, float(np.sqrt(of_bow[0, 0])) / np.radians(config.swing_deg))
-    s, c = np.sin(swing), np.cos(swing)
-    by_bow = np.array([[s, -c], [c / arm, s / arm]])  # b and swing, by y and z of the middle
-    covariance = np.zeros((6, 6))
-    covariance[:4, :4], covariance[4:, 4:] = alike * common_m**2, by_bow @ of_bow @ by_bow.T
-    return covariance
 
 
 def on_stretches(

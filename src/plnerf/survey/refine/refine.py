@@ -19,7 +19,7 @@ from plnerf.line.curve import LEAST_BEND_M
 from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.survey.posed_photos import Photos
-from plnerf.survey.refine.adjust import SWING, Prior, State, adjust
+from plnerf.survey.refine.adjust import adjust
 from plnerf.survey.refine.beside import stands_out
 from plnerf.survey.refine.config import AdjustConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
@@ -28,6 +28,7 @@ from plnerf.survey.refine.pose_prior import prior_of
 from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Places, Projection, places_along, project_wire
 from plnerf.survey.refine.twins import twins_of
+from plnerf.survey.refine.unknowns import SWING, Prior, State
 
 Widths = tuple[tuple[float, ...], float]
 """The diameters of wires, metres, and the blur of the images, pixels."""
