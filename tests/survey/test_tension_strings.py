@@ -279,3 +279,18 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
         TensionStringConfig(seen_to=0.0)
     with pytest.raises(ConfigError, match="bare_ratio"):
         TensionStringConfig(bare_ratio=2.5)
+
+
+def test_a_damper_beyond_the_clamp_is_no_part_of_the_string() -> None:
+    """What is seen of a damper is less than of the string, and more than of the wire before and after it."""
+    at = np.arange(0.0, 2.85, CONFIG.step_m)
+    q = np.select([at < 0.75, at < 1.15, at < 1.85], [3.0, 0.2, 0.5], 0.06)
+
+    def best(config: TensionStringConfig) -> float:
+        return min(_misfits(at, q, 1.8, config), key=lambda one: one[1])[0]
+
+    assert best(CONFIG) == pytest.approx(0.8)
+    assert best(replace(CONFIG, damper_m=0.0)) == pytest.approx(1.9)
+    # A string whose end is seen as well as its rest ends where it ends.
+    whole = np.where(at < 1.45, 3.0, 0.2) * np.exp(np.random.default_rng(5).normal(0, 0.2, len(at)))
+    assert min(_misfits(at, whole, 1.8, CONFIG), key=lambda one: one[1])[0] == pytest.approx(1.5)

@@ -176,6 +176,10 @@ class TensionStringConfig:
     seen_ratio: float = 0.6
     """it is seen from this ratio of p there and beyond on.  At structures of random scenes of even seeds
     that is 0.88 and more where wires go on, and 0.41 and less where strings hold them."""
+    damper_from_m: float = 0.3
+    """No damper hangs nearer to the end of a string,"""
+    damper_m: float = 0.8
+    """and none is seen over more of the wire; 0: there are none."""
     sigma_m: float = 0.15
     """Standard deviation of the length of a string that images show."""
     alike_m: float = 0.1
@@ -208,6 +212,11 @@ class TensionStringConfig:
             raise ConfigError(
                 "Tension strings need a seen_to above 0 and at most 1 and a seen_ratio from 0 to 1, but got "
                 f"{self.seen_to} and {self.seen_ratio}."
+            )
+        if min(self.damper_from_m, self.damper_m) < 0:
+            raise ConfigError(
+                "Tension strings need damper_from_m and damper_m of 0 or more, but got "
+                f"{self.damper_from_m} and {self.damper_m}."
             )
         if self.alike_misfit < 1:
             raise ConfigError(f"Tension strings need alike_misfit of 1 or more, but got {self.alike_misfit}.")

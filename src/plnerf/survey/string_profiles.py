@@ -9,7 +9,8 @@ values across it, less the straight line through those at `far_m` on both sides,
 q is small of a wire, which has a core only, and large of a string; p is large of a wire.  Where shells of a
 wide string reach as far as `far_m`, or to the string of a bundle's next conductor, q is hardly larger than of
 a wire, but no wire is seen and p is small.  Medians are taken over images and conductors that are held alike;
-where q falls, the string ends.
+where q falls, the string ends.  Half a metre and more beyond, a damper may hang below the wire, and q is
+larger once more.
 
 Letters: k places from the structure inwards, d offsets across the wire, r rows, one of each wire in each
 image.
@@ -123,7 +124,19 @@ def _misfits(
     x = np.log(np.maximum(q, 1e-6))
     inner = np.flatnonzero((at >= config.window_m[1]) & (at <= longest_m + config.step_m))
     falls = [k for k in inner if np.median(x[1:k]) > np.median(x[k:])]
-    return [(float(at[k]), _misfit(x[1:k]) + _misfit(x[k:])) for k in falls]
+    return [(float(at[k]), _misfit(x[1:k]) + _misfit_of_wire(x[k:], config)) for k in falls]
+
+
+def _misfit_of_wire(x: Float[np.ndarray, " k"], config: TensionStringConfig) -> float:
+    """How badly one level fits, or one of all places but those of a damper, which have their own."""
+    first, longest = (round(metres / config.step_m) for metres in (config.damper_from_m, config.damper_m))
+    dampers = (
+        slice(low, high)
+        for low in range(first, len(x) - 1)
+        for high in range(low + 2, min(low + longest, len(x)) + 1)
+    )
+    with_one = (_misfit(np.delete(x, one)) + _misfit(x[one]) for one in dampers)
+    return min(_misfit(x), min(with_one, default=np.inf))
 
 
 def _misfit(x: Float[np.ndarray, " k"]) -> float:
