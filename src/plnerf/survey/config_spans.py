@@ -182,6 +182,9 @@ class TensionStringConfig:
     """and none is seen over more of the wire; 0: there are none."""
     sigma_m: float = 0.15
     """Standard deviation of the length of a string that images show."""
+    half_turn_deg: float = 7.5
+    """Standard deviation of half the angle by which a line turns at a structure without suspension strings,
+    where its next span is not seen: few turn by more than 30 degrees."""
     alike_m: float = 0.1
     """Standard deviation of the strings of one line from each other."""
     alike_misfit: float = 1.15
@@ -213,10 +216,10 @@ class TensionStringConfig:
                 "Tension strings need a seen_to above 0 and at most 1 and a seen_ratio from 0 to 1, but got "
                 f"{self.seen_to} and {self.seen_ratio}."
             )
-        if min(self.damper_from_m, self.damper_m) < 0:
+        if min(self.damper_from_m, self.damper_m) < 0 or not 0 <= self.half_turn_deg < 90:
             raise ConfigError(
-                "Tension strings need damper_from_m and damper_m of 0 or more, but got "
-                f"{self.damper_from_m} and {self.damper_m}."
+                "Tension strings need damper_from_m and damper_m of 0 or more and a half_turn_deg from 0 to "
+                f"below 90, but got {self.damper_from_m}, {self.damper_m} and {self.half_turn_deg}."
             )
         if self.alike_misfit < 1:
             raise ConfigError(f"Tension strings need alike_misfit of 1 or more, but got {self.alike_misfit}.")

@@ -5,12 +5,18 @@ wire.  One structure holds all phases alike (`string_profiles.py` tells how imag
 clamped to it; a wire that hangs alone above all others may be one.  It has no string where phases have none,
 or where its own images show it up to the structure; else nothing is known of it: at the peak of a tower its
 own images mistake what stands behind it for a string.
+
+The arms of such a structure halve the angle by which the line turns there.  Where its next span is not seen
+they are taken to be square to the one that is, and attachments are the less certain along the line the
+farther out they are.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from plnerf.line.ends import TWO_SIDED_95, Attached
 from plnerf.line.line import Line, Span
@@ -121,10 +127,16 @@ def _held_alike(
 def _with_strings(line: Line, strings: Held, config: TensionStringConfig) -> Line:
     """The line whose structures' strings are known; a structure with tension strings is no suspension."""
 
+    feet = {one.id: one.foot for one in line.structures}
+    sides = Counter(id_ for span in line.spans for id_ in span.structures)
+
     def changed(wire: Wire) -> Wire:
         for k, end in enumerate(wire.ends):
             if isinstance(end, Attached) and (end.structure, wire.id) in strings:
-                wire = _ended(wire, k, end, strings[end.structure, wire.id], config)
+                own, last = strings[end.structure, wire.id], sides[end.structure] == 1
+                turned = last and own.length_m != 0 and end.structure in feet
+                held = _at_turned_arm(wire, end, feet[end.structure], config) if turned else end
+                wire = _ended(wire, k, held, own, config)
         return wire
 
     strained = {id_ for (id_, _), one in strings.items() if one.length_m}
@@ -135,6 +147,16 @@ def _with_strings(line: Line, strings: Held, config: TensionStringConfig) -> Lin
             for one in line.structures
         ),
         spans=tuple(replace(span, wires=tuple(changed(wire) for wire in span.wires)) for span in line.spans),
+    )
+
+
+def _at_turned_arm(
+    wire: Wire, end: Attached, foot: Float[np.ndarray, "3"], config: TensionStringConfig
+) -> Attached:
+    """An end that is held by an arm of which is not known how it is turned."""
+    out_m = abs(float((end.point - foot)[:2] @ wire.base.n))
+    return replace(
+        end, sigma_m=float(np.hypot(end.sigma_m, out_m * np.tan(np.radians(config.half_turn_deg))))
     )
 
 

@@ -188,7 +188,10 @@ class RefineConfig:
     least_visible: float = 0.03
     """Share of its measurements at which a wire must stand out; of noise, a hundredth does."""
     least_views: int = 3
-    """Images that must show a wire; a place on it that fewer show adds nothing to how well it is known."""
+    """Images that must show a wire; a place on it that fewer show adds nothing to how well it is known,"""
+    least_often: float = 0.15
+    """nor does a piece of it that stands out at a smaller share of its measurements: as often does what lies
+    beside a wire that the curve has left."""
     piece_m: float = 0.5
     """Pieces of a wire of which each counts as seen or not."""
     near_px: float = 1.0
@@ -250,6 +253,8 @@ class RefineConfig:
                 f"{self.beside_every}, {self.least_beside}, {self.thick_m}, {self.least_beside_thick}, "
                 f"{self.doubtful_diameters} and {self.least_seen}."
             )
+        if not 0 <= self.least_often <= 1:
+            raise ConfigError(f"The refit needs a least_often from 0 to 1, but got {self.least_often}.")
         if self.thin_px < 0 or not 0 < self.thin_share <= 1:
             raise ConfigError(
                 "The refit needs thin_px of 0 or more and a thin_share above 0 and at most 1, but got "

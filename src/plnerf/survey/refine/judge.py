@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from plnerf.line.base import Base
 from plnerf.line.curve import LEAST_BEND_M, curve_at, curve_by_theta
@@ -97,14 +97,27 @@ def on_stretches(
     ]
 
 
-def stretches_seen(step: Step, w: int, length_m: float, config: RefineConfig) -> Stretches:
-    """Stretches of a wire on which enough images show it near to its curve."""
+def stretches_seen(
+    step: Step, w: int, length_m: float, config: RefineConfig, measured: Float[np.ndarray, " k"] | None = None
+) -> Stretches:
+    """Stretches of a wire on which enough images show it near to its curve.
+
+    measured: all places along it where it was measured; with these, only where it stands out at a fair share
+    of them, as a curve beside a wire does not.
+    """
     count = max(1, round(length_m / config.piece_m))
+
+    def pieces(s: Float[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
+        return np.clip((s / length_m * count).astype(np.int64), 0, count - 1)
+
     near = np.abs(step.off_px[w]) <= config.near_px
-    piece = np.clip((step.s[w][near] / length_m * count).astype(int), 0, count - 1)
+    piece = pieces(step.s[w][near])
     shown = np.zeros((count, len(step.state.pose)), np.bool_)
     shown[piece, step.image[w][near]] = True
     enough = shown.sum(1) >= config.least_views
+    if measured is not None:
+        here, of = (np.bincount(some, minlength=count) for some in (piece, pieces(measured)))
+        enough &= here >= config.least_often * of
     edges = np.flatnonzero(np.diff(np.concatenate([[0], enough.astype(np.int8), [0]]))) * length_m / count
     return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))
 

@@ -116,7 +116,9 @@ def refine_wires(
     report(config.most_rounds, config.most_rounds)
     step = replace(step, state=state)
     seen = [stretches_seen(step, w, base.length_m, config) for w in range(W)]
-    sure = adjust(base, state, prior, on_stretches(seen, found), config.adjust)
+    measured = [np.concatenate([row[w].s for row in found]) for w in range(W)]
+    certain = [stretches_seen(step, w, base.length_m, config, measured[w]) for w in range(W)]
+    sure = adjust(base, state, prior, on_stretches(certain, found), config.adjust)
     few = [places_along(base, one, s[:: config.beside_every]) for one in state.theta]
     more = stands_out(photos, lambda n: project(n, state, few), diameters, blur_px, config)
     judged = [
