@@ -17,9 +17,10 @@ from plnerf.line.wire import Wire
 from plnerf.scene.cameras import Cameras
 from plnerf.scene.scene import Scene
 from plnerf.survey.posed_photos import Photos, photos_of
-from plnerf.survey.refine.adjust import adjust
+from plnerf.survey.refine.adjust import Step, adjust
 from plnerf.survey.refine.config import AdjustConfig, ProfileConfig, RefineConfig
 from plnerf.survey.refine.diameter import likelier_widths
+from plnerf.survey.refine.judge import stretches_seen
 from plnerf.survey.refine.pose_prior import PosePrior
 from plnerf.survey.refine.profiles import ProfileMeasurements, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Projection, crossings, places_along, project_wire
@@ -199,6 +200,23 @@ def test_what_one_image_shows_makes_a_wire_no_more_certain(tmp_path: Path) -> No
         assert not refused(one) and not refused(other)
         assert (one.sigma_at(end) > 0.9 * other.sigma_at(end)).all()
         assert (np.abs(one.at(end) - other.at(end)) < 3 * one.sigma_at(end)).all()
+
+
+def test_what_stands_out_here_and_there_makes_a_wire_no_more_certain() -> None:
+    """Four images measure it at ten places of every half metre; of its first half each shows one of these."""
+    L, images = 10.0, 4
+    every = np.tile(np.arange(0.025, L, 0.05), images)
+    image = np.repeat(np.arange(images), len(every) // images)
+    stands_out = (every > L / 2) | (np.arange(len(every)) % 10 == image)
+    pose = np.zeros((images, MOVES))
+    state = State(np.zeros((1, 6)), pose, np.zeros((1, CONFIG.adjust.views)), np.zeros((1, 2)), np.zeros(2))
+    nothing = np.zeros((0, 0))
+    s = every[stands_out]
+    step = Step(state, nothing, nothing, np.zeros((1, 6, 6)), (0 * s,), (s,), (image[stands_out],), 1.0)
+    assert stretches_seen(step, 0, L, CONFIG) == ((0.0, L),)
+    ((low, high),) = stretches_seen(step, 0, L, CONFIG, every)
+    assert L / 2 - 1 <= low <= L / 2 and high == L
+    assert stretches_seen(step, 0, L, CONFIG, every[every > L / 2]) == ((0.0, L),)
 
 
 def test_one_that_goes_too_far_stays(photos: Photos) -> None:

@@ -192,6 +192,8 @@ class RefineConfig:
     least_often: float = 0.15
     """nor does a piece of it that stands out at a smaller share of its measurements: as often does what lies
     beside a wire that the curve has left."""
+    pieces_around: int = 2
+    """With so many pieces on either side: of a few measurements many may be of something else."""
     piece_m: float = 0.5
     """Pieces of a wire of which each counts as seen or not."""
     near_px: float = 1.0
@@ -253,8 +255,11 @@ class RefineConfig:
                 f"{self.beside_every}, {self.least_beside}, {self.thick_m}, {self.least_beside_thick}, "
                 f"{self.doubtful_diameters} and {self.least_seen}."
             )
-        if not 0 <= self.least_often <= 1:
-            raise ConfigError(f"The refit needs a least_often from 0 to 1, but got {self.least_often}.")
+        if not 0 <= self.least_often <= 1 or self.pieces_around < 0:
+            raise ConfigError(
+                "The refit needs a least_often from 0 to 1 and pieces_around of 0 or more, but got "
+                f"{self.least_often} and {self.pieces_around}."
+            )
         if self.thin_px < 0 or not 0 < self.thin_share <= 1:
             raise ConfigError(
                 "The refit needs thin_px of 0 or more and a thin_share above 0 and at most 1, but got "

@@ -103,7 +103,7 @@ def stretches_seen(
     """Stretches of a wire on which enough images show it near to its curve.
 
     measured: all places along it where it was measured; with these, only where it stands out at a fair share
-    of them, as a curve beside a wire does not.
+    of them around a piece, as a curve beside a wire does not.
     """
     count = max(1, round(length_m / config.piece_m))
 
@@ -116,7 +116,11 @@ def stretches_seen(
     shown[piece, step.image[w][near]] = True
     enough = shown.sum(1) >= config.least_views
     if measured is not None:
-        here, of = (np.bincount(some, minlength=count) for some in (piece, pieces(measured)))
+        around = np.ones(2 * config.pieces_around + 1)
+        here, of = (
+            np.convolve(np.bincount(some, minlength=count), around)[config.pieces_around :][:count]
+            for some in (piece, pieces(measured))
+        )
         enough &= here >= config.least_often * of
     edges = np.flatnonzero(np.diff(np.concatenate([[0], enough.astype(np.int8), [0]]))) * length_m / count
     return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))
