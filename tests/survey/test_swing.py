@@ -21,7 +21,7 @@ from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES, places_along, project_wire
 from plnerf.survey.refine.refine import refine_wires
 from plnerf.survey.refine.twins import Twins
-from plnerf.survey.refine.unknowns import SWING, Prior, State
+from plnerf.survey.refine.unknowns import SWING, Light, Prior, State
 
 PIXEL = 0.45 / FOCAL
 CONFIG = RefineConfig(diameter_m=2 * PIXEL)
@@ -204,7 +204,8 @@ def test_a_step_ends_where_its_sum_of_squares_is_least() -> None:
     )  # fmt: skip
     root = 0.1 * random.normal(size=(MOVES * N, MOVES * N))
     poses = PosePrior(np.full(MOVES, 0.2), root @ root.T)
-    prior = Prior(made.theta, np.full(W, 0.1), poses, (Twins(0, 1, 1.0, 9.0),))
+    light = Light(np.array([5.0, 40.0]), np.array([7.0, 9.0]))
+    prior = Prior(made.theta, np.full(W, 0.1), poses, (Twins(0, 1, 1.0, 9.0),), light)
     found = [[made.profile(state, k, w) for w in range(W)] for k in range(N)]
     after = adjust(base, state, prior, found, config).state
     least = _sum_of_squares(base, state, after, prior, found, config)
@@ -253,7 +254,8 @@ def _sum_of_squares(
     pose = after.pose.ravel()
     total = pose @ prior.poses.precision(len(after.pose)) @ pose
     total += (after.bias**2).sum() / config.uneven_grey**2
-    total += (after.common_shading**2).sum() / config.shading_grey**2
+    assert prior.light is not None
+    total += (((after.common_shading - prior.light.shading) / prior.light.sigma) ** 2).sum()
     own = (after.shading - after.common_shading) / (config.own_shading * config.shading_grey)
     swings = np.degrees([*after.theta[:, SWING] - after.common_swing, after.common_swing])
     total += (own**2).sum() + ((swings / [*[config.own_swing_deg] * W, config.swing_deg]) ** 2).sum()

@@ -36,7 +36,7 @@ from plnerf.survey.refine.pose_prior import MOVED, TURNED
 from plnerf.survey.refine.prior_matrix import prior_matrix
 from plnerf.survey.refine.profiles import ProfileMeasurements
 from plnerf.survey.refine.projection import MOVES
-from plnerf.survey.refine.unknowns import FREE, Layout, Prior, State
+from plnerf.survey.refine.unknowns import FREE, Layout, Light, Prior, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +69,11 @@ class Step:
         larger, axes = np.linalg.eigh(inverse @ self.spread[own, own] @ inverse.T)
         along = root @ axes * np.sqrt(np.maximum(larger, 1.0))
         return along @ along.T
+
+    def light(self) -> Light:
+        """That in which the wires are found to stand."""
+        first = len(self.covariance) - 3  # of l and phi, the last unknowns
+        return Light(self.state.common_shading, np.sqrt(self.covariance.diagonal()[first:-1]))
 
     def of_poses(self) -> Float[np.ndarray, "q q"]:
         """The covariance of all pose residuals."""

@@ -87,7 +87,8 @@ def refitted(
 
     It begins with the widths that are learnt: a bar of the assumed one may leave the wire on which it is put.
     """
-    return refine_wires(photos, _moved(refined.wires, pairs), config, widths=refined.widths)
+    moved = _moved(refined.wires, pairs)
+    return refine_wires(photos, moved, config, widths=refined.widths, light=refined.given_light)
 
 
 def _differ(one: Refinement, other: Refinement, pair: Pair) -> float:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from plnerf.line.base import Base
 from plnerf.line.curve import curve_at, curve_by_theta
 from plnerf.survey.refine.config import AdjustConfig
-from plnerf.survey.refine.unknowns import FREE, SWING, Layout, Prior, State
+from plnerf.survey.refine.unknowns import FREE, SWING, Layout, Light, Prior, State
 
 
 def prior_matrix(
@@ -41,14 +41,16 @@ def prior_matrix(
     P[pose, pose] = prior.poses.precision(N)
     pull[pose] = -P[pose, pose] @ state.pose.ravel()
     tie = 1 / (config.own_shading * config.shading_grey) ** 2
+    light = prior.light or Light(np.zeros(2), np.full(2, config.shading_grey))
     for k in range(2):
         own_shading = at.shading + 2 * np.arange(W) + k
         P[own_shading, own_shading] = tie
         P[own_shading, at.common + k] = P[at.common + k, own_shading] = -tie
-        P[at.common + k, at.common + k] = 1 / config.shading_grey**2 + W * tie
+        P[at.common + k, at.common + k] = 1 / light.sigma[k] ** 2 + W * tie
     lighting = np.append(state.shading, state.common_shading)
     lit = slice(at.shading, at.common_swing)
     pull[lit] = -P[lit, lit] @ lighting
+    pull[at.common : at.common_swing] += light.shading / light.sigma**2
     swings = np.append(FREE * np.arange(W) + SWING, at.common_swing)
     own, wind = np.radians(config.own_swing_deg) ** -2, np.radians(config.swing_deg) ** -2
     wanted = own * np.eye(W + 1)

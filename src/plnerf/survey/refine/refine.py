@@ -28,7 +28,7 @@ from plnerf.survey.refine.pose_prior import prior_of
 from plnerf.survey.refine.profiles import ProfileMeasurements, grey_picture, measure_profiles
 from plnerf.survey.refine.projection import MOVES, Places, Projection, places_along, project_wire
 from plnerf.survey.refine.twins import twins_of
-from plnerf.survey.refine.unknowns import SWING, Prior, State
+from plnerf.survey.refine.unknowns import SWING, Light, Prior, State
 
 Widths = tuple[tuple[float, ...], float]
 """The diameters of wires, metres, and the blur of the images, pixels."""
@@ -53,6 +53,10 @@ class Refinement:
     """As they were learnt on the way."""
     distinct: tuple[bool, ...] = ()
     """Of each wire whether it stands out more often than what is beside it."""
+    light: Light | None = None
+    """In which they are found to stand."""
+    given_light: Light | None = None
+    """What was known of it before."""
 
 
 def refine_wires(
@@ -61,10 +65,12 @@ def refine_wires(
     config: RefineConfig,
     progress: Callable[[int, int], None] | None = None,
     widths: Widths | None = None,
+    light: Light | None = None,
 ) -> Refinement:
     """Refits wires that run side by side to the training images.
 
-    widths: those to begin with, where they are known better than by assumption.
+    widths: those to begin with, where they are known better than by assumption.  light: what is known of it
+    from other wires.
 
     What a wire may be off by before is its `evidence.reach_m`; one that moves more than `most_moved` times as
     far is refused.
@@ -77,13 +83,14 @@ def refine_wires(
     views, N, W = list(photos.train), len(photos.train), len(wires)
     cameras = [photos.cameras[[i]] for i in views]
     v = config.adjust.views
-    state = State(before, np.zeros((N, MOVES)), np.zeros((W, v)), np.zeros((W, 2)), np.zeros(2))
+    lit = np.zeros(2) if light is None else light.shading
+    state = State(before, np.zeros((N, MOVES)), np.zeros((W, v)), np.tile(lit, (W, 1)), lit)
     trust = np.array([wire.evidence.reach_m for wire in wires], np.float64)
     metres = photos.frame.unit == "m"
     at = np.array([wire.at(s) for wire in started])
     twins = twins_of(wires, base, at, config.twin_m) if metres else ()
     usual_m = _usual_distance(photos, started, s)
-    prior = Prior(before, trust, prior_of(photos, usual_m, config.pose_sd_px), twins)
+    prior = Prior(before, trust, prior_of(photos, usual_m, config.pose_sd_px), twins, light)
     diameters, blur_px = widths or (_first_diameters(cameras, base, before, s, config), config.blur_px)
     first_blur_px = blur_px if widths else config.first_blur_px
     found: list[list[ProfileMeasurements]] = []
@@ -137,7 +144,10 @@ def refine_wires(
         shown.append(bool((often or seen[w]) and (distinct[w] or (sharp and long))))
     counts = tuple(int((np.abs(off) <= config.near_px).sum()) for off in step.off_px)
     widths = diameters, blur_px
-    return Refinement(tuple(judged), step.pose_residual_px(), tuple(shown), counts, widths, tuple(distinct))
+    return Refinement(
+        tuple(judged), step.pose_residual_px(), tuple(shown), counts, widths, tuple(distinct), step.light(),
+        light,
+    )  # fmt: skip
 
 
 def common_base(wires: Sequence[Wire]) -> Base:

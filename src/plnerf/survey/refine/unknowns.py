@@ -35,6 +35,16 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
+class Light:
+    """How much brighter the edges of a span's wires are than their middles, by the light they stand in."""
+
+    shading: Float[np.ndarray, "2"]
+    """Towards y, and towards z; grey levels."""
+    sigma: Float[np.ndarray, "2"]
+    """Standard deviations of these."""
+
+
+@dataclass(frozen=True, eq=False)
 class Prior:
     """What is known before."""
 
@@ -43,6 +53,8 @@ class Prior:
     """Standard deviation of a wire's place."""
     poses: PosePrior
     twins: tuple[Twins, ...] = ()
+    light: Light | None = None
+    """None: nothing is known of it."""
 
 
 class Layout:
