@@ -186,6 +186,18 @@ def test_what_is_refitted_stands_out_more_than_what_is_beside_it(tmp_path: Path)
     assert found[3].worst_sigma() >= absent.evidence.reach_m
 
 
+def test_what_light_leaves_of_each_view_is_in_the_stated_deviation(photos: Photos) -> None:
+    """Of variances what it adds grows with its square; the curve is the same."""
+    s, found = np.linspace(0.0, BASE.length_m, 5), []
+    for px in (0.0, 0.3, 0.6):
+        found.append(refine_wires(photos, MOVED, replace(CONFIG, systematic_px=px)).wires)
+    for none, some, more in zip(*found, strict=True):
+        np.testing.assert_array_equal(some.theta, none.theta)
+        added = [one.sigma_at(s) ** 2 - none.sigma_at(s) ** 2 for one in (some, more)]
+        assert (added[0] > 0).all()
+        np.testing.assert_allclose(added[1], 4 * added[0], rtol=1e-6)
+
+
 @pytest.mark.slow
 def test_what_one_image_shows_makes_a_wire_no_more_certain(tmp_path: Path) -> None:
     """All show the first half of each wire; beside its second half one shows something else."""

@@ -72,8 +72,9 @@ class Step:
 
     def light(self) -> Light:
         """That in which the wires are found to stand."""
-        first = len(self.covariance) - 3  # of l and phi, the last unknowns
-        return Light(self.state.common_shading, np.sqrt(self.covariance.diagonal()[first:-1]))
+        at = Layout(len(self.state.theta), len(self.state.pose))
+        variance = self.covariance.diagonal()[at.common : at.common_swing]
+        return Light(self.state.common_shading, np.sqrt(variance))
 
     def of_poses(self) -> Float[np.ndarray, "q q"]:
         """The covariance of all pose residuals."""
