@@ -27,10 +27,12 @@ from plnerf.scene.ply import write_ply
 from plnerf.scene.transforms import flip_camera_axes
 from plnerf.score.align import cameras_of
 from plnerf.score.clearance_score import ClearanceScore, score_clearances
+from plnerf.score.compared import Compared
 from plnerf.score.config import DEFAULT, WireScoreConfig
 from plnerf.score.score import score_files
 from plnerf.score.survey_score import score_survey
-from plnerf.score.truth import TruePlant, Truth, read_truth
+from plnerf.score.true_plants import TrueLeaf, TruePlant
+from plnerf.score.truth import Truth, read_truth
 from plnerf.score.wire_matches import WireMatches, match_wires, rules
 from plnerf.survey.clearance import measure_clearances
 from plnerf.survey.config_ground import ClearanceConfig
@@ -253,6 +255,43 @@ def test_the_nearest_plant_is_compared_from_the_axis() -> None:
     without = [match for match in matches if match.wire != "A"]
     score = score_clearances(without, found, stated, truth, DEFAULT.wires)
     assert score.vegetation is None and "3.02 m from A, which the survey does not have" in score.notes[-1]
+
+
+def test_the_plant_that_is_nearest_to_each_wire_is_compared() -> None:
+    """Of the leaves that images show, or that the survey finds all the same, between its wire's ends."""
+    truth = replace(TRUTH, wires=tuple(replace(one, diameter_m=0.04) for one in TRUTH.wires))
+
+    def plant(x: float, *leaves: tuple[str, float, bool]) -> TruePlant:
+        foot = np.array([x, 3.0, 0.0])
+        own = tuple(TrueLeaf(wire, foot, clearance, shown) for wire, clearance, shown in leaves)
+        return TruePlant(foot, leaves[0][1], leaves[0][0], 1.0, True, own)
+
+    hidden, shown = plant(-12.0, ("A", 2.0, False), ("B", 5.0, True)), plant(6.0, ("A", 3.0, True))
+    beyond = plant(39.0, ("A", 1.0, True))
+    truth = replace(truth, plants=(hidden, shown, beyond))
+    found = all_exact()
+    matches = match_wires(found, truth.wires).matches
+
+    def scored(at: np.ndarray, truth: Truth = truth) -> dict[str, Compared]:
+        stated = [stating(1, place(1, at, 3.1, "vegetation"))]
+        score = score_clearances(matches, found, stated, truth, DEFAULT.wires)
+        return {one.wire: one for one in score.vegetation_of_wires}
+
+    def a_of(x: float) -> tuple[float, float | None]:
+        one = scored(np.array([x, 3.0, 0.0]))["A"]
+        return round(one.true_m, 6), one.error_m
+
+    both = scored(shown.foot)
+    assert a_of(6.0) == (3.02, pytest.approx(0.08))
+    assert both["B"].true_m == pytest.approx(5.02) and both["B"].found_m is None
+    assert a_of(-10.1) == (2.02, pytest.approx(1.08))  # a metre beside the crown of one that is hidden
+    assert a_of(-9.9) == (3.02, pytest.approx(0.08))
+    assert scored(np.array([7.5, 9.0, 0.0]))["A"].off_along_m == pytest.approx(1.5)
+    assert "A" not in scored(beyond.foot)
+    assert scored(shown.foot, replace(truth, houses=1)) == {}
+    turned = truth.moved(Similarity(2.0, np.eye(3)[[1, 0, 2]] * [1, -1, 1], np.ones(3)))
+    leaf = turned.plants[0].leaves[0]
+    assert leaf.clearance_m == 4.0 and np.allclose(leaf.place, turned.plants[0].foot)
 
 
 def test_a_survey_is_compared_in_its_own_frame() -> None:

@@ -7,13 +7,13 @@ import pytest
 
 from plnerf.synth.capture import View, look
 from plnerf.synth.flight_config import CaptureConfig
-from plnerf.synth.near_plants import NearPlant, filmed_plants
+from plnerf.synth.near_plants import NearLeaf, filmed_plants
 
 CAPTURE = CaptureConfig(width_px=120, height_px=80, focal_px=100.0)
 VIEWS = [View(f"{i:04d}", "right", look(np.pi / 2, 0.0, 0.0), np.array([x, -20.0, 5.0]))
          for i, x in enumerate((-3.0, -2.0, -1.0, 1.0, 2.0, 3.0))]  # fmt: skip
 """Along x, looking along y at what stands 20 m away; from end to end 17 degrees."""
-TREE = NearPlant(2.0, "phase A", np.array([0.0, 0.0, 5.0]))
+TREE = NearLeaf(2.0, "phase A", np.array([0.0, 0.0, 5.0]))
 
 
 def wall(at_m: float, hidden_px: tuple[int, int] = (0, 120), views: int = 6):
@@ -28,9 +28,9 @@ def wall(at_m: float, hidden_px: tuple[int, int] = (0, 120), views: int = 6):
     return depth_of
 
 
-def shown(depth_of, views=VIEWS, plant: NearPlant = TREE) -> bool | None:
-    (found,) = filmed_plants([plant], views, depth_of, CAPTURE)
-    return None if found is None else found.observable
+def shown(depth_of, views=VIEWS, leaf: NearLeaf = TREE) -> bool | None:
+    ((found,),) = filmed_plants([(leaf,)], views, depth_of, CAPTURE)
+    return found.observable
 
 
 def test_what_six_views_show_from_different_sides_is_observable() -> None:
@@ -58,11 +58,12 @@ def test_a_twig_of_a_pixel_or_two_hides_nothing(width_px: int) -> None:
 
 def test_what_is_out_of_the_frames_is_not_shown() -> None:
     aside = replace(TREE, leaf=np.array([0.0, -30.0, 5.0]))  # behind them
-    assert shown(wall(30.0), plant=aside) is False
+    assert shown(wall(30.0), leaf=aside) is False
 
 
-def test_far_plants_stay_unjudged_in_their_places() -> None:
-    first, second, third = filmed_plants([None, TREE, None], VIEWS, wall(30.0), CAPTURE)
-    assert first is None and third is None
-    assert second is not None and second.observable is True
-    assert filmed_plants([None], VIEWS, wall(30.0), CAPTURE) == [None]
+def test_every_leaf_is_judged_in_its_place() -> None:
+    aside = replace(TREE, leaf=np.array([0.0, -30.0, 5.0]))
+    first, second, third = filmed_plants([(), (TREE, aside), ()], VIEWS, wall(30.0), CAPTURE)
+    assert first == third == ()
+    assert [one.observable for one in second] == [True, False]
+    assert filmed_plants([()], VIEWS, wall(30.0), CAPTURE) == [()]

@@ -243,8 +243,9 @@ def test_the_truth_in_the_package_is_that_of_the_default_scene():
     seen = [(wire.pop("seen_m"), wire.pop("observable_m")) for wire in kept["conductors"]]
     assert len(seen) == len(span.wires)
     plants = near_plants(span)
-    shown = [plant.pop("observable") for plant in kept["vegetation"] if "clearance_m" in plant]
-    assert len(shown) == sum(plant is not None for plant in plants)
+    near = [plant for plant in kept["vegetation"] if "clearance_m" in plant]
+    shown = [one.pop("observable") for plant in near for one in (plant, *plant["leaves"])]
+    assert len(near) == sum(len(leaves) > 0 for leaves in plants) and {*shown} == {True, False}
     assert_close(json.loads(json.dumps(truth_of(span, SCENES["span"], views, plants))), kept)
 
 

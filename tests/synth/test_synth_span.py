@@ -13,7 +13,7 @@ from plnerf.synth.foliage import plant_meshes
 from plnerf.synth.insulators import insulators
 from plnerf.synth.line_config import SupportConfig
 from plnerf.synth.meshes import beam, grid, lathe, tube, without, write_ply
-from plnerf.synth.near_plants import near_plants
+from plnerf.synth.near_plants import LISTED_M, near_plants
 from plnerf.synth.terrain import Ground
 from plnerf.synth.texture import ground_texture, noise, strand_texture
 from plnerf.synth.tower import steel
@@ -82,6 +82,12 @@ def test_clearances_agree_with_brute_force():
         best = min(gaps, key=gaps.get)
         assert listed[i]["nearest_conductor"] == best
         assert listed[i]["clearance_m"] == pytest.approx(gaps[best], abs=1e-3)
+        of_wires = {one["nearest_conductor"]: one["clearance_m"] for one in listed[i]["leaves"]}
+        near = {name: gap for name, gap in gaps.items() if gap <= LISTED_M or name == best}
+        assert of_wires == pytest.approx(near, abs=1e-3)
+        nearest = min(listed[i]["leaves"], key=lambda one: one["clearance_m"])
+        assert nearest == listed[i]["leaves"][0] and nearest["nearest_conductor"] == best
+        assert np.linalg.norm(leaves - nearest["at"], axis=1).min() < 1e-3
 
 
 def test_towers_are_as_tall_as_stated_and_strings_end_at_the_clamps():

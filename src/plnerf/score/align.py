@@ -21,7 +21,8 @@ from plnerf.errors import SurveyError
 from plnerf.scene.formats import read_listing
 from plnerf.scene.json_fields import numbers_of
 from plnerf.scene.transforms import flip_camera_axes
-from plnerf.score.truth import Truth, load_truth
+from plnerf.score.truth import Truth
+from plnerf.score.truth_fields import load_truth
 
 LEAST_CAMERAS = 3
 """Fewer do not fix a similarity."""

@@ -18,10 +18,11 @@ from plnerf.line.clearances import Group, WireClearance
 from plnerf.line.ends import TWO_SIDED_95, Attached
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
-from plnerf.score.clearance_score import Compared
+from plnerf.score.compared import Compared
 from plnerf.score.config import ScoreConfig
 from plnerf.score.survey_score import score_survey
-from plnerf.score.truth import load_truth, read_truth
+from plnerf.score.truth import read_truth
+from plnerf.score.truth_fields import load_truth
 from plnerf.score.wire_matches import Match, common_with
 
 FigureKind = Literal[
@@ -77,8 +78,9 @@ def figures_of(survey: Survey, truth_at: Path) -> tuple[Figure, ...]:
     """All figures of a survey whose wires have a true one.
 
     Distances to the ground and to things come from `clearances` of the truth's conductors where it has them,
-    and then of wires that structures hold at both ends only; else from `score_survey`.  Raises SurveyError
-    where the truth cannot be read, or is in another frame.
+    and then of wires that structures hold at both ends only; else from `score_survey`, those to plants of
+    each wire or, where the truth does not state them, of all wires together.  Raises SurveyError where the
+    truth cannot be read, or is in another frame.
     """
     truth = read_truth(truth_at, ANY_CURVE)
     score = score_survey(survey, truth, ANY_CURVE.wires)
@@ -95,7 +97,8 @@ def figures_of(survey: Survey, truth_at: Path) -> tuple[Figure, ...]:
             found += _of_clearances(match.wire, stated[wire.id], row["clearances"])
     if not any(row.get("clearances") for row in rows.values()):
         of = score.clearances
-        plants = [] if of.vegetation is None else [of.vegetation]
+        least = () if of.vegetation is None else (of.vegetation,)
+        plants = of.vegetation_of_wires or least  # a truth may state leaves for the nearest wire alone
         of_kinds: Sequence[tuple[FigureKind, Sequence[Compared]]] = (
             ("ground", of.ground), ("vegetation", plants),
         )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 from plnerf.line.ends import TWO_SIDED_95
 from plnerf.score import clearance_score as of_clearances
 from plnerf.score import wire_matches as of_wires
-from plnerf.score.clearance_score import Compared
+from plnerf.score.compared import Compared
 from plnerf.score.config import WireScoreConfig
 from plnerf.score.survey_score import SurveyScore
 from plnerf.score.wire_matches import Match, WireMatches
@@ -89,6 +89,7 @@ def to_json(score: SurveyScore, config: WireScoreConfig) -> dict[str, Any]:
         "clearances": {
             "ground": [_compared_row(one) for one in clearances.ground],
             "vegetation": None if plants is None else _compared_row(plants),
+            "vegetation_of_wires": [_compared_row(one) for one in clearances.vegetation_of_wires],
             "notes": list(clearances.notes),
             "rules": of_clearances.RULES,
         },
@@ -121,6 +122,10 @@ def markdown(score: SurveyScore) -> str:
     if clearances.vegetation is not None:
         one = clearances.vegetation
         rows.append({**_compared_row(one), "wire": f"{one.wire}, to the nearest plant of all"})
+    rows += [
+        {**_compared_row(one), "wire": f"{one.wire}, to its nearest plant"}
+        for one in clearances.vegetation_of_wires
+    ]
     if rows:
         lines += ["", *_table("clearance", rows, _CLEARANCES)]
     lines += ["", *(f"Note: {note}" for note in clearances.notes)] if clearances.notes else []

@@ -20,29 +20,16 @@ from plnerf.line.ends import Attached, Evidence
 from plnerf.line.line import Structure, StructureKind
 from plnerf.line.wire import Kind, Wire
 from plnerf.scene.json_fields import numbers_of
-from plnerf.scene.strict_json import object_of, read_json, shown
+from plnerf.scene.strict_json import shown
 from plnerf.score.config import DEFAULT, ScoreConfig
 from plnerf.score.true_curve import departure_m, moved, theta_of
+from plnerf.score.true_plants import TruePlant, read_plant
+from plnerf.score.truth_fields import load_truth, name_of, number_of, objects, points_of
 
 Stretches = tuple[tuple[float, float], ...]
 """From one place s of a wire's base to another, each."""
 MOST_TURNED = 0.9998
 """Cosine of the angle between a stated direction and that from end to end: 1 degree is rounding."""
-
-
-@dataclass(frozen=True, eq=False)
-class TruePlant:
-    """A plant beside the line."""
-
-    foot: Float[np.ndarray, "3"]
-    clearance_m: float
-    """Least distance from its leaves to the surface of a wire."""
-    wire: str
-    """Name of that wire."""
-    radius_m: float = 0.0
-    observable: bool = True
-    """Whether images show the leaf that is nearest to it well enough to measure; where that is not stated,
-    they do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +66,7 @@ class Truth:
             ),
             attachments=None if self.attachments is None else motion(self.attachments),
             ground=None if self.ground is None else motion(self.ground),
-            plants=tuple(
-                replace(
-                    plant,
-                    foot=motion(plant.foot),
-                    clearance_m=motion.scale * plant.clearance_m,
-                    radius_m=motion.scale * plant.radius_m,
-                )
-                for plant in self.plants
-            ),
+            plants=tuple(plant.moved(motion) for plant in self.plants),
         )
 
 
@@ -104,13 +83,13 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
             "truth.json of a scene of `plnerf synth`, or one like it."
         )
     structures, held = [], []
-    for i, entry in enumerate(_objects(data, "towers", path), 1):
+    for i, entry in enumerate(objects(data, "towers", path), 1):
         where = f"{path}, tower {i}"
-        foot = _points([entry.get("foot")], f"{where}, foot")[0]
-        height = _number(entry.get("height_m", 0.0), f"{where}, height_m")
+        foot = points_of([entry.get("foot")], f"{where}, foot")[0]
+        height = number_of(entry.get("height_m", 0.0), f"{where}, height_m")
         structures.append(_true_structure(entry, i, foot, height, where))
         if entry.get("attachments"):
-            held.append(_points(entry["attachments"], f"{where}, attachments"))
+            held.append(points_of(entry["attachments"], f"{where}, attachments"))
     wires = [
         _wire(entry, i, f"{path}, conductor {i}", structures, config) for i, entry in enumerate(conductors, 1)
     ]
@@ -120,17 +99,11 @@ def read_truth(path: Path, config: ScoreConfig = DEFAULT) -> Truth:
         np.concatenate(held) if held else None,
         _ground(data.get("ground"), path),
         tuple(
-            TruePlant(
-                _points([entry.get("foot")], f"{path}, plant {i}, foot")[0],
-                _number(entry["clearance_m"], f"{path}, plant {i}, clearance_m"),
-                _name(entry, "nearest_conductor", "", f"{path}, plant {i}"),
-                _number(entry.get("radius_m", 0.0), f"{path}, plant {i}, radius_m"),
-                entry.get("observable") is not False,
-            )
-            for i, entry in enumerate(_objects(data, "vegetation", path), 1)
+            read_plant(entry, f"{path}, plant {i}")
+            for i, entry in enumerate(objects(data, "vegetation", path), 1)
             if "clearance_m" in entry
         ),
-        len(_objects(data, "houses", path)),
+        len(objects(data, "houses", path)),
         _observable(conductors, path),
     )
 
@@ -153,8 +126,8 @@ def _true_structure(
         0.0,
         "the truth",
         kind,
-        None if entry.get("name") is None else _name(entry, "name", "", where),
-        None if angle is None else _number(angle, f"{where}, line_angle_deg"),
+        None if entry.get("name") is None else name_of(entry, "name", "", where),
+        None if angle is None else number_of(angle, f"{where}, line_angle_deg"),
     )
 
 
@@ -175,9 +148,9 @@ def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], 
     states = {"a", "b"} <= entry.keys() and bool({"p_m", "sag_m"} & entry.keys())
     if states and "polyline" not in entry:
         entry = entry | {"polyline": [entry["a"], entry["b"]]}
-    line = _points(entry.get("polyline"), f"{where}, polyline", least=2)
-    a = _points([entry.get("a", line[0].tolist())], f"{where}, a")[0]
-    b = _points([entry.get("b", line[-1].tolist())], f"{where}, b")[0]
+    line = points_of(entry.get("polyline"), f"{where}, polyline", least=2)
+    a = points_of([entry.get("a", line[0].tolist())], f"{where}, a")[0]
+    b = points_of([entry.get("b", line[-1].tolist())], f"{where}, b")[0]
     base = Base(a[:2], b[:2])
     if base.length_m == 0:
         raise SurveyError(f"{where}: both of its ends are at {a[:2].tolist()}. Correct the file.")
@@ -197,7 +170,7 @@ def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], 
             f"{where}: its kind must be one of {', '.join(get_args(Kind))}, but is {shown(kind)}. "
             "Correct the file."
         )
-    diameter_m = _number(entry.get("diameter_m", 0.0), f"{where}, diameter_m")
+    diameter_m = number_of(entry.get("diameter_m", 0.0), f"{where}, diameter_m")
     first, last = (Attached(_structure(end, structures, i), end, 0.0) for i, end in enumerate((a, b), 1))
     return Wire(
         id=number,
@@ -208,7 +181,7 @@ def _wire(entry: Any, number: int, where: str, structures: Sequence[Structure], 
         evidence=Evidence("the truth", 0, seen_m=_stretches(entry.get("seen_m"), where)),
         kind=kind,
         diameter_m=diameter_m or None,
-        name=_name(entry, "name", f"wire {number}", where),
+        name=name_of(entry, "name", f"wire {number}", where),
     )
 
 
@@ -217,11 +190,11 @@ def _stated(
 ) -> Float[np.ndarray, "6"]:
     """theta of a wire whose parameter or sag is stated, upright unless its swing is too."""
     key = "p_m" if "p_m" in entry else "sag_m"
-    value = _number(entry[key], f"{where}, {key}")
+    value = number_of(entry[key], f"{where}, {key}")
     if value <= 0:
         raise SurveyError(f"{where}: its {key} must be greater than 0, but is {value}. Correct the file.")
     L = math.dist(a[:2], b[:2])
-    swing = math.radians(_number(entry.get("swing_deg", 0.0), f"{where}, swing_deg"))
+    swing = math.radians(number_of(entry.get("swing_deg", 0.0), f"{where}, swing_deg"))
     if swing and key == "sag_m":
         raise SurveyError(f"{where}: a wire with a swing_deg must state its p_m too. Add it to the file.")
     p = value if key == "p_m" else p_of_sag(L, float(b[2] - a[2]), value)
@@ -255,49 +228,9 @@ def _ground(value: Any, path: Path) -> Float[np.ndarray, "g 3"] | None:
         return None
     if not isinstance(value, dict):
         raise SurveyError(f"{path}: ground must be an object, but is {shown(value)}. Correct the file.")
-    if not (rows := _objects(value, "rows", path)):
+    if not (rows := objects(value, "rows", path)):
         return None
-    return np.concatenate([_points(row.get("points"), f"{path}, ground") for row in rows])
-
-
-def load_truth(path: Path) -> Mapping[str, Any]:
-    """The object in a truth.json, as yet unchecked.  Raises SurveyError where it holds none."""
-    do = "Give the truth.json of the scene, or make the truth again."
-    content: Mapping[str, Any] = object_of(read_json(path, SurveyError, do), str(path), SurveyError, do)
-    return content
-
-
-def _objects(data: Mapping[str, Any], key: str, path: Path) -> list[Mapping[str, Any]]:
-    """A list of objects; an absent one is empty."""
-    found = data.get(key) or []
-    if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
-        raise SurveyError(
-            f"{path}: {key} must be a list of objects, but is {shown(found)}. Correct the file."
-        )
-    return found
-
-
-def _name(entry: Mapping[str, Any], key: str, default: str, where: str) -> str:
-    name = entry.get(key, default)
-    if not isinstance(name, str):
-        raise SurveyError(f"{where}: its {key} must be a text, but is {shown(name)}. Correct the file.")
-    return name
-
-
-def _points(value: Any, where: str, least: int = 1) -> Float[np.ndarray, "n 3"]:
-    points = numbers_of(value)
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) < least or not np.isfinite(points).all():
-        raise SurveyError(
-            f"{where}: expected {least} or more points of three finite numbers, but found "
-            f"{str(value)[:80]}. Correct the file, or make the truth again."
-        )
-    return points
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SurveyError(f"{where}: expected a finite number, but found {shown(value)}. Correct the file.")
-    return float(value)
+    return np.concatenate([points_of(row.get("points"), f"{path}, ground") for row in rows])
 
 
 def _stretches(value: Any, where: str, key: str = "seen_m") -> Stretches | None:

@@ -1,4 +1,4 @@
-"""The plants near a line: how far their leaves are from its wires, and whether images show the nearest one.
+"""The plants near a line: how far their leaves are from each of its wires, and whether images show these.
 
 World frame, metres.
 """
@@ -18,13 +18,16 @@ from plnerf.synth.site import Plant, Site, radius_m
 
 RANGE_M = 40.0  # around mid-span; further off, along the span and so far across:
 ACROSS_M = 18.0
+LISTED_M = 25.0
+"""Wires that a plant is farther from are not listed with it, but for the nearest."""
 AXIS_STEP_M = 0.02  # of the points that clearances are measured to
 COARSE = 25  # every so many points of an axis say which leaves may be the nearest
 BEFORE_M = 0.5
 """Other leaves of the crown stand before a leaf by less than this; they show the same of the plant."""
 PLANTS_RULE = (
-    f"observable: whether at least {OBSERVABLE_IMAGES} images show a plant's leaf that is nearest to a "
-    f"conductor, or what stands at most {BEFORE_M:g} m before it, within a pixel, from directions that span "
+    "clearance_m: from a plant's nearest leaf to the conductor's surface; leaves: that of each conductor "
+    f"within {LISTED_M:g} m, nearest first; observable: whether at least {OBSERVABLE_IMAGES} images show the "
+    f"leaf, or what stands at most {BEFORE_M:g} m before it, within a pixel, from directions that span "
     f"{OBSERVABLE_DEG:g} degrees or more"
 )
 
@@ -33,11 +36,11 @@ DepthOf = Callable[[View], Float[np.ndarray, "h w"]]
 
 
 @dataclass(frozen=True)
-class NearPlant:
+class NearLeaf:
     """The leaf of a plant that is nearest to a conductor."""
 
     clearance_m: float
-    """From its leaf to the conductor's surface."""
+    """From the leaf to the conductor's surface."""
     conductor: str | None
     """Its name."""
     leaf: Float[np.ndarray, "3"]
@@ -45,42 +48,45 @@ class NearPlant:
     """PLANTS_RULE; None: not filmed."""
 
 
-def near_plants(site: Site) -> list[NearPlant | None]:
-    """For each plant of a site its nearest leaf, not filmed yet; None for those far from the line."""
-    axes = [wire.polyline(AXIS_STEP_M) for wire in site.wires]
-    radii = np.repeat([radius_m(wire) for wire in site.wires], [len(axis) for axis in axes])
-    owners = np.cumsum([len(axis) for axis in axes])
-    tree = cKDTree(np.concatenate(axes))
-    coarse = cKDTree(np.concatenate([axis[np.r_[0 : len(axis) : COARSE, len(axis) - 1]] for axis in axes]))
+Leaves = tuple[NearLeaf, ...]
+"""Of one plant, the nearest first; none of plants far from the line."""
 
-    def nearest(plant: Plant) -> NearPlant | None:
+
+def near_plants(site: Site) -> list[Leaves]:
+    """For each plant of a site its leaves that are nearest to the conductors, not filmed yet."""
+    axes = [wire.polyline(AXIS_STEP_M) for wire in site.wires]
+    trees = [(cKDTree(axis), cKDTree(axis[np.r_[0 : len(axis) : COARSE, len(axis) - 1]])) for axis in axes]
+
+    def nearest(plant: Plant) -> Leaves:
         if np.hypot(*plant.foot[:2]) >= RANGE_M and not _beside(site, plant):
-            return None
+            return ()
         leaves = plant_meshes(plant)[1].vertices
-        about = coarse.query(leaves)[0]  # at most half a coarse step too far
-        leaves = leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01]
-        distance, at = tree.query(leaves)
-        best = int(np.argmin(distance))
-        owner = int(np.searchsorted(owners, at[best], side="right"))
-        clearance = float(distance[best]) - float(radii[at[best]])
-        return NearPlant(clearance, site.wires[owner].name, leaves[best])
+        found = []
+        for wire, (fine, coarse) in zip(site.wires, trees, strict=True):
+            about = coarse.query(leaves)[0]  # at most half a coarse step too far
+            few = leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01]
+            distance = fine.query(few)[0]
+            best = int(np.argmin(distance))
+            found.append(NearLeaf(float(distance[best]) - radius_m(wire), wire.name, few[best]))
+        found.sort(key=lambda one: one.clearance_m)
+        return tuple(one for one in found if one is found[0] or one.clearance_m <= LISTED_M)
 
     return [nearest(plant) for plant in site.plants]
 
 
 def filmed_plants(
-    plants: Sequence[NearPlant | None], views: Sequence[View], depth_of: DepthOf, capture: CaptureConfig
-) -> list[NearPlant | None]:
-    """The same plants, each with whether images show its nearest leaf: PLANTS_RULE."""
-    near = [plant for plant in plants if plant is not None]
+    plants: Sequence[Leaves], views: Sequence[View], depth_of: DepthOf, capture: CaptureConfig
+) -> list[Leaves]:
+    """The same leaves, each with whether images show it: PLANTS_RULE."""
+    near = [leaf for plant in plants for leaf in plant]
     if not near:
         return list(plants)
-    leaves = np.stack([plant.leaf for plant in near])
+    leaves = np.stack([one.leaf for one in near])
     seen = np.stack([_shown(leaves, view, depth_of, capture) for view in views])
     rays = leaves - np.stack([view.centre for view in views])[:, None]
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     filmed = iter(replace(one, observable=_enough(rays[seen[:, i], i])) for i, one in enumerate(near))
-    return [None if plant is None else next(filmed) for plant in plants]
+    return [tuple(next(filmed) for _ in plant) for plant in plants]
 
 
 def _shown(

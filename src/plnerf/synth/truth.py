@@ -12,7 +12,7 @@ from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.config import SceneConfig
 from plnerf.synth.hints import hints_of
-from plnerf.synth.near_plants import PLANTS_RULE, NearPlant
+from plnerf.synth.near_plants import PLANTS_RULE, Leaves, NearLeaf
 from plnerf.synth.seen import OBSERVABLE_RULE, SEEN_RULE
 from plnerf.synth.site import Line, Plant, Site, Tower
 
@@ -36,7 +36,7 @@ def truth_of(
     site: Site,
     config: SceneConfig,
     views: Sequence[View],
-    plants: Sequence[NearPlant | None],
+    plants: Sequence[Leaves],
     shows: Shows | None = None,
 ) -> dict[str, object]:
     """The content of truth.json; `views` are the true ones, `plants` stand in the site's order."""
@@ -152,7 +152,7 @@ def _ground(site: Site) -> dict[str, object]:
     return {"rule": "1 m steps along the line, 0 at mid-span; across_m to the left positive", "rows": rows}
 
 
-def _plant(plant: Plant, near: NearPlant | None) -> dict[str, object]:
+def _plant(plant: Plant, leaves: Leaves) -> dict[str, object]:
     """A plant; a near one with its clearance, the least distance from leaf to conductor surface."""
     found: dict[str, object] = {
         "kind": plant.kind,
@@ -160,9 +160,12 @@ def _plant(plant: Plant, near: NearPlant | None) -> dict[str, object]:
         "radius_m": plant.radius_m,
         "height_m": plant.height_m,
     }
-    if near is not None:
-        found["clearance_m"] = round(near.clearance_m, 4)
-        found["nearest_conductor"] = near.conductor
-        if near.observable is not None:
-            found["observable"] = near.observable
+    if leaves:
+        found |= _clearance(leaves[0])
+        found["leaves"] = [{**_clearance(one), "at": np.round(one.leaf, 4).tolist()} for one in leaves]
     return found
+
+
+def _clearance(leaf: NearLeaf) -> dict[str, object]:
+    known = {} if leaf.observable is None else {"observable": leaf.observable}
+    return {"clearance_m": round(leaf.clearance_m, 4), "nearest_conductor": leaf.conductor, **known}
