@@ -109,6 +109,14 @@ def test_wires_end_at_the_clamps_of_tension_strings_that_images_show() -> None:
         (found,) = with_tension_strings([one], photos, CONFIG)
         for end in first_ends(found):
             assert end.sigma_m == pytest.approx(np.hypot(0.158, turned), abs=0.001)
+    one, other = line.wires
+    (span,) = line.spans
+    shielded = replace(line, spans=(replace(span, wires=(one, replace(other, kind="shield"))),))
+    (with_shield,) = with_tension_strings([shielded], photos, CONFIG)
+    clamped = first_ends(with_shield)[1]  # to the same arm, without a string
+    before = first_ends(line)[1].sigma_m
+    assert clamped.sigma_m == pytest.approx(np.hypot(before, turned), abs=0.001)
+    assert clamped.point == pytest.approx(first_ends(line)[1].point) and clamped.string_m is None
     for end, wire in zip(first_ends(found), found.wires, strict=True):
         assert end.point[0] == pytest.approx(0.9, abs=0.2)
         assert wire.points(np.zeros(1))[0] == pytest.approx(end.point)  # the curve ends there too

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from plnerf.errors import ConfigError
+from plnerf.survey.config_end_sweep import HALF_TURN_DEG
 
 
 @dataclass(frozen=True)
@@ -182,9 +183,8 @@ class TensionStringConfig:
     """and none is seen over more of the wire; 0: there are none."""
     sigma_m: float = 0.15
     """Standard deviation of the length of a string that images show."""
-    half_turn_deg: float = 7.5
-    """Standard deviation of half the angle by which a line turns at a structure without suspension strings,
-    where its next span is not seen: few turn by more than 30 degrees."""
+    half_turn_deg: float = HALF_TURN_DEG
+    """Standard deviation of the angle by which arms are turned, at a line's last structure."""
     alike_m: float = 0.1
     """Standard deviation of the strings of one line from each other."""
     alike_misfit: float = 1.15

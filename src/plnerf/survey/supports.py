@@ -199,7 +199,8 @@ def _shown(
         place = held_across(around.junction, around.photos, middle - reach, middle + reach, config.sweep)
         if place is not None and place[1] >= agree:  # photos of one wire agree on something somewhere
             t, _ = place
-            sigma = float(np.hypot(config.by_sweep_m, _string_m(around, t, config) / TWO_SIDED_95))
+            by_string = _string_m(around, t, config) / TWO_SIDED_95
+            sigma = float(np.linalg.norm([config.by_sweep_m, by_string, _turned_m(around, t, config)]))
             return _Shown(t, sigma, "what holds the wires, seen in single photos", True, afar=True)
     return None if body is None else _Shown(body, config.by_body_m, "its body alone", False)
 
@@ -210,6 +211,15 @@ def _string_m(around: _Around, t: float, config: SupportConfig) -> float:
     apart = np.linalg.norm(at[:, None] - at, axis=2)
     least = float(apart[apart >= config.sweep.apart_m].min(initial=np.inf))
     return min(config.sweep.string_share * least, config.sweep.longest_string_m)
+
+
+def _turned_m(around: _Around, t: float, config: SupportConfig) -> float:
+    """By how much the outermost wires may be held before or behind the middle, standard deviation: where no
+    next span says which way a structure's arms are turned."""
+    if all(around.junction.sides):
+        return 0.0
+    y = [float(np.interp(t, line[:, 0], line[:, 1])) for line in around.lines]
+    return (max(y) - min(y)) / 2 * float(np.tan(np.radians(config.sweep.half_turn_deg)))
 
 
 def _around(scenery: Scenery, junction: Junction, config: SupportConfig) -> _Around:

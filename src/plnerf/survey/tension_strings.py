@@ -126,17 +126,16 @@ def _held_alike(
 
 def _with_strings(line: Line, strings: Held, config: TensionStringConfig) -> Line:
     """The line whose structures' strings are known; a structure with tension strings is no suspension."""
-
-    feet = {one.id: one.foot for one in line.structures}
     sides = Counter(id_ for span in line.spans for id_ in span.structures)
+    maybe = {id_ for (id_, _), one in strings.items() if one.length_m != 0}
+    turned = {one.id: one.foot for one in line.structures if one.id in maybe and sides[one.id] == 1}
 
     def changed(wire: Wire) -> Wire:
         for k, end in enumerate(wire.ends):
-            if isinstance(end, Attached) and (end.structure, wire.id) in strings:
-                own, last = strings[end.structure, wire.id], sides[end.structure] == 1
-                turned = last and own.length_m != 0 and end.structure in feet
-                held = _at_turned_arm(wire, end, feet[end.structure], config) if turned else end
-                wire = _ended(wire, k, held, own, config)
+            if isinstance(end, Attached):
+                foot, own = turned.get(end.structure), strings.get((end.structure, wire.id))
+                held = end if foot is None else _at_turned_arm(wire, end, foot, config)
+                wire = _with_end(wire, k, held) if own is None else _ended(wire, k, held, own, config)
         return wire
 
     strained = {id_ for (id_, _), one in strings.items() if one.length_m}
@@ -177,10 +176,14 @@ def _ended(wire: Wire, k: int, end: Attached, strings: Strings, config: TensionS
         L = wire.base.length_m
         moved = wire.between(*((strings.length_m, L) if k == 0 else (0.0, L - strings.length_m)))
     point = moved.points(np.array([0.0, moved.base.length_m]))[k]
-    ends = list(moved.ends)
-    ends[k] = replace(end, point=point, sigma_m=sigma, string_m=strings.length_m)
+    held = replace(end, point=point, sigma_m=sigma, string_m=strings.length_m)
     notes = wire.notes if note is None else (*wire.notes, note)
-    return replace(moved, ends=(ends[0], ends[1]), notes=notes)
+    return replace(_with_end(moved, k, held), notes=notes)
+
+
+def _with_end(wire: Wire, k: int, end: Attached) -> Wire:
+    first, last = wire.ends
+    return replace(wire, ends=(end, last) if k == 0 else (first, end))
 
 
 def about_string(length_m: float, k: int) -> str:
