@@ -244,7 +244,8 @@ def test_the_truth_in_the_package_is_that_of_the_default_scene():
     assert len(seen) == len(span.wires)
     plants = near_plants(span)
     near = [plant for plant in kept["vegetation"] if "clearance_m" in plant]
-    shown = [one.pop("observable") for plant in near for one in (plant, *plant["leaves"])]
+    shown = [plant.pop("observable") for plant in near]
+    shown += [row.pop() for plant in near for rows in plant["leaves"].values() for row in rows]
     assert len(near) == sum(len(leaves) > 0 for leaves in plants) and {*shown} == {True, False}
     assert_close(json.loads(json.dumps(truth_of(span, SCENES["span"], views, plants))), kept)
 

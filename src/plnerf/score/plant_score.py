@@ -97,17 +97,19 @@ def _nearest_of(
     wire: Wire, name: str, radius_m: float, place: Place | None, plants: Sequence[TruePlant]
 ) -> Compared | None:
     """name, radius_m: of the true wire; place: what is stated as nearest."""
-    leaves = [(plant, leaf) for plant in plants for leaf in plant.leaves if leaf.wire == name]
-    beside = [(plant, leaf) for plant, leaf in leaves if _is_between(leaf.place, wire)]
+    if place is not None and not _is_between(place.on_obstacle, wire):
+        return None  # things beyond a structure at which the line bends are a wire's, too
     shown = [
-        (plant, leaf)
-        for plant, leaf in beside
-        if leaf.observable or (place is not None and _is_at(plant, place.on_obstacle))
+        leaf
+        for plant in plants
+        for leaf in plant.leaves
+        if leaf.wire == name
+        and _is_between(leaf.place, wire)
+        and (leaf.observable or (place is not None and _is_at(plant, place.on_obstacle)))
     ]
-    own, between = ([plant for plant, _ in some] for some in (leaves, beside))
-    if not shown or (place is not None and _is_beyond(place.on_obstacle, own, between)):
+    if not shown:
         return None
-    nearest = min((leaf for _, leaf in shown), key=lambda leaf: leaf.clearance_m)
+    nearest = min(shown, key=lambda leaf: leaf.clearance_m)
     true_m = nearest.clearance_m + radius_m
     if place is None:
         return Compared(name, wire.id, true_m, None, None, None)

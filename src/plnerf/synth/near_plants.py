@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
+from plnerf.line.wire import Wire
 from plnerf.synth.capture import View
 from plnerf.synth.flight_config import CaptureConfig
 from plnerf.synth.foliage import plant_meshes
@@ -20,13 +21,16 @@ RANGE_M = 40.0  # around mid-span; further off, along the span and so far across
 ACROSS_M = 18.0
 LISTED_M = 25.0
 """Wires that a plant is farther from are not listed with it, but for the nearest."""
+BESIDE_M = 0.5
+"""The nearest leaf beside every piece of a wire that is so long is listed: surveys may have a part of it."""
 AXIS_STEP_M = 0.02  # of the points that clearances are measured to
 COARSE = 25  # every so many points of an axis say which leaves may be the nearest
 BEFORE_M = 0.5
 """Other leaves of the crown stand before a leaf by less than this; they show the same of the plant."""
 PLANTS_RULE = (
-    "clearance_m: from a plant's nearest leaf to the conductor's surface; leaves: that of each conductor "
-    f"within {LISTED_M:g} m, nearest first; observable: whether at least {OBSERVABLE_IMAGES} images show the "
+    "clearance_m: from a plant's nearest leaf to the conductor's surface; leaves: x, y, z, the clearance and "
+    f"whether it is observable (1 or 0) of the nearest leaf beside every {BESIDE_M:g} m of each conductor "
+    f"within {LISTED_M:g} m; observable: whether at least {OBSERVABLE_IMAGES} images show the "
     f"leaf, or what stands at most {BEFORE_M:g} m before it, within a pixel, from directions that span "
     f"{OBSERVABLE_DEG:g} degrees or more"
 )
@@ -37,7 +41,7 @@ DepthOf = Callable[[View], Float[np.ndarray, "h w"]]
 
 @dataclass(frozen=True)
 class NearLeaf:
-    """The leaf of a plant that is nearest to a conductor."""
+    """The leaf of a plant that is nearest to a conductor, or to a piece of it."""
 
     clearance_m: float
     """From the leaf to the conductor's surface."""
@@ -49,29 +53,47 @@ class NearLeaf:
 
 
 Leaves = tuple[NearLeaf, ...]
-"""Of one plant, the nearest first; none of plants far from the line."""
+"""Of one plant, beside the pieces of all conductors, the nearest first; none of plants far from the line."""
 
 
 def near_plants(site: Site) -> list[Leaves]:
-    """For each plant of a site its leaves that are nearest to the conductors, not filmed yet."""
-    axes = [wire.polyline(AXIS_STEP_M) for wire in site.wires]
-    trees = [(cKDTree(axis), cKDTree(axis[np.r_[0 : len(axis) : COARSE, len(axis) - 1]])) for axis in axes]
+    """For each plant of a site its leaves that are nearest to the conductors' pieces, not filmed yet."""
+    axes = [_Axis(wire) for wire in site.wires]
 
     def nearest(plant: Plant) -> Leaves:
         if np.hypot(*plant.foot[:2]) >= RANGE_M and not _beside(site, plant):
             return ()
         leaves = plant_meshes(plant)[1].vertices
-        found = []
-        for wire, (fine, coarse) in zip(site.wires, trees, strict=True):
-            about = coarse.query(leaves)[0]  # at most half a coarse step too far
-            few = leaves[about <= about.min() + AXIS_STEP_M * COARSE / 2 + 0.01]
-            distance = fine.query(few)[0]
-            best = int(np.argmin(distance))
-            found.append(NearLeaf(float(distance[best]) - radius_m(wire), wire.name, few[best]))
+        found = [leaf for axis in axes for leaf in axis.nearest(leaves)]
         found.sort(key=lambda one: one.clearance_m)
         return tuple(one for one in found if one is found[0] or one.clearance_m <= LISTED_M)
 
     return [nearest(plant) for plant in site.plants]
+
+
+class _Axis:
+    """A conductor as points that leaves are compared with."""
+
+    def __init__(self, wire: Wire) -> None:
+        points = wire.polyline(AXIS_STEP_M)
+        self._wire, self._fine = wire, cKDTree(points)
+        self._coarse = cKDTree(points[np.r_[0 : len(points) : COARSE, len(points) - 1]])
+
+    def nearest(self, leaves: Float[np.ndarray, "n 3"]) -> list[NearLeaf]:
+        """The nearest leaf beside each piece, those beyond the ends with the first and the last."""
+        length = self._wire.base.length_m
+        s = np.clip(self._wire.base.local(leaves)[:, 0], 0.0, length)
+        _, piece = np.unique((s / BESIDE_M).astype(np.int64), return_inverse=True)
+        about = self._coarse.query(leaves)[0]  # at most half a coarse step too far
+        least = np.full(piece.max() + 1, np.inf)
+        np.minimum.at(least, piece, about)
+        may = np.flatnonzero(about <= least[piece] + AXIS_STEP_M * COARSE / 2 + 0.01)
+        distance = self._fine.query(leaves[may])[0]
+        order = np.lexsort((distance, piece[may]))
+        first = order[np.unique(piece[may][order], return_index=True)[1]]
+        clearance = distance[first] - radius_m(self._wire)
+        pairs = zip(clearance.tolist(), leaves[may[first]], strict=True)
+        return [NearLeaf(away_m, self._wire.name, leaf) for away_m, leaf in pairs]
 
 
 def filmed_plants(

@@ -161,11 +161,19 @@ def _plant(plant: Plant, leaves: Leaves) -> dict[str, object]:
         "height_m": plant.height_m,
     }
     if leaves:
-        found |= _clearance(leaves[0])
-        found["leaves"] = [{**_clearance(one), "at": np.round(one.leaf, 4).tolist()} for one in leaves]
+        found |= {
+            "clearance_m": round(leaves[0].clearance_m, 4),
+            "nearest_conductor": leaves[0].conductor,
+        }
+        if leaves[0].observable is not None:
+            found["observable"] = leaves[0].observable
+        found["leaves"] = {
+            name: [_leaf(one) for one in leaves if one.conductor == name]
+            for name in dict.fromkeys(one.conductor for one in leaves)
+        }
     return found
 
 
-def _clearance(leaf: NearLeaf) -> dict[str, object]:
-    known = {} if leaf.observable is None else {"observable": leaf.observable}
-    return {"clearance_m": round(leaf.clearance_m, 4), "nearest_conductor": leaf.conductor, **known}
+def _leaf(leaf: NearLeaf) -> list[float]:
+    shown = [] if leaf.observable is None else [float(leaf.observable)]
+    return [*(round(x, 3) for x in leaf.leaf.tolist()), round(leaf.clearance_m, 3), *shown]
