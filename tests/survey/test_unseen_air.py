@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from tests.support.catenary_surveys import cloud, fitted, line_of
 
-from plnerf.line.clearances import Clearances, Requirement
-from plnerf.line.cloud import GROUND, HIGH_VEGETATION
+from plnerf.findings import Finding
+from plnerf.line.clearances import Clearances, Place, Requirement
+from plnerf.line.cloud import GROUND, HIGH_VEGETATION, VEGETATION
 from plnerf.line.files import read_survey, write_survey_json
 from plnerf.line.frame import LineFrame
 from plnerf.line.hang import hang
@@ -26,7 +27,7 @@ from plnerf.survey.rules import judge_rules
 from plnerf.survey.stereo.depth import DepthMap
 from plnerf.survey.stereo.stereo_views import View
 from plnerf.survey.stereo.witnesses import Sight
-from plnerf.survey.unseen_air import air_around, with_air_seen
+from plnerf.survey.unseen_air import air_around, upper_limits, with_air_seen
 
 CONFIG = CoverageConfig()
 WIRE = hang((0.0, 0.0, 12.0), (60.0, 0.0, 12.0), 2.0)
@@ -126,3 +127,62 @@ def test_clouds_and_wires_without_plants_state_nothing_about_the_air(survey: Sur
     none = replace(clearances(survey), wires=(bare,))
     found, findings = with_air_seen(none, survey, SIGHTS, CONFIG)
     assert found.wires == (bare,) and findings == []
+
+
+def with_bush(survey: Survey, height_m: float, sigma_m: float) -> Survey:
+    """Below the wire, nearer than the tree."""
+    bush = np.random.default_rng(1).uniform([9.0, -1.0, height_m - 0.1], [11.0, 1.0, height_m], (50, 3))
+    old = survey.cloud
+    assert old.sigma_m is not None and old.seen is not None
+    ground, tree = old.xyz[old.label == GROUND], TREE + np.array([0.0, 12.0, 0.0])
+    points = cloud({GROUND: ground, HIGH_VEGETATION: tree, VEGETATION: bush})
+    many = np.full(len(points.xyz), 9)
+    sigma = np.where(points.label == VEGETATION, sigma_m, 0.1)
+    return replace(survey, cloud=replace(points, sigma_m=sigma, seen=many, past=0 * many))
+
+
+def test_what_does_not_stand_out_from_the_ground_is_no_plant_and_limits_the_others(
+    survey: Survey, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bush 9 m below the wire, and a tree 16 m beside it."""
+    monkeypatch.setattr(unseen_air, "witnesses", lambda points, *_: (0 * points[:, 0], 0 * points[:, 0] + 9))
+
+    def least_of(height_m: float, sigma_m: float) -> tuple[Place, list[Finding]]:
+        there = with_bush(survey, height_m, sigma_m)
+        before = measure_clearances(there, ClearanceConfig())[0]
+        found, findings = with_air_seen(before, there, SIGHTS, CONFIG)
+        least = found.wires[0].least("vegetation")
+        assert least is not None
+        return least, findings
+
+    deviations = ClearanceConfig().obstacles.above_sigmas
+    bush, findings = least_of(1.0, 0.9 / (deviations + 0.1))
+    assert bush.class_code == VEGETATION and not bush.at_most and not findings
+    tree, (finding,) = least_of(1.0, 1.0 / (deviations - 0.1))
+    assert tree.class_code == HIGH_VEGETATION and tree.at_most
+    assert tree.hidden_m == pytest.approx(bush.distance_m) and f"{bush.distance_m:.1f} m" in finding.text
+    # What is hidden is as near as the bush at most: it is clear of less.
+    between = bush.distance_m + 0.5
+    for required_m, verdict in ((bush.distance_m - 0.5, "clear"), (between, "not all seen")):
+        asked = Requirement(required_m, ("vegetation",), "test", "test")
+        assert Clearances((), asked).verdict(tree) == verdict
+    bare, _ = least_of(0.5, 0.01)  # a bush is one where its points are good
+    assert bare.class_code == VEGETATION
+
+
+def test_rules_take_a_limit_for_clear_of_what_nothing_hidden_reaches(survey: Survey, tmp_path: Path) -> None:
+    there = with_bush(survey, 1.0, 0.25)
+    found = measure_clearances(there, ClearanceConfig())[0]
+    there = replace(there, clearances=found)
+    least = found.wires[0].least("vegetation")
+    assert least is not None and upper_limits(there) == {(1, 1): least.hidden_m}
+    row = "[[row]]\nobject = 'vegetation'\ndirection = 'radial'\ndistance = {}\nread_in = 'here'\n"
+    text = "name = 'a rule'\nsource = 'a page'\ndate = '2026'\n"
+    rows = (least.hidden_m - 0.5, least.hidden_m + 0.5)
+    (tmp_path / "rule.toml").write_text(text + "".join(row.format(required) for required in rows))
+    config = RulesConfig(matrix=tmp_path / "rule.toml", voltage_kv=110.0)
+    report, _ = judge_rules(there, ClearanceConfig(), config)
+    assert report is not None
+    assert {one.rule: one.verdict for one in report.judged} == {1: "clear", 2: "not all seen"}
+    encroaching = find_encroachments(there, [], ClearanceConfig(), config, EncroachmentConfig())
+    assert encroaching is None or not any("images do not show" in text for text in encroaching.not_examined)

@@ -125,6 +125,7 @@ def clearance_rows(survey: Survey, transform: CrsTransform) -> list[Row]:
             **_quantity("distance", Quantity(place.distance_m, place.sigma_m)),
             "at_most": place.at_most,
             "air_seen": place.air_seen,
+            "hidden_m": place.hidden_m if place.at_most else None,
             "vertical_m": place.vertical_m,
             "s_m": place.s_m,
             "station_m": float(stretch.station(place.on_wire[None])[0]),

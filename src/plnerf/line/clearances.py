@@ -3,7 +3,7 @@
 Letters: k stations along a wire; s along the wire's base from its first end; LineFrame, metres.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -29,13 +29,16 @@ SIGMAS = 2.0
 
 
 def verdict_of(
-    distance_m: float, sigma_m: float, required_m: float, *, at_most: bool = False
+    distance_m: float, sigma_m: float, required_m: float, *, at_most: bool = False, hidden_m: float = 0.0
 ) -> Verdict:
-    """How a distance, with its standard deviation, compares with a required one; at_most: it is an upper
-    limit, since something nearer may be where images do not see."""
+    """How a distance, with its standard deviation, compares with a required one.
+
+    at_most: it is an upper limit, since something nearer may be where images do not show it; hidden_m: but
+    nothing nearer than this.
+    """
     spare = distance_m - required_m
     if spare > SIGMAS * sigma_m:
-        return "not all seen" if at_most else "clear"
+        return "not all seen" if at_most and hidden_m < required_m else "clear"
     return "closer than required" if spare < -SIGMAS * sigma_m else "within its uncertainty"
 
 
@@ -50,9 +53,11 @@ class Requirement:
     date: str | None = None
     caveats: tuple[str, ...] = ()
 
-    def verdict(self, distance_m: float, sigma_m: float, *, at_most: bool = False) -> Verdict:
+    def verdict(
+        self, distance_m: float, sigma_m: float, *, at_most: bool = False, hidden_m: float = 0.0
+    ) -> Verdict:
         """On a distance and its standard deviation, or on an upper limit."""
-        return verdict_of(distance_m, sigma_m, self.distance_m, at_most=at_most)
+        return verdict_of(distance_m, sigma_m, self.distance_m, at_most=at_most, hidden_m=hidden_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +81,19 @@ class Place:
     air_seen: float | None = None
     """Share of the air nearer to the wire than the nearest plant that enough images see; None: not known."""
     at_most: bool = False
-    """Whether that is too little, so that something nearer may be there: the distance is an upper limit."""
+    """Whether that is too little, or the ground's scatter is nearer, in which low plants do not stand out:
+    something nearer may be there, and the distance is an upper limit."""
+    hidden_m: float = 0.0
+    """Of an upper limit, how near what was not found may be."""
 
     @property
     def vertical_m(self) -> float:
         """How much higher the wire is than the obstacle."""
         return float(self.on_wire[2] - self.on_obstacle[2])
+
+    def limit(self, hidden_m: float) -> "Place":
+        """The same as an upper limit."""
+        return replace(self, at_most=True, hidden_m=hidden_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +190,9 @@ class Clearances:
         """None where nothing is required: of shield wires, and of what the requirement does not apply to."""
         if self.requirement is None or place.kind != "phase" or place.to not in self.requirement.applies_to:
             return None
-        return self.requirement.verdict(place.distance_m, place.sigma_m, at_most=place.at_most)
+        return self.requirement.verdict(
+            place.distance_m, place.sigma_m, at_most=place.at_most, hidden_m=place.hidden_m
+        )
 
     def all_places(self) -> tuple[Place, ...]:
         """Of every wire, by group and then by distance; last the height above the ground."""

@@ -8,6 +8,8 @@ states none or a plant is the obstacle (`sampling.py`).  A shift along the wire 
 to first order, since the line to the obstacle is square to the wire.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import minimum_filter1d
@@ -42,6 +44,7 @@ from plnerf.survey.obstacles import (
     near_polyline,
     nearest_along,
     obstacles,
+    scattered_ground,
     shared_structures,
     stations,
 )
@@ -75,12 +78,13 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
         above = [harms(REQUIRED, f"Nothing is judged. {error}")]
     found = obstacles(survey, config.obstacles)
     shared = shared_structures(survey)
-    doubted = possible_points(survey, config)
+    doubted, scattered = possible_points(survey, config), scattered_ground(survey, config.obstacles)
     wires, maybe = list[WireClearance](), list[Place]()
     for span in survey.spans:
         sure, unsure = (_beside_span(span, survey.cloud, some, config) for some in (found, doubted))
         for wire in span.wires:
-            wires.append(_measure(span, wire, survey.cloud, sure, shared, config))
+            measured = _measure(span, wire, survey.cloud, sure, shared, config)
+            wires.append(_limited(measured, wire, survey.cloud, scattered, config))
             for group, near in _near(wire, survey.cloud, unsure, shared, config).items():
                 maybe += _places(span, wire, survey.cloud, group, near, unsure[group], config)
     possible = find_possible(survey, wires, maybe, config)
@@ -137,6 +141,25 @@ def _measure(
         )  # fmt: skip
     places = {group: _places(span, wire, cloud, group, near[group], found[group], config) for group in GROUPS}
     return WireClearance(wire.id, span.id, wire.kind, places, vertical, profile, no_vertical)
+
+
+def _limited(
+    one: WireClearance, wire: Wire, cloud: Cloud, scattered: Int[np.ndarray, " _"], config: ClearanceConfig
+) -> WireClearance:
+    """With the distances to plants as upper limits that lie beyond what the ground scatters by: low plants do
+    not stand out there.
+
+    scattered: indices of points that may be either.
+    """
+    reach_m = config.obstacles.reach_m
+    some = near_polyline(wire.polyline(1.0), cloud.xyz, scattered, reach_m)
+    near = nearest_along(wire, stations(wire, config.station_m), cloud.xyz, some, reach_m, (0.0, 0.0))
+    low_m = float(near.distance_m.min())
+    limited = tuple(
+        place if place.distance_m <= low_m else place.limit(low_m)
+        for place in one.places["vegetation"]
+    )
+    return replace(one, places={**one.places, "vegetation": limited})
 
 
 def _places(

@@ -88,6 +88,9 @@ class ObstacleConfig:
     max_sigma_m: float = 1.0
     """Points of a greater standard deviation are no obstacles: of thousands with errors of metres, the
     nearest to the wire is always a wrong one."""
+    above_sigmas: float = 5.0
+    """Low and medium vegetation less high above the ground than this many of its standard deviations is not
+    told from it: of the thousands of points of bare ground around a wire some lie four above it."""
     own_m: float = 0.5
     """Other points this near to a wire belong to it: spacers, dampers, and what was not labelled as wire."""
     reach_m: float = 50.0
@@ -117,5 +120,7 @@ class ObstacleConfig:
                 "Obstacles need min_seen >= 1 and max_possible >= 0, but got "
                 f"{self.min_seen} and {self.max_possible}."
             )
+        if self.above_sigmas < 0:
+            raise ConfigError(f"Obstacles need above_sigmas of 0 or more, but got {self.above_sigmas}.")
         if not self.max_sigma_m > 0:
             raise ConfigError(f"Obstacles need max_sigma_m > 0, but got {self.max_sigma_m}.")

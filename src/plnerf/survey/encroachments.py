@@ -334,10 +334,10 @@ class _Search:
                 f"{self.near.wires} groups of points of plants are taken for wires that were not found: they "
                 "are level and narrow, with nothing below."
             )
-        limits = upper_limits(self.survey)
-        if "vegetation" in objects and limits:
+        unseen = sum(hidden_m == 0 for hidden_m in upper_limits(self.survey).values())
+        if "vegetation" in objects and unseen:
             left.append(
-                f"Plants that images do not show are not examined: in {len(limits)} of the spans one may "
+                f"Plants that images do not show are not examined: in {unseen} of the spans one may "
                 "stand nearer than the nearest that is found."
             )
         unruled = [

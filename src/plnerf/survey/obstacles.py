@@ -36,6 +36,7 @@ from plnerf.survey.crossarm_zone import in_crossarm_zone
 from plnerf.survey.floating import floats
 from plnerf.survey.green import green_plants, is_green
 from plnerf.survey.open_ends import at_open_end, open_ends
+from plnerf.survey.single_objects import GroundHeights
 
 WATER, RAIL, ROAD = 9, 10, 11
 OWN = (SHIELD, CONDUCTOR, TOWER, CONNECTOR)
@@ -67,7 +68,8 @@ def rules(config: ObstacleConfig) -> dict[str, str]:
         "other": f"unclassified points (class 1) and all further classes, but not {at_support}, and not "
         f"within {config.own_m:g} m of any wire",
         "left out": "wires, towers (of this line and of others), insulators, noise; in clouds that state "
-        f"standard deviations also points of more than {config.max_sigma_m:g} m, vegetation within "
+        f"standard deviations also points of more than {config.max_sigma_m:g} m, low and medium vegetation "
+        f"within {config.above_sigmas:g} standard deviations of the ground, vegetation within "
         f"{config.plant_support_m:g} m of a structure's foot or a wire's end on it, unless it is green "
         f"(excess of {config.green.least:g} or more) and either so many images see it as below, or "
         f"{config.green.least_below_m:g} m of it are seen further down, and what lies beyond the "
@@ -127,6 +129,8 @@ def obstacles(
         index = np.flatnonzero(counted)
         sure = is_shown(cloud, config)[index]
         if group == "vegetation" and cloud.sigma_m is not None:
+            stands = ~_scatters(cloud, index, config)
+            index, sure = index[stands], sure[stands]
             of_structure = _within(_tree(held), cloud.xyz[:, :2], index, config.plant_support_m)
             near = index[of_structure]
             plants = is_green(cloud, near, config.green) & sure[of_structure]
@@ -143,6 +147,26 @@ def obstacles(
             index, sure = index[~of_wire], sure[~of_wire]
         found[group] = index[sure != possible]
     return found
+
+
+def scattered_ground(survey: Survey, config: ObstacleConfig) -> Int[np.ndarray, " _"]:
+    """Indices of the points of low plants that may as well be the ground's; none of clouds that state no
+    standard deviations."""
+    cloud = survey.cloud
+    if cloud.sigma_m is None:
+        return np.zeros(0, np.int64)
+    low = np.isin(cloud.label, (LOW_VEGETATION, VEGETATION)) & (cloud.sigma_m <= config.max_sigma_m)
+    index = np.flatnonzero(low & is_shown(cloud, config))
+    return index[_scatters(cloud, index, config)]
+
+
+def _scatters(cloud: Cloud, index: Int[np.ndarray, " m"], config: ObstacleConfig) -> Bool[np.ndarray, " m"]:
+    """Which points of plants are not told from points of the ground; none where no ground is near."""
+    assert cloud.sigma_m is not None
+    ground = GroundHeights.of(cloud.xyz[cloud.label == GROUND])
+    above = cloud.xyz[index, 2] - ground.at(cloud.xyz[index, :2])
+    low: Bool[np.ndarray, " m"] = above < config.above_sigmas * cloud.sigma_m[index]
+    return low & (cloud.label[index] != HIGH_VEGETATION)
 
 
 def _held_ends(survey: Survey) -> list[Float[np.ndarray, "2"]]:

@@ -11,7 +11,7 @@ judged too, whatever states a row is for.  Where the nearest plant of a span is 
 (`unseen_air.py`) nothing there is clear of plants.
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Mapping, Sequence
 
 from plnerf.errors import SurveyError
 from plnerf.findings import Finding, harms, note
@@ -107,12 +107,15 @@ def _out_of_place(row: Row, config: RulesConfig, altitude: Altitude) -> str:
 
 
 def _judge(
-    rule: Rule, state: RuleState, least: Least, limits: Container[tuple[int, int]]
+    rule: Rule, state: RuleState, least: Least, limits: Mapping[tuple[int, int], float]
 ) -> list[Judged]:
     found = []
     for (line, span), (wire, one) in least.items():
         at_most = rule.object == "vegetation" and (line, span) in limits
-        verdict = verdict_of(one.distance.value, one.distance.sigma, rule.required_m, at_most=at_most)
+        verdict = verdict_of(
+            one.distance.value, one.distance.sigma, rule.required_m,
+            at_most=at_most, hidden_m=limits.get((line, span), 0.0),
+        )  # fmt: skip
         found.append(Judged(
             rule.number, state.name, line, span, wire.id, one.distance, one.on_wire, one.on_object, verdict,
             at_most,

@@ -3,7 +3,8 @@
 The least distance to plants is that to what was matched.  A crown that few images have in their frames, or
 from places far from each other, leaves no points; neither does anything show past it.  So the air nearer to
 the wire than the nearest plant is sampled, down to the ground: where enough images see through too little of
-it, the distance is an upper limit.
+it, the distance is an upper limit.  So it is where low plants nearer than that would not stand out from the
+ground (`clearance.py`).
 
 Letters: k stations along a wire, a directions across it, r distances from it.  LineFrame, metres.
 """
@@ -15,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from plnerf.findings import Finding, harms
-from plnerf.line.clearances import Clearances, Place, Profile, WireClearance
+from plnerf.findings import Finding, harms, note
+from plnerf.line.clearances import Clearances, Profile, WireClearance
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_ground import CoverageConfig
@@ -38,17 +39,19 @@ def with_air_seen(
     return replace(clearances, wires=wires), _about(wires, config)
 
 
-def upper_limits(survey: Survey) -> set[tuple[int, int]]:
-    """The lines and spans with a phase conductor whose nearest plant is an upper limit."""
+def upper_limits(survey: Survey) -> dict[tuple[int, int], float]:
+    """The lines and spans with a phase conductor whose nearest plant is an upper limit, and how near what was
+    not found may be."""
     if survey.clearances is None:
-        return set()
-    wires = {one.wire for one in survey.clearances.wires if (p := one.least("vegetation")) and p.at_most}
-    return {
-        (line.id, span.id)
-        for line in survey.lines
-        for span in line.spans
-        if any(wire.id in wires and wire.kind == "phase" for wire in span.wires)
-    }
+        return {}
+    least = {one.wire: p for one in survey.clearances.wires if (p := one.least("vegetation")) and p.at_most}
+    found: dict[tuple[int, int], float] = {}
+    for line in survey.lines:
+        for span in line.spans:
+            hidden = [least[one.id].hidden_m for one in span.wires if one.id in least and one.kind == "phase"]
+            if hidden:
+                found[line.id, span.id] = min(hidden)
+    return found
 
 
 def _of_wire(
@@ -62,10 +65,8 @@ def _of_wire(
         return one
     seen, past = witnesses(places, np.zeros(len(places)), sights, config.witnesses)
     share = float(np.average(seen + past >= config.min_images, weights=weights))
-    marked = tuple(
-        replace(place, air_seen=share, at_most=share < config.least_share)
-        for place in one.places["vegetation"]
-    )
+    known = (replace(place, air_seen=share) for place in one.places["vegetation"])
+    marked = tuple(place.limit(0.0) if share < config.least_share else place for place in known)
     return replace(one, places={**one.places, "vegetation": marked})
 
 
@@ -99,20 +100,23 @@ def _ground(
 
 def _about(wires: Sequence[WireClearance], config: CoverageConfig) -> list[Finding]:
     least = [place for one in wires if (place := one.least("vegetation")) is not None and place.at_most]
-    if not least:
-        return []
-    listed = ", ".join(_listed(place) for place in least)
-    return [
-        harms(
+    unseen = [place for place in least if place.air_seen is not None and place.air_seen < config.least_share]
+    low = [place for place in least if place not in unseen]
+    findings = []
+    if unseen:
+        listed = ", ".join(f"wire {place.wire}: {place.air_seen:.0%}" for place in unseen)
+        findings.append(harms(
             LEAST,
             "Plants may stand nearer than the nearest that are found, whose distances are upper limits: of "
             f"the air nearer to the wire {config.min_images} images or more see less than "
             f"{config.least_share:.0%} ({listed}).",
             "See under Coverage, and take more images there, nearer to each other.",
-        )
-    ]
-
-
-def _listed(place: Place) -> str:
-    assert place.air_seen is not None
-    return f"wire {place.wire}: {place.air_seen:.0%}"
+        ))  # fmt: skip
+    if low:
+        listed = ", ".join(f"wire {place.wire}: {place.hidden_m:.1f} m" for place in low)
+        findings.append(note(
+            LEAST,
+            "Low plants do not stand out from the ground's scatter, which is nearer than the nearest that is "
+            f"found. The distances are upper limits, and low plants may be as near as this: {listed}.",
+        ))  # fmt: skip
+    return findings
