@@ -170,6 +170,24 @@ def test_what_does_not_stand_out_from_the_ground_is_no_plant_and_limits_the_othe
     assert bare.class_code == VEGETATION
 
 
+def test_what_is_green_and_seen_by_too_few_limits_the_distances_too(survey: Survey) -> None:
+    """Unless more images see past it, or it is grey."""
+    there = with_bush(survey, 5.0, 0.05)  # in the air, 5.8 m below the wire
+    cloud = there.cloud
+    bush = cloud.label == VEGETATION
+    assert cloud.seen is not None and cloud.past is not None
+    for seen, past, rgb, at_most in (
+        (2, 1, (60, 120, 50), True), (2, 2, (60, 120, 50), False), (2, 1, (90, 90, 90), False),
+    ):  # fmt: skip
+        colours = np.where(bush[:, None], rgb, (60, 120, 50)).astype(np.uint8)
+        views = np.where(bush, seen, cloud.seen), np.where(bush, past, cloud.past)
+        few = replace(cloud, seen=views[0], past=views[1], rgb=colours)
+        found = measure_clearances(replace(there, cloud=few), ClearanceConfig())[0]
+        least = found.wires[0].least("vegetation")
+        assert least is not None and least.class_code == HIGH_VEGETATION and least.at_most == at_most
+        assert least.hidden_m == (pytest.approx(5.8, abs=0.1) if at_most else 0.0)
+
+
 def test_rules_take_a_limit_for_clear_of_what_nothing_hidden_reaches(survey: Survey, tmp_path: Path) -> None:
     there = with_bush(survey, 1.0, 0.25)
     found = measure_clearances(there, ClearanceConfig())[0]

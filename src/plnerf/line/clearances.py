@@ -81,8 +81,8 @@ class Place:
     air_seen: float | None = None
     """Share of the air nearer to the wire than the nearest plant that enough images see; None: not known."""
     at_most: bool = False
-    """Whether that is too little, or the ground's scatter is nearer, in which low plants do not stand out:
-    something nearer may be there, and the distance is an upper limit."""
+    """Whether that is too little, or what may be a plant is nearer: low ones that do not stand out from the
+    ground's scatter, green ones that too few images see.  The distance is an upper limit then."""
     hidden_m: float = 0.0
     """Of an upper limit, how near what was not found may be."""
 

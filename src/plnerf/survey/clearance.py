@@ -41,10 +41,10 @@ from plnerf.survey.obstacles import (
     Nearest,
     beside,
     beyond_ends_m,
+    doubted_plants,
     near_polyline,
     nearest_along,
     obstacles,
-    scattered_ground,
     shared_structures,
     stations,
 )
@@ -78,13 +78,14 @@ def measure_clearances(survey: Survey, config: ClearanceConfig) -> tuple[Clearan
         above = [harms(REQUIRED, f"Nothing is judged. {error}")]
     found = obstacles(survey, config.obstacles)
     shared = shared_structures(survey)
-    doubted, scattered = possible_points(survey, config), scattered_ground(survey, config.obstacles)
+    doubted = possible_points(survey, config)
+    plants = doubted_plants(survey, doubted["vegetation"], config.obstacles)
     wires, maybe = list[WireClearance](), list[Place]()
     for span in survey.spans:
         sure, unsure = (_beside_span(span, survey.cloud, some, config) for some in (found, doubted))
         for wire in span.wires:
             measured = _measure(span, wire, survey.cloud, sure, shared, config)
-            wires.append(_limited(measured, wire, survey.cloud, scattered, config))
+            wires.append(_limited(measured, wire, survey.cloud, plants, config))
             for group, near in _near(wire, survey.cloud, unsure, shared, config).items():
                 maybe += _places(span, wire, survey.cloud, group, near, unsure[group], config)
     possible = find_possible(survey, wires, maybe, config)
@@ -144,20 +145,16 @@ def _measure(
 
 
 def _limited(
-    one: WireClearance, wire: Wire, cloud: Cloud, scattered: Int[np.ndarray, " _"], config: ClearanceConfig
+    one: WireClearance, wire: Wire, cloud: Cloud, doubted: Int[np.ndarray, " _"], config: ClearanceConfig
 ) -> WireClearance:
-    """With the distances to plants as upper limits that lie beyond what the ground scatters by: low plants do
-    not stand out there.
-
-    scattered: indices of points that may be either.
-    """
+    """With the distances to plants as upper limits that are more than those to doubted plants, by their
+    indices."""
     reach_m = config.obstacles.reach_m
-    some = near_polyline(wire.polyline(1.0), cloud.xyz, scattered, reach_m)
+    some = near_polyline(wire.polyline(1.0), cloud.xyz, doubted, reach_m)
     near = nearest_along(wire, stations(wire, config.station_m), cloud.xyz, some, reach_m, (0.0, 0.0))
-    low_m = float(near.distance_m.min())
+    hidden_m = float(near.distance_m.min())
     limited = tuple(
-        place if place.distance_m <= low_m else place.limit(low_m)
-        for place in one.places["vegetation"]
+        place if place.distance_m <= hidden_m else place.limit(hidden_m) for place in one.places["vegetation"]
     )
     return replace(one, places={**one.places, "vegetation": limited})
 

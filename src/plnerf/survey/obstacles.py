@@ -149,15 +149,22 @@ def obstacles(
     return found
 
 
-def scattered_ground(survey: Survey, config: ObstacleConfig) -> Int[np.ndarray, " _"]:
-    """Indices of the points of low plants that may as well be the ground's; none of clouds that state no
+def doubted_plants(
+    survey: Survey, possible: Int[np.ndarray, " m"], config: ObstacleConfig
+) -> Int[np.ndarray, " _"]:
+    """Indices of what may be plants as well as not: low ones that may be the ground's scatter, and of the
+    possible ones those that are green and that more images see than see past.  None of clouds that state no
     standard deviations."""
     cloud = survey.cloud
     if cloud.sigma_m is None:
         return np.zeros(0, np.int64)
     low = np.isin(cloud.label, (LOW_VEGETATION, VEGETATION)) & (cloud.sigma_m <= config.max_sigma_m)
     index = np.flatnonzero(low & is_shown(cloud, config))
-    return index[_scatters(cloud, index, config)]
+    index = index[_scatters(cloud, index, config)]
+    if cloud.seen is None or cloud.past is None:
+        return index
+    green = possible[is_green(cloud, possible, config.green) & (cloud.seen[possible] > cloud.past[possible])]
+    return np.concatenate([index, green])
 
 
 def _scatters(cloud: Cloud, index: Int[np.ndarray, " m"], config: ObstacleConfig) -> Bool[np.ndarray, " m"]:

@@ -3,8 +3,7 @@
 The least distance to plants is that to what was matched.  A crown that few images have in their frames, or
 from places far from each other, leaves no points; neither does anything show past it.  So the air nearer to
 the wire than the nearest plant is sampled, down to the ground: where enough images see through too little of
-it, the distance is an upper limit.  So it is where low plants nearer than that would not stand out from the
-ground (`clearance.py`).
+it, the distance is an upper limit.  So it is where what may be a plant is nearer (`clearance.py`).
 
 Letters: k stations along a wire, a directions across it, r distances from it.  LineFrame, metres.
 """
@@ -116,7 +115,8 @@ def _about(wires: Sequence[WireClearance], config: CoverageConfig) -> list[Findi
         listed = ", ".join(f"wire {place.wire}: {place.hidden_m:.1f} m" for place in low)
         findings.append(note(
             LEAST,
-            "Low plants do not stand out from the ground's scatter, which is nearer than the nearest that is "
-            f"found. The distances are upper limits, and low plants may be as near as this: {listed}.",
+            "Nearer than the nearest plant that is found there may be others, low ones that do not stand out "
+            "from the ground's scatter or green ones that too few images show. The distances are upper "
+            f"limits, and plants may be as near as this: {listed}.",
         ))  # fmt: skip
     return findings
