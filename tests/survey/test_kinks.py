@@ -130,6 +130,29 @@ def test_a_kink_far_from_the_others_does_not_count() -> None:
     assert together.own[0, 0][1] >= CONFIG.arms_m
 
 
+@pytest.mark.parametrize(("before_m", "after_m", "counts"), [
+    (0.0, 0.0, True), (4.0, 2.0, True), (2.0, 4.0, True), (4.0, 4.0, False),
+])  # fmt: skip
+def test_a_kink_alone_is_seen_on_one_side_at_least(before_m: float, after_m: float, counts: bool) -> None:
+    """before_m, after_m: from the kink to where images show the wires."""
+    spans = [[wires[0]] for wires in true_spans(attachments(bend(20.0)))]
+    junction = junction_of(spans, None, (4.0, 4.0))
+    seen = []
+    for span, last, off_m in ((junction.before, True, before_m), (junction.after, False, after_m)):
+        assert span is not None
+        (wire,) = span.wires
+        (kink,) = find_kinks(junction, CONFIG)
+        s = float(wire.base.local(kink.point[None])[0, 0])
+        stretch = ((0.0, s - off_m),) if last else ((s + off_m, wire.base.length_m),)
+        evidence = replace(wire.evidence, seen_m=stretch)
+        seen.append(replace(span, wires=(replace(wire, evidence=evidence),)))
+    junction = replace(junction, before=seen[0], after=seen[1])
+    kinks = find_kinks(junction, CONFIG)
+    assert [kink.unseen_m for kink in kinks] == [pytest.approx(min(before_m, after_m), abs=1e-6)]
+    assert (held_by(kinks, junction.axis, None, CONFIG) is not None) == counts
+    assert held_by(kinks, junction.axis, (kinks[0].along(junction.axis)[0], 0.1), CONFIG) is not None
+
+
 def moved(junction: Junction, sideways: float, upwards: float) -> Junction:
     """With all curves after it elsewhere."""
     assert junction.after is not None

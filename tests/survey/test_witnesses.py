@@ -230,22 +230,24 @@ def test_what_may_be_a_crossarm_has_no_verdict(
 
 
 @pytest.mark.parametrize(("seen_to_m", "beside_m", "counts"), [
-    (70.0, None, False), (73.0, None, False), (74.0, None, True), (70.0, 73.0, False), (70.0, 74.0, True),
-    (70.0, 0.0, False),
+    (70.0, (), False), (73.0, (), False), (74.0, (), True), (70.0, (73.0,), False), (70.0, (74.0,), True),
+    (70.0, (0.0,), False), (70.0, (74.0, 70.0), False), (70.0, (74.0, 74.0), True),
+    (70.0, (74.0, 0.0), True),
 ])  # fmt: skip
-def test_what_a_wire_of_the_span_is_seen_to_pass_is_no_structure(
-    seen_to_m: float, beside_m: float | None, counts: bool
+def test_what_half_of_the_wires_are_seen_to_pass_is_no_structure(
+    seen_to_m: float, beside_m: tuple[float, ...], counts: bool
 ) -> None:
-    """A plant at 72 m: it counts where that wire, or the one beside it, is seen for 1.5 m beyond it; of a
-    wire that no image is known to show (0) the curve goes on, but says nothing."""
+    """A plant at 72 m: it counts where half of the wires, that one and those beside it, are seen for 1.5 m
+    beyond it; of a wire that no image is known to show (0) the curve goes on, but says nothing."""
 
     def seen_to(wire: Wire, end_m: float) -> Wire:
         evidence = replace(wire.evidence, seen_m=((0.0, end_m),) if end_m else ())
         return replace(wire, ends=(wire.ends[0], Open("nothing")), evidence=evidence)
 
     wire = fitted(WIRE)
-    beside = replace(wire, id=2, theta=wire.theta + np.array([6.0, 6.0, 0.0, 0.0, 0.0, 0.0]))
-    wires = [seen_to(wire, seen_to_m)] + [seen_to(beside, end_m) for end_m in [beside_m] if end_m is not None]
+    across = np.array([6.0, 6.0, 0.0, 0.0, 0.0, 0.0])
+    beside = [replace(wire, id=2 + k, theta=wire.theta + (k + 1) * across) for k in range(len(beside_m))]
+    wires = [seen_to(one, end_m) for one, end_m in zip([wire, *beside], (seen_to_m, *beside_m), strict=True)]
     plants = wire.points(np.array([72.0, 40.0])) - np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 4.0]])
     survey = replace(survey_of({HIGH_VEGETATION: plants}), lines=(line_of(wires),))
     nine, none = np.array([9, 9]), np.array([0, 0])
@@ -254,6 +256,31 @@ def test_what_a_wire_of_the_span_is_seen_to_pass_is_no_structure(
     least = found.wires[0].least("vegetation")
     assert least is not None and least.distance_m == pytest.approx(1.5 if counts else 4.0, abs=0.05)
     assert [one.at_open_end for one in found.possible] == [True] * (not counts)
+
+
+@pytest.mark.parametrize(("grey", "along_m", "counts"), [
+    (False, 5.0, True), (True, 5.0, False), (True, 9.0, True), (False, 3.0, False), (True, -2.0, True),
+])  # fmt: skip
+def test_what_is_not_green_beyond_an_open_end_may_be_a_structure_at_twice_the_distance(
+    grey: bool, along_m: float, counts: bool
+) -> None:
+    """Two wires end at 60 m; the curve of the third goes on past the thing, 6 m beside it."""
+    wire, loose = fitted(WIRE), Open("nothing")
+    ends = [replace(wire.evidence, seen_m=((0.0, end_m),)) for end_m in (60.0, 60.0, wire.base.length_m)]
+    across = np.array([6.0, 6.0, 0.0, 0.0, 0.0, 0.0])
+    wires = [
+        replace(wire, id=1 + k, theta=wire.theta + k * across, ends=(wire.ends[0], loose), evidence=end)
+        for k, end in enumerate(ends)
+    ]
+    wires = [wires[0].between(0.0, 60.0), wires[1].between(0.0, 60.0), wires[2]]
+    place = wire.points(np.array([60.0 + along_m]))
+    plants = np.repeat(place, 3, 0) + np.array([[0.0, 6.0, -2.0], [0.0, 6.1, -2.0], [0.0, 6.2, -2.0]])
+    survey = replace(survey_of({HIGH_VEGETATION: plants}), lines=(line_of(wires),))
+    colours = np.tile((90, 90, 90) if grey else (60, 120, 50), (3, 1)).astype(np.uint8)
+    nine, none = np.full(3, 9), np.zeros(3, int)
+    cloud = replace(survey.cloud, sigma_m=np.full(3, 0.05), seen=nine, past=none, rgb=colours)
+    found, _ = measure_clearances(replace(survey, cloud=cloud), ClearanceConfig())
+    assert (found.wires[2].least("vegetation") is not None) == counts
 
 
 def test_what_is_no_nearer_than_what_counts_is_not_listed() -> None:

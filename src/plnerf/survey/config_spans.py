@@ -83,6 +83,8 @@ class KinkConfig:
     """Standard deviation along the line beyond which kinks show no place."""
     least_sigma_m: float = 0.02
     """Least standard deviation of a structure's place: the errors of a span's wires are not independent."""
+    alone_unseen_m: float = 2.5
+    """A kink with which no other agrees counts if images show one of its wires so near to it."""
 
     def __post_init__(self) -> None:
         if min(self.misfit_m, self.strings_m, self.arms_m, self.least_sigma_m) <= 0:

@@ -45,6 +45,8 @@ class Kink:
     """By how much the curves miss each other there."""
     drop: float
     """Slope before less slope after: above 0 where the structure holds the wire up."""
+    unseen_m: float = 0.0
+    """How far from there images show the nearer of its two wires; 0 where that is not known."""
 
     def along(self, axis: Base) -> tuple[float, float]:
         """t of the attachment along an axis, and its standard deviation."""
@@ -98,7 +100,14 @@ def _met(
     if turn[1] < -config.uplift_sigmas * np.sqrt(spread[1, 1]):
         return None
     gap = sum(float(np.linalg.norm(r)) for r, _ in residuals)
-    return Kink(pair, point, covariance, gap, float(turn[1]))
+    return Kink(pair, point, covariance, gap, float(turn[1]), min(_unseen(wire, point) for wire in both))
+
+
+def _unseen(wire: Wire, point: Float[np.ndarray, "3"]) -> float:
+    """How far along a wire images show it from a point on its curve."""
+    s = float(wire.base.local(point[None])[0, 0])
+    stretches = wire.evidence.seen_m or ((s, s),)
+    return min(max(low - s, s - high, 0.0) for low, high in stretches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +125,8 @@ class Held:
 def held_by(
     kinks: tuple[Kink, ...], axis: Base, shown: tuple[float, float] | None, config: KinkConfig
 ) -> Held | None:
-    """The common place of kinks, and of what else shows it if that is given; None where kinks show none.
+    """The common place of kinks, and of what else shows it if that is given; None where kinks show none.  A
+    kink alone, by curves that images show on neither side near to it, shows none: two wrong ones may cross.
 
     Of each conductor: its own kink, weighed with where all others are held.
     """
@@ -125,6 +135,9 @@ def held_by(
     t, sigma = np.array([kink.along(axis) for kink in kinks]).T
     variance = sigma**2 + config.arms_m**2
     use = np.abs(t - _weighted_median(t, 1 / variance)) <= config.outlier_sigmas * np.sqrt(variance)
+    alone = shown is None and use.sum() == 1
+    if alone and kinks[int(use.argmax())].unseen_m > config.alone_unseen_m:
+        return None
     mean, common = _mean(t[use], variance[use], shown, config)
     if common > config.most_sigma_m:
         return None

@@ -1,7 +1,8 @@
 """Where wires are no longer seen: what stands there may be a structure that was not found.
 
-A structure holds all wires of a span.  Where one of them is seen to go on past a thing, as the same curve,
-the thing is none.  LineFrame, metres.
+A structure holds all wires of a span.  Where half of them are seen to go on past a thing, as the same curves,
+the thing is none: a single one's curve may be continued by chance, by what is behind it or by the next span's
+wire.  LineFrame, metres.
 """
 
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from plnerf.line.line import Span
 from plnerf.line.survey import Survey
 from plnerf.line.wire import Wire
 from plnerf.survey.config_obstacles import ObstacleConfig
+from plnerf.survey.green import is_green
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class OpenEnd:
     outwards: Float[np.ndarray, "2"]
     """Unit vector along the span."""
     last_m: float
-    """How far along it any wire of the span is seen, from the frame's origin."""
+    """How far along it half of the span's wires are seen, from the frame's origin."""
 
 
 def open_ends(survey: Survey) -> list[OpenEnd]:
@@ -40,13 +42,15 @@ def at_open_end(
     survey: Survey, index: Int[np.ndarray, " m"], config: ObstacleConfig
 ) -> Bool[np.ndarray, " m"]:
     """Which of the indexed points of a cloud from images are so near to where a wire is no longer seen that
-    they may be a structure that was not found; a bush, above which nothing stands, is none."""
+    they may be a structure that was not found, or what it holds beyond; a bush, above which nothing stands,
+    is none."""
     near = np.zeros(len(index), np.bool_)
-    if survey.cloud.sigma_m is None:
+    if survey.cloud.sigma_m is None or not len(index):
         return near
-    places = survey.cloud.xyz[index, :2]
+    places, green = survey.cloud.xyz[index, :2], is_green(survey.cloud, index, config.green)
+    reach_m = np.where(green, config.plant_support_m, config.support_m)
     for end in open_ends(survey):
-        close = np.linalg.norm(places - end.place, axis=1) < config.plant_support_m
+        close = np.linalg.norm(places - end.place, axis=1) < reach_m
         near |= close & (places @ end.outwards > end.last_m - config.passes_m)
     near[near] = ~_bushes(survey.cloud, index[near], config.bush_m)
     return near
@@ -69,13 +73,14 @@ def _of_wire(wire: Wire, span: Span) -> Iterator[OpenEnd]:
             continue
         outwards = sign * wire.base.u
         places = wire.points(np.array(at))[:, :2]
-        seen_at = np.concatenate([places[-1:], *(_seen(one) for one in span.wires)])
-        last_m = float((seen_at @ outwards).max())
+        reached = sorted(float((_seen(one) @ outwards).max()) for one in span.wires if one.evidence.seen_m)
+        last_m = reached[len(reached) // 2] if reached else float(places[-1] @ outwards)
         for place in places:
             yield OpenEnd(place, outwards, last_m)
 
 
 def _seen(wire: Wire) -> Float[np.ndarray, "k 2"]:
-    """Where images see it first and last; nothing where that is not known."""
-    seen = wire.evidence.seen_m
-    return wire.points(np.array((seen[0][0], seen[-1][1]) if seen else ()))[:, :2]
+    """Where images see it first and last, in plan."""
+    assert wire.evidence.seen_m
+    (first, _), (_, last) = wire.evidence.seen_m[0], wire.evidence.seen_m[-1]
+    return wire.points(np.array([first, last]))[:, :2]
