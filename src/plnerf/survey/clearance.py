@@ -147,15 +147,14 @@ def _measure(
 def _limited(
     one: WireClearance, wire: Wire, cloud: Cloud, doubted: Int[np.ndarray, " _"], config: ClearanceConfig
 ) -> WireClearance:
-    """With the distances to plants as upper limits that are more than those to doubted plants, by their
-    indices."""
+    """With its distances to plants as upper limits, if a doubted plant is nearer.  doubted: indices."""
     reach_m = config.obstacles.reach_m
     some = near_polyline(wire.polyline(1.0), cloud.xyz, doubted, reach_m)
     near = nearest_along(wire, stations(wire, config.station_m), cloud.xyz, some, reach_m, (0.0, 0.0))
-    hidden_m = float(near.distance_m.min())
-    limited = tuple(
-        place if place.distance_m <= hidden_m else place.limit(hidden_m) for place in one.places["vegetation"]
-    )
+    hidden_m, least = float(near.distance_m.min()), one.least("vegetation")
+    if least is None or least.distance_m <= hidden_m:
+        return one
+    limited = tuple(place.limit(hidden_m) for place in one.places["vegetation"])
     return replace(one, places={**one.places, "vegetation": limited})
 
 
