@@ -1,5 +1,6 @@
 """How far the surveys of some scenes are off: from images and poses alone, or of trained runs.
 
+    python benchmarks/raster_scenes.py SCENES --names forest hills ...
     python benchmarks/survey_scenes.py SCENE_OR_RUN... [-o docs/results/survey.md]
 
 Each scene is surveyed with the default settings and scored against its truth.json, which nothing but the
@@ -18,15 +19,16 @@ from typing import Any
 import plnerf
 
 HEAD = (
-    "| scene | wires | across | up | sag, common | sag, stated | no sag | ground | nearest plant | s |\n"
-    "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
+    "| scene | wires | across | up | sag, common | sag, stated | no sag | ground | plants | limits | s |\n"
+    "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
 )
 RULES = """
 Found of the true wires that enough images show (and invented ones, if any); the worst wire's root mean square
 distance across and up; the worst error of a sag over the stretch that wire and survey share, and between the
 structures found, for the wires whose both ends a structure holds; the number of wires for which no sag is
-stated, since an end is open; the worst error of a height above ground, and of the distance to the nearest
-plant, in metres, with how many of their stated standard deviations that is.
+stated, since an end is open; the worst error of a height above ground, and of a wire's distance to its
+nearest plant, in metres, with how many of their stated standard deviations that is.  Limits: how many of
+these distances are stated as at most so much, which is an error only where what is true is more.
 
 Nothing says where a line runs: directions and places are found in the images.
 """
@@ -44,7 +46,9 @@ def measure(place: Path) -> dict[str, Any]:
             survey, root = plnerf.survey_scene(scene), scene.root
     seconds = time.perf_counter() - started
     score = plnerf.score_survey(survey, plnerf.read_truth(root / "truth.json"))
-    found, ground, plant = score.wires.matches, score.clearances.ground, score.clearances.vegetation
+    found, ground, least = score.wires.matches, score.clearances.ground, score.clearances.vegetation
+    plants = score.clearances.vegetation_of_wires or ([least] if least is not None else [])
+    plants = [one for one in plants if one.sigma_m is not None]
     stated = [one for one in found if one.sag_found_m is not None]
     return {
         "found": len(found),
@@ -56,7 +60,8 @@ def measure(place: Path) -> dict[str, Any]:
         "sag_stated_m": worst([one.sag_found_m - one.sag_m for one in stated]),
         "no_sag": len(found) - len(stated),
         "ground": in_sigmas([one for one in ground if one.error_m is not None]),
-        "plant": in_sigmas([plant] if plant is not None else []),
+        "plant": in_sigmas([one for one in plants if not one.at_most or one.error_m < 0]),
+        "limits": sum(one.at_most for one in plants),
         "seconds": round(seconds, 1),
     }
 
@@ -85,7 +90,7 @@ def row(name: str, data: dict[str, Any]) -> str:
 
     wires = f"{data['found']} of {data['true']}" + (f", {data['invented']} invented" * bool(data["invented"]))
     cells = [wires, *map(cm, ("across_m", "up_m", "sag_common_m", "sag_stated_m")), str(data["no_sag"]),
-             metres("ground"), metres("plant"), f"{data['seconds']:.0f}"]  # fmt: skip
+             metres("ground"), metres("plant"), str(data["limits"]), f"{data['seconds']:.0f}"]  # fmt: skip
     return f"| {name} | " + " | ".join(cells) + " |\n"
 
 
