@@ -84,7 +84,7 @@ class Place:
     """Whether that is too little, or what may be a plant is nearer: low ones that do not stand out from the
     ground's scatter, green ones that too few images see.  The distance is an upper limit then."""
     hidden_m: float = 0.0
-    """Of an upper limit, how near what was not found may be."""
+    """Of an upper limit: a plant that was not found may be so near."""
 
     @property
     def vertical_m(self) -> float:

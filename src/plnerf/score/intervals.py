@@ -98,7 +98,7 @@ def figures_of(survey: Survey, truth_at: Path) -> tuple[Figure, ...]:
     if not any(row.get("clearances") for row in rows.values()):
         of = score.clearances
         least = () if of.vegetation is None else (of.vegetation,)
-        plants = of.vegetation_of_wires or least  # a truth may state leaves for the nearest wire alone
+        plants = of.vegetation_of_wires or least  # a truth need not list leaves
         of_kinds: Sequence[tuple[FigureKind, Sequence[Compared]]] = (
             ("ground", of.ground), ("vegetation", plants),
         )  # fmt: skip

@@ -26,8 +26,7 @@ def nearest_of_all(
     truth: Truth,
     notes: list[str],
 ) -> Compared | None:
-    """Only the least of all wires: of a plant the truth knows the clearance of the nearest wire alone, which
-    the survey must have."""
+    """The least of all wires, of which the survey must have the one that is nearest to the true plant."""
     stated = [place for one in clearances if (place := one.least("vegetation")) is not None]
     found = min(stated, key=lambda place: place.distance_m, default=None)
     every = [plant for plant in truth.plants if _beside(plant, wires)]
@@ -80,7 +79,8 @@ def nearest_of_each(
     clearances: Sequence[WireClearance],
     truth: Truth,
 ) -> tuple[Compared, ...]:
-    """Of every matched wire that has true leaves beside it; none where there are houses, see `RULES`."""
+    """Of every matched wire with true leaves beside it.  None where the truth has houses, which surveys may
+    take for plants."""
     if truth.houses:
         return ()
     by_id, stated = {one.id: one for one in wires}, {one.wire: one.least("vegetation") for one in clearances}
